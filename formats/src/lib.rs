@@ -107,4 +107,4 @@ pub mod vloc_rloc;
 mod words;
 
 // Other modules and crates name these without their folder.
-pub use geometry::{convex_pieces, faces, mass, principal, surface};
+pub use geometry::{convex_pieces, faces, mass, principal, rotation, surface};

@@ -2,11 +2,12 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use super::convex_pieces::{ConvexPiece, split_into_convex};
 use super::faces::{ConvexMesh, MeshError};
 use super::principal::PrincipalFrame;
+use super::rotation::nearest_rotation;
 use super::surface::{MassProperties, Surface, SurfaceFaults};
 use crate::bodies::{Body, Contactor, ShapeRecord};
 use crate::error::RecordFault;
@@ -49,7 +50,7 @@ impl Contactor {
     /// Moments of inertia of a contactor about its own axes; `own` are its mass properties.
     fn own_moments(&self, own: &MassProperties) -> [f64; 3] {
         let axes = self.local_frame.as_ref().map_or(Matrix3::identity(), |f| Matrix3::from_fn(|i, j| f.axes[j][i]));
-        let turn = Rotation3::from_matrix_eps(&axes, 1e-15, 100, Rotation3::identity());
+        let turn = nearest_rotation(&axes);
         let local = turn.transpose() * Matrix3::from(own.inertia) * turn;
         [local.m11, local.m22, local.m33]
     }

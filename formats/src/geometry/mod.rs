@@ -5,4 +5,5 @@ pub mod convex_pieces;
 pub mod faces;
 pub mod mass;
 pub mod principal;
+pub mod rotation;
 pub mod surface;

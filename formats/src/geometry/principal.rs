@@ -24,6 +24,8 @@ pub enum AxesMatch {
     Same,
     /// Two moments are equal up to rounding, which decides about the axes and their signs.
     Arbitrary,
+    /// The last bits of the moments decide about the signs of two axes, as of many bodies with one plane of symmetry.
+    ArbitrarySigns,
     /// LMGC90 neglects products of inertia below 1e-17 m^5, which are large for this small body: its axes are the fixed
     /// ones, or others that are not principal.
     TooSmall,
@@ -68,22 +70,37 @@ impl MassProperties {
         let too_small = neglected > MAX_NEGLECTED * largest;
         let matrix = if too_small { inertia } else { kept };
         let diagonal = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)].iter().all(|&at| matrix[at] == 0.0);
-        let (moments, axes) = if diagonal {
-            (matrix.diagonal().into(), Matrix3::identity().into())
-        } else {
-            let (moments, vectors) = symmetric_eigen(&matrix);
-            let [first, second] = [0, 1].map(|k| vectors.column(k).normalize());
-            (moments, [first, second, first.cross(&second)].map(Into::into))
-        };
+        let (moments, axes) =
+            if diagonal { (matrix.diagonal().into(), Matrix3::identity().into()) } else { eigen_axes(&matrix) };
         let equal =
             moments[1] - moments[0] < EQUAL_MOMENTS * largest || moments[2] - moments[1] < EQUAL_MOMENTS * largest;
         let lmgc90 = match (too_small, diagonal) {
             (true, _) => AxesMatch::TooSmall,
             (false, false) if equal => AxesMatch::Arbitrary,
+            (false, false) if has_arbitrary_signs(&matrix, &axes) => AxesMatch::ArbitrarySigns,
             _ => AxesMatch::Same,
         };
         PrincipalFrame { moments, axes, lmgc90 }
     }
+}
+
+/// Eigenvalues of a symmetric matrix, ascending, and a right-handed triad of unit eigenvectors.
+fn eigen_axes(matrix: &Matrix3<f64>) -> ([f64; 3], [[f64; 3]; 3]) {
+    let (moments, vectors) = symmetric_eigen(matrix);
+    let [first, second] = [0, 1].map(|k| vectors.column(k).normalize());
+    (moments, [first, second, first.cross(&second)].map(Into::into))
+}
+
+/// Whether changes by roundings reverse two of the eigenvectors `axes`: LMGC90 adds up moments in another order.
+fn has_arbitrary_signs(matrix: &Matrix3<f64>, axes: &[[f64; 3]; 3]) -> bool {
+    let changed = |(j, k): (usize, usize), ulps: f64| {
+        let mut changed = *matrix;
+        changed[(j, k)] *= 1.0 + ulps * f64::EPSILON;
+        changed[(k, j)] = changed[(j, k)];
+        let (_, found) = eigen_axes(&changed);
+        (0..3).any(|axis| Vector3::from(found[axis]).dot(&Vector3::from(axes[axis])) < 0.0)
+    };
+    [(0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1)].iter().any(|&at| [-2.0, -1.0, 1.0, 2.0].iter().any(|&n| changed(at, n)))
 }
 
 /// Eigenvalues, ascending, and eigenvectors, as columns, of a symmetric matrix, whose entries above the diagonal are not

@@ -8,6 +8,7 @@ use cd_formats::convex_pieces::convex_surfaces;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
 use cd_formats::ids::BodyId;
 use cd_formats::report::FaultReport;
+use cd_formats::rotation::nearest_rotation;
 use cd_formats::snapshot::DRIVEN_ALL;
 use cd_formats::tact_behav::{TactBehav, VisibilitySide};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -64,8 +65,7 @@ impl PosedBody {
                 }
                 ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {
                     let columns = frame.map_or(Matrix3::identity(), |f| Matrix3::from_columns(&f.axes.map(Vec3::from)));
-                    let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
-                    let turn = turn.into_inner();
+                    let turn = nearest_rotation(&columns).into_inner();
                     let q = q.to_rotation_matrix().into_inner();
                     // A lone contactor has the centre and the axes of its body.
                     let (centre, axes) = if lone { (*x, q) } else { (at(offset), q * own.transpose() * turn) };

@@ -11,8 +11,9 @@ use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::mass::EXPECTED_CONVEX;
 use cd_formats::names::count_text;
 use cd_formats::principal::AxesMatch;
+use cd_formats::rotation::nearest_rotation;
 use cd_formats::snapshot::{MaterialName, are_walls};
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use nalgebra::{Matrix3, UnitQuaternion};
 
 use crate::math::{Quat, Twist, Vec3};
 use crate::read::mirror;
@@ -314,6 +315,7 @@ fn axes_notes(dof: &Dof, matches: &[AxesMatch]) -> Vec<String> {
     };
     let reasons = [
         (AxesMatch::Arbitrary, "with equal moments of inertia, where rounding decides about axes"),
+        (AxesMatch::ArbitrarySigns, "whose moments of inertia leave the signs of two axes to rounding"),
         (AxesMatch::TooSmall, "too small for LMGC90 to find principal axes"),
     ];
     reasons.into_iter().filter_map(|(wanted, reason)| note(wanted, reason)).collect()
@@ -514,8 +516,7 @@ pub fn initial_motion(
         }
         let i = row.body;
         x[i] += Vec3::from_row_slice(&row.displacement[..3]);
-        q[i] =
-            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(&axes, 1e-15, 100, Rotation3::identity()));
+        q[i] = UnitQuaternion::from_rotation_matrix(&nearest_rotation(&axes));
         v[i] = Vec3::from_row_slice(&row.velocity[..3]);
         w[i] = q[i] * spin;
     }

@@ -6,6 +6,7 @@ use cd_formats::error::RecordFault;
 use cd_formats::mass::{CheckedBody, InertialProperties, SolidPiece};
 use cd_formats::principal::{AxesMatch, PrincipalFrame};
 use cd_formats::ron_text::known_names;
+use cd_formats::rotation::nearest_rotation;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use crate::geometry::Polyhedron;
@@ -121,7 +122,7 @@ fn contactor_piece(contactors: &[Contactor], solid: SolidPiece, colours: &mut Ve
     let (centre, axes) = match &contactor.local_frame {
         Some(LocalFrame { axes, offset }) => {
             let columns = Matrix3::from_fn(|i, j| axes[j][i]);
-            let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
+            let turn = nearest_rotation(&columns);
             let whole = *axes == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
             (Vec3::from(*offset), if whole { Quat::identity() } else { UnitQuaternion::from_rotation_matrix(&turn) })
         }

@@ -268,17 +268,73 @@ fn rows_of_a_point_and_another_contactor_and_lines_behind_laws_are_reported() {
     let row = format!("TACT_BEHAV.DAT:{lines}: 1 see row is for PT3Dx and another contactor: these do not meet");
     let points = "BODIES.DAT:11: 1 PT3Dx carries nothing: no row of TACT_BEHAV.DAT joins it by wires or rods";
     weighs(runs(&case, &[&outside, &row, points]), SPHERE_WEIGHT, 1);
-    // A second law or material under one keyword would be lost.
-    for (name, what) in [("TACT_BEHAV.DAT", "law"), ("BULK_BEHAV.DAT", "material")] {
+    // A second law or material under one keyword would be lost; a law matters only if a row names it.
+    let with_second = |name: &str| {
         let case = folder("base");
         edit(&case, name, |text| {
             let record = text.lines().skip_while(|line| !line.starts_with("$behav")).nth(1).unwrap();
             text.replacen(record, &format!("{record}\n{}", record.replacen(&record[1..6], "other", 1)), 1)
         });
+        case
+    };
+    let is_refused_as = |case: &TempDir, expected: &str| {
         let (code, text) = messages(case.path());
-        let expected = format!(": file: a {what} that LMGC90 would skip; expected $behav before it\n");
-        assert!(code == 2 && text.ends_with(&expected) && text.lines().count() == 1, "{text}");
-    }
+        assert!(code == 2 && text.ends_with(expected) && text.lines().count() == 1, "{text}");
+    };
+    is_refused_as(
+        &with_second("BULK_BEHAV.DAT"),
+        ": file: a material that LMGC90 would skip; expected $behav before it\n",
+    );
+    let case = with_second("TACT_BEHAV.DAT");
+    weighs(runs(&case, &["TACT_BEHAV.DAT:3: 1 line outside of the records is skipped"]), SPHERE_WEIGHT, 1);
+    edit(&case, "TACT_BEHAV.DAT", |text| text.replace("  iqsc0  RBDY3", "  other  RBDY3"));
+    is_refused_as(&case, ":3: file: a law that LMGC90 would skip; expected $behav before it, from column 1\n");
+}
+
+#[test]
+fn half_turns_are_read_from_axes() {
+    // The long side of the plate lies along y under the sphere, after half a turn about the diagonal of x and y.
+    let long_plate = || {
+        let case = folder("base");
+        edit(&case, "BODIES.DAT", |text| {
+            let text = text.replace("axe2= 2.0000000E+00", "axe2= 5.0000000E-02");
+            let (plate, sphere) = text.split_at(text.rfind("$bdyty").unwrap());
+            plate.to_string() + &sphere.replace("coo2= 0.0000000E+00", "coo2= 1.0000000E+00")
+        });
+        case
+    };
+    let (zero, one) = (" 0.0000000E+00", " 1.0000000E+00");
+    let rows = |names: [&str; 3], [open, close]: [&str; 2]| {
+        let axes = [[zero, one, zero], [one, zero, zero], [zero, zero, "-1.0000000E+00"]];
+        let row = |(name, axis): (&str, [&str; 3])| {
+            let cells: Vec<String> = (1..).zip(axis).map(|(k, x)| format!("{name}{open}{k}{close}={x}")).collect();
+            format!("{:29}{}\n", "", cells.join("  "))
+        };
+        names.into_iter().zip(axes).map(row).collect::<String>()
+    };
+    // By the axes of its localframe, and by those of DOF.INI.
+    let case = long_plate();
+    let centre = format!("{:29}coo1={zero}  coo2={zero}  coo3={zero}\n", "");
+    edit(&case, "BODIES.DAT", |text| {
+        let line = text.lines().find(|line| line.contains("PLANx")).unwrap();
+        let frame = format!("{:29}localframe\n{}{centre}", "", rows(["alp", "bet", "gam"], ["", ""]));
+        text.replace(&format!("{line}\n"), &format!("{line}\n{frame}"))
+    });
+    weighs(runs(&case, &[]), SPHERE_WEIGHT, 1);
+    let case = long_plate();
+    edit(&case, "DOF.INI", |text| {
+        let motion: String = ["X", "V"]
+            .iter()
+            .flat_map(|letter| [1, 4].map(|first| (letter, first)))
+            .map(|(letter, first)| {
+                let cells: Vec<String> = (first..first + 3).map(|k| format!("{letter}({k})={zero}")).collect();
+                format!("{:29}{}\n", "", cells.join("  "))
+            })
+            .collect();
+        let axes = rows(["a", "b", "g"], ["(", ")"]);
+        format!("{text}$bdyty\n RBDY3      1\n$nodty\n NO6xx      1{}{axes}$$$$$$\n", &motion[13..])
+    });
+    weighs(runs(&case, &[]), SPHERE_WEIGHT, 1);
 }
 
 #[test]
