@@ -100,7 +100,9 @@ fn has_arbitrary_signs(matrix: &Matrix3<f64>, axes: &[[f64; 3]; 3]) -> bool {
         let (_, found) = eigen_axes(&changed);
         (0..3).any(|axis| Vector3::from(found[axis]).dot(&Vector3::from(axes[axis])) < 0.0)
     };
-    [(0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1)].iter().any(|&at| [-2.0, -1.0, 1.0, 2.0].iter().any(|&n| changed(at, n)))
+    [(0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1)]
+        .iter()
+        .any(|&at| [-2.0, -1.0, 1.0, 2.0].iter().any(|&n| changed(at, n)))
 }
 
 /// Eigenvalues, ascending, and eigenvectors, as columns, of a symmetric matrix, whose entries above the diagonal are not

@@ -166,9 +166,9 @@ impl<'a> CandidatePair<'a> {
             always = cohesion_range.max(rule.alert).max(nearby);
         }
         // Faces may rest on each other at the gap that they had at the start.
-        let mortar = if law.acts_apart() { rule.alert } else { 0.0 };
-        let patch = cohesion_range.max(travel).max(mortar).max(FULL_MANIFOLD_GAP * a.radius.min(b.radius));
-        let range = ListingRange { alert: patch.max(rule.alert), patch, area: law.range_of_stress(radius) };
+        let joint = if law.acts_apart() { rule.alert } else { 0.0 };
+        let patch = cohesion_range.max(travel).max(joint).max(FULL_MANIFOLD_GAP * a.radius.min(b.radius));
+        let range = ListingRange { alert: patch.max(rule.alert), patch, joint, area: law.range_of_stress(radius) };
         CandidatePair { index, a, b, c, image, range, law: rule.law, always, margin }
     }
 

@@ -62,6 +62,9 @@ pub struct ListingRange {
     pub alert: f64,
     /// Largest gap of a pair for which all points are listed, m; of a pair farther apart only the nearest point is.
     pub patch: f64,
+    /// Largest gap of edges and vertices for which all points of the faces are listed, m: of laws that act on bodies that
+    /// are apart, whose joints may be wedges.
+    pub joint: f64,
     /// Largest gap of the part of a patch that counts for its area, m: the range of a cohesion that is a stress.
     pub area: f64,
 }
@@ -69,7 +72,7 @@ pub struct ListingRange {
 impl From<f64> for ListingRange {
     /// Range that lists all points up to `alert` and the area of the whole patch.
     fn from(alert: f64) -> Self {
-        ListingRange { alert, patch: f64::INFINITY, area: f64::INFINITY }
+        ListingRange { alert, patch: f64::INFINITY, joint: 0.0, area: f64::INFINITY }
     }
 }
 

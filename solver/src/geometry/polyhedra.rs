@@ -9,7 +9,7 @@ use super::polyhedron::PosedPolyhedron;
 use super::search::{self, SearchResult, SearchStart};
 use super::triangles::{BATCH_PAIRS, TriangleBatch};
 use crate::math::Vec3;
-use crate::math::simd::SimdWidth;
+use crate::math::simd::{Scalar, SimdWidth};
 
 /// Contact of polyhedron A with polyhedron B at `c` = x_B - x_A, m; `None` if they are farther apart than `range` lists.
 ///
@@ -130,7 +130,8 @@ impl<'a, T: Copy> PairBatch<'a, T> {
         if axis.s > range.alert {
             return take(key, Err(axis.as_separated()));
         }
-        let patch = axis.feature != SearchFeature::None && !found.is_far(range) && !search::is_ridge_pair(pair, axis);
+        let patch =
+            axis.feature != SearchFeature::None && !found.is_far(range) && !search::is_ridge_pair(pair, axis, range);
         let triangles = if patch { self.triangles.push_faces(pair, axis, *faces) } else { None };
         self.waiting[self.count] = Some(PendingPair { key, query, found, triangles });
         self.count += 1;
@@ -190,7 +191,7 @@ fn manifold_scalar(
             return take(Ok((feature, &nearest)));
         }
     }
-    if search::is_ridge_pair(pair, axis)
+    if search::is_ridge_pair(pair, axis, range)
         && let Some(ridges) = gjk::ridge_manifold(pair, &axis.n, axis.s)
     {
         return take(Ok((feature, &ridges)));
@@ -213,6 +214,15 @@ fn manifold_scalar(
         }
         let query = PairQuery { start: SearchStart::Nothing, ..*query };
         return manifold_scalar(&query, &found, patch, manifold, take);
+    }
+    if let Some(at_edges) = nearest.manifold.as_ref().filter(|near| near.gap() <= range.joint) {
+        // The sides of a wedge whose edges are nearest carry force, too.
+        let axis = SearchAxis { n: nearest.n, s: at_edges.gap(), feature: SearchFeature::None };
+        let face = |posed, n| search::support_face(Scalar, posed, &n, None);
+        patch.clip_faces(pair, &axis, (face(pair.posed_a, axis.n), face(pair.posed_b, -axis.n)), range.area);
+        if patch.corners.len() > at_edges.points.len() && patch.has_axis_gap(axis.s, pair.tie_tolerance()) {
+            return take(patch_result(query, &axis, patch, manifold));
+        }
     }
     let along = SearchAxis { n: nearest.n, s: axis.s, feature: SearchFeature::None };
     match &nearest.manifold {

@@ -733,9 +733,9 @@ fn edge_axis(pair: &PolyhedronPair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     (n, n.dot(&(b0 + pair.centre_offset - a0)), crossed)
 }
 
-/// Whether the nearest features of two separated bodies are parallel edges.
-pub(super) fn is_ridge_pair(pair: &PolyhedronPair, axis: &SearchAxis) -> bool {
-    matches!(axis.feature, SearchFeature::Edges(ea, eb) if axis.s > 0.0 && are_parallel(pair, ea, eb))
+/// Whether the nearest features of two separated bodies are parallel edges, and only these are listed.
+pub(super) fn is_ridge_pair(pair: &PolyhedronPair, axis: &SearchAxis, range: &ListingRange) -> bool {
+    matches!(axis.feature, SearchFeature::Edges(ea, eb) if axis.s > range.joint && are_parallel(pair, ea, eb))
 }
 
 /// Whether two edges are parallel up to noise.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, ShapeRecord as FileShape};
+use cd_formats::bodies::{Bodies, Body as BodyRecord, ShapeRecord as FileShape};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::{BodyDof, Dof};
@@ -92,6 +92,7 @@ pub fn scene_without_laws(
         part_starts,
         notes: shifted_centres_note(&bodies, &frames, records)
             .into_iter()
+            .chain(eccentric_spheres_note(&bodies, records))
             .chain(axes_notes(dof, &axes_matches))
             .chain(shapes.note())
             .collect(),
@@ -296,6 +297,22 @@ fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)], records: 
         "BODIES.DAT:{}: {} {bodies} shifted from coo1 to coo3 to the centre of mass of the shape, by up to {most:.3e} m (body {body})",
         records.0[body - 1].line,
         moved.len()
+    ))
+}
+
+/// Note about bodies of one SPHEb, whose offset LMGC90 2025 moves the centre of mass by.
+fn eccentric_spheres_note(bodies: &[RigidBody], records: &Bodies) -> Option<String> {
+    let is_eccentric = |(body, record): &(&RigidBody, &BodyRecord)| {
+        let [lone] = record.contactors.as_slice() else { return false };
+        matches!(lone.shape, FileShape::OffsetSphere { offset, .. } if offset != [0.0; 3]) && !body.is_imposed()
+    };
+    let lines: Vec<usize> = bodies.iter().zip(&records.0).filter(is_eccentric).map(|(_, record)| record.line).collect();
+    let first = lines.first()?;
+    let have = if lines.len() == 1 { "has" } else { "have" };
+    Some(format!(
+        "BODIES.DAT:{first}: {} of one SPHEb {have} the centre of mass at coo1 to coo3 of NO6xx, not at the centre of the \
+         sphere as in LMGC90",
+        count_text(lines.len(), "body")
     ))
 }
 

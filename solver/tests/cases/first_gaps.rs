@@ -1,6 +1,7 @@
 //! Laws that count gaps from those at the start: `IQS_CLB_g0` and `GAP_SGR_CLB_g0`.
 
 use cd_formats::compute::EventAction;
+use cd_formats::drv_dof::Evolution;
 
 use crate::case::{Case, Figures, equal, near};
 
@@ -108,4 +109,34 @@ fn blocks_rest_on_the_mortar_gap_between_their_faces() {
         assert_eq!(end.contacts.contact_gap.len(), 12);
         assert!(end.contacts.contact_gap.iter().all(|gap| (gap - FIRST).abs() < 1e-11));
     }
+}
+
+#[test]
+fn a_keystone_rests_in_joints_that_are_wedges() {
+    // The joints open upwards by an angle of 1/32: the nearest features of two blocks are their lower edges.
+    let half_angle: f64 = 1.0 / 64.0;
+    let (s, c) = ((2.0 * half_angle).sin(), (2.0 * half_angle).cos());
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB_g0", &[0.5]);
+    case.tact.visibility.iter_mut().for_each(|row| row.alert = 0.0625);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.options.dt = 1.0 / 1024.0;
+    let z = 0.25 * (c - s) - 0.25 - FIRST * half_angle.tan();
+    for side in [-1.0, 1.0] {
+        let axes = [[c, 0.0, -side * s], [0.0, 1.0, 0.0], [side * s, 0.0, c]];
+        let held = case.block([0.25; 3], [side * (0.25 + FIRST + 0.25 * (c + s)), 0.0, z], axes);
+        case.drive(held, [0.0; 6].map(Evolution::constant));
+    }
+    let keystone = case.block([0.25; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    let end = case.run(20);
+    // Of the fall of 8 (20/1024)²/2 = 1.5e-3 m, what the residual of 1e-12 of the impulses leaves.
+    near(end.x(keystone), [0.0; 3], 1e-11);
+    let mut gaps = end.laws.unwrap().contact_reference_gap;
+    gaps.sort_by(f64::total_cmp);
+    let near_edge = FIRST / half_angle.cos();
+    // Edges of 1/2 m, seen along the middle of both faces; positions have twelve digits in the files.
+    for (k, gap) in gaps.iter().enumerate() {
+        equal(*gap, near_edge + if k < 4 { 0.0 } else { half_angle.sin() }, 1e-11);
+    }
+    assert_eq!(gaps.len(), 8);
 }
