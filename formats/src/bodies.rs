@@ -6,6 +6,7 @@ use std::path::Path;
 use crate::error::Faults;
 use crate::foreign::foreign_bodies;
 use crate::geometry::faces::FLATNESS_OF_FILES;
+use crate::names::number_text;
 use crate::ron_text::known_names;
 use crate::scan::parts::{read_records, text_of_records};
 use crate::scan::{
@@ -230,7 +231,11 @@ fn read_body(scan: &mut LineScanner, begin: usize, position: u64) -> Option<Body
                 && equivalent_radius > 0.0
                 && (equivalent_radius - radius).abs() > RADIUS_ROUNDING * radius =>
         {
-            let found = format!("avrd {equivalent_radius:?} is not the radius {radius:?} of the body's one sphere");
+            let found = format!(
+                "avrd {} is not the radius {} of the body's one sphere",
+                number_text(equivalent_radius),
+                number_text(*radius)
+            );
             scan.add_fault(plain.number, found, "expected the radius, or 0");
         }
         _ => {}

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use clap::error::{ContextKind, ContextValue};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{ArgMatches, Command, Parser};
 
 use crate::atomic;
@@ -137,7 +137,12 @@ pub fn parse_arguments<T: Parser>(args: &[OsString]) -> Result<T, i32> {
     };
     let read = |matches: ArgMatches| T::from_arg_matches(&matches).map_err(|error| error.format(&mut program.clone()));
     program.clone().try_get_matches_from(args).and_then(read).map_err(|error| {
-        match misplaced(&program, args).or_else(|| surplus(&program, &error)).filter(|_| error.use_stderr()) {
+        let mistake = unknown_option(&program, &error, args, "--")
+            .or_else(|| misplaced(&program, args))
+            .or_else(|| unknown_option(&program, &error, args, "-"))
+            .or_else(|| surplus(&program, &error, args))
+            .or_else(|| missing_argument(&program, &error));
+        match mistake.filter(|_| error.use_stderr()) {
             Some(mistake) => {
                 print_error(format_args!("{}: {mistake}", program.get_name()));
                 error.exit_code()
@@ -147,13 +152,93 @@ pub fn parse_arguments<T: Parser>(args: &[OsString]) -> Result<T, i32> {
     })
 }
 
-/// Message about a word after the only argument of a program with commands, which clap takes for a command.
-fn surplus(program: &Command, error: &clap::Error) -> Option<String> {
-    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else { return None };
-    let argument = program.get_positionals().next()?;
-    let name = argument.get_value_names().and_then(|names| names.first()).map_or("argument", |name| name.as_str());
+/// Message about an option that the command does not have; `dashes` with which it begins.
+fn unknown_option(program: &Command, error: &clap::Error, args: &[OsString], dashes: &str) -> Option<String> {
+    let word = unknown_word(error).filter(|word| word.starts_with(dashes))?;
+    let bare = word.trim_start_matches('-');
+    let longs = |command: &Command| -> Vec<String> {
+        command.get_arguments().filter_map(|option| option.get_long()).map(str::to_string).collect()
+    };
+    let near = |options: &[String]| {
+        let options: Vec<&str> = options.iter().map(String::as_str).collect();
+        nearest_name(bare, &options).filter(|_| bare.len() > 1).map(|near| format!("did you mean --{near}"))
+    };
+    let name = program.get_name();
+    let used = command_in_use(program, args);
+    let title = used.map_or(name.to_string(), |command| format!("{name} {}", command.get_name()));
+    let own = near(&longs(used.unwrap_or(program))).map(|question| format!("{question}?"));
+    let advice = own.or_else(|| {
+        let others = std::iter::once(program).chain(program.get_subcommands());
+        let found = others.filter_map(|other| {
+            let title =
+                if other.get_name() == name { name.to_string() } else { format!("{name} {}", other.get_name()) };
+            Some(format!("{} of {title}?", near(&longs(other))?))
+        });
+        found.into_iter().next()
+    });
+    let advice = advice.unwrap_or_else(|| format!("expected one of those that {title} --help lists"));
+    Some(format!("{word}: is no option of {title}; {advice}"))
+}
+
+/// Word of a command line that clap does not know.
+fn unknown_word(error: &clap::Error) -> Option<&str> {
+    match error.get(ContextKind::InvalidArg) {
+        Some(ContextValue::String(word)) if error.kind() == ErrorKind::UnknownArgument => Some(word),
+        _ => None,
+    }
+}
+
+/// Command of the program that a command line names first.
+fn command_in_use<'a>(program: &'a Command, args: &[OsString]) -> Option<&'a Command> {
+    let first = args.get(1)?.to_str()?;
+    program.get_subcommands().find(|command| command.get_name() == first)
+}
+
+/// Name of an argument in the help.
+fn argument_name(argument: &clap::Arg) -> &str {
+    argument.get_value_names().and_then(|names| names.first()).map_or("argument", |name| name.as_str())
+}
+
+/// Message about a word beyond the arguments of a program, which clap takes for a command if there are any.
+fn surplus(program: &Command, error: &clap::Error, args: &[OsString]) -> Option<String> {
+    let word = match error.get(ContextKind::InvalidSubcommand) {
+        Some(ContextValue::String(word)) => word,
+        _ => unknown_word(error)?,
+    };
+    if let Some(option) = option_before(program, args, word) {
+        return Some(format!("{word}: is not expected here; did you mean --{option}={word}?"));
+    }
+    if let Some(command) = command_in_use(program, args) {
+        let names: Vec<&str> = command.get_positionals().map(argument_name).collect();
+        return Some(format!("{word}: is not expected here; expected {} {}", command.get_name(), names.join(" ")));
+    }
+    let name = argument_name(program.get_positionals().next()?);
     let commands: Vec<&str> = program.get_subcommands().map(Command::get_name).filter(|name| *name != "help").collect();
-    Some(format!("{word}: is not expected here; expected one {name}, or before it a command: {}", commands.join(", ")))
+    let before =
+        if commands.is_empty() { String::new() } else { format!(", or before it a command: {}", commands.join(", ")) };
+    Some(format!("{word}: is not expected here; expected one {name}{before}"))
+}
+
+/// Name of the option in front of a word whose value has to follow behind `=`.
+fn option_before(program: &Command, args: &[OsString], word: &str) -> Option<String> {
+    let place = args.iter().position(|arg| arg == word)?;
+    let name = args[place.checked_sub(1)?].to_str()?.strip_prefix("--")?;
+    let command = command_in_use(program, args).unwrap_or(program);
+    let option = command.get_arguments().find(|option| option.get_long() == Some(name))?;
+    option.is_require_equals_set().then(|| name.to_string())
+}
+
+/// Message about arguments that a command line lacks.
+fn missing_argument(program: &Command, error: &clap::Error) -> Option<String> {
+    let Some(ContextValue::Strings(missing)) = error.get(ContextKind::InvalidArg) else { return None };
+    if error.kind() != ErrorKind::MissingRequiredArgument {
+        return None;
+    }
+    let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return None };
+    let usage = usage.to_string();
+    let usage = usage.trim().trim_start_matches("Usage:").trim();
+    let name = program.get_name();
+    Some(format!("no {}; expected {usage} (see {name} --help)", missing.join(" ")))
 }
 
 /// Likely mistake in a command line that `program` has rejected: a command after its arguments, or an option without its
@@ -272,7 +357,7 @@ mod tests {
         let one = program.clone().arg(Arg::new("dir").value_name("DIR")).args_conflicts_with_subcommands(true);
         let error = one.clone().try_get_matches_from(["cd-x", "a", "b"]).unwrap_err();
         let expected = "b: is not expected here; expected one DIR, or before it a command: state";
-        assert_eq!(surplus(&one, &error).as_deref(), Some(expected));
+        assert_eq!(surplus(&one, &error, &["cd-x", "a", "b"].map(OsString::from)).as_deref(), Some(expected));
         let output = Arg::new("output").short('o').long("output").value_name("DIR");
         let study = Command::new("study").args([Arg::new("study"), output.clone(), Arg::new("set").long("set")]);
         let program = Command::new("cd-x").args([Arg::new("scene"), output]).subcommand(study);

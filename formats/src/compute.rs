@@ -11,6 +11,8 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::accuracy::{Accuracy, Adaptive};
 use crate::error::Faults;
+use crate::messages::parse_number;
+use crate::names::{number_text, rounded_number};
 use crate::orbit::OrbitSpec;
 use crate::report::FaultReport;
 pub use crate::ron_file::from_ron;
@@ -58,6 +60,9 @@ const RELATIVE_ROUNDING: f64 = 1e-9;
 
 /// Largest relative difference of equal times: the rounding of a sum and a product.
 const SAME_TIME_TOLERANCE: f64 = 4.0 * f64::EPSILON;
+
+/// Largest number of steps of a run: each larger number of steps is not an f64, from which times are computed.
+const MAX_STEPS: f64 = 9e15;
 
 /// Largest number of occurrences of an event, since each is stored; a larger one is probably a mistake.
 pub const MAX_EVENTS: f64 = 1e6;
@@ -313,21 +318,21 @@ macro_rules! options {
 
 options! {
     /// Time step h, s.
-    dt: f64 = 1.0e-3, f64, [value_name = "S"];
+    dt: f64 = 1.0e-3, f64, [value_parser = parse_number, value_name = "S"];
     /// Number of steps to make, counted from the state of DATBOX; takes precedence over end_time.
     steps: Option<u64> = None, u64, [value_name = "N"];
     /// Time at which the run ends, s.
-    end_time: Option<f64> = None, f64, [value_name = "S"];
+    end_time: Option<f64> = None, f64, [value_parser = parse_number, value_name = "S"];
     /// Weight of the end of the step in the theta scheme, 0.5 to 1: 0.5 conserves the energy of smooth motion, larger values damp it.
-    theta: f64 = 0.5, f64, [value_name = "X"];
+    theta: f64 = 0.5, f64, [value_parser = parse_number, value_name = "X"];
     /// Preset for the options that trade speed for accuracy and are not set explicitly: draft, standard, fine or reference. Without a preset these options are those of standard, except that all steps are dt and tol is 1e-2.
     accuracy: Option<Accuracy> = None, Accuracy, [value_enum, value_name = "PRESET"];
     /// Adaptive steps: at most `max_multiple` times dt, as long as bodies move past their neighbours by at most `travel` and into each other by at most `penetration`, in radii: (max_multiple: 16, travel: 0.1, penetration: 1e-3). Default: set by accuracy.
     adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];
     /// Relative tolerance of the contact solver: violation of the contact laws over that without contact impulses, |F(r)|/|F(r_0)|; divided by n in steps of n times dt. Default: set by accuracy.
-    tol: Option<f64> = None, f64, [value_name = "X"];
+    tol: Option<f64> = None, f64, [value_parser = parse_number, value_name = "X"];
     /// Largest mean penetration, over the mean radius, that unconverged solutions may leave. If it is p, larger than this, the tolerance is reduced to tol times (penetration_tol/p)². Default: set by accuracy.
-    penetration_tol: Option<f64> = None, f64, [value_name = "X"];
+    penetration_tol: Option<f64> = None, f64, [value_parser = parse_number, value_name = "X"];
     /// Contact solver. nlgs: nonlinear Gauss-Seidel. nlgs-anderson, prox-newton, admm, interior-point: on the stored matrix, for small scenes. auto: nlgs, with the others as fallback if a small problem, or a cluster of contacts in a large one, stagnates.
     solver: ContactSolver = ContactSolver::Auto, ContactSolver, [value_enum, value_name = "SOLVER"];
     /// Largest number of sweeps or iterations in a step; a step that needs more is reported as not converged, and the run continues. Default: set by accuracy.
@@ -339,31 +344,31 @@ options! {
     /// Also writes LMGC90's convergence criteria of each step to steps.csv.
     lmgc90_norms: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Distance within which contacts are listed, m. Default: that of each row of TACT_BEHAV.DAT.
-    alert: Option<f64> = None, f64, [value_name = "M"];
+    alert: Option<f64> = None, f64, [value_parser = parse_number, value_name = "M"];
     /// Search for the direction of contact of two polyhedra. accurate: proves that the direction is the best of all; fast: searches near the direction of the last step. Default: set by accuracy.
     narrow_phase: Option<NarrowPhase> = None, NarrowPhase, [value_enum, value_name = "METHOD"];
     /// Points of faces and edges of polyhedra at which friction resists spinning. uniform: as under a uniform pressure; corners: at their corners, as in LMGC90, where a square resists spinning 1.85 times as much.
     face_friction: FaceFriction = FaceFriction::Uniform, FaceFriction, [value_enum, value_name = "POINTS"];
     /// Period along x, m (periodic boundary); cannot be combined with self-gravity or fields. Positions are not wrapped.
-    xperiode: Option<f64> = None, f64, [value_name = "M"];
+    xperiode: Option<f64> = None, f64, [value_parser = parse_number, value_name = "M"];
     /// Period along y, m.
-    yperiode: Option<f64> = None, f64, [value_name = "M"];
+    yperiode: Option<f64> = None, f64, [value_parser = parse_number, value_name = "M"];
     /// Newtonian attraction between all free bodies.
     self_gravity: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Summation of self-gravity. direct: every pair; fmm: fast multipole method; auto: the faster of the two.
     gravity: GravityMethod = GravityMethod::Auto, GravityMethod, [value_enum, value_name = "METHOD"];
     /// Newtonian constant of gravitation, m^3 kg^-1 s^-2.
-    gravity_constant: f64 = GRAVITATIONAL_CONSTANT, f64, [value_name = "X"];
+    gravity_constant: f64 = GRAVITATIONAL_CONSTANT, f64, [value_parser = parse_number, value_name = "X"];
     /// Largest RMS relative error of self-gravity. At least 1e-14; below 1e-6 auto sums every pair. Default: set by accuracy.
-    gravity_error: Option<f64> = None, f64, [value_name = "X"];
+    gravity_error: Option<f64> = None, f64, [value_parser = parse_number, value_name = "X"];
     /// Order of the expansions of fmm, 2 to 8. Default: set by gravity_error.
     gravity_order: Option<usize> = None, usize, [value_name = "N"];
     /// Opening angle of fmm, 0 to 1: two cells are far from each other if the sum of their radii is less than this times their distance. Default: set by gravity_error.
-    gravity_opening: Option<f64> = None, f64, [value_name = "X"];
+    gravity_opening: Option<f64> = None, f64, [value_parser = parse_number, value_name = "X"];
     /// Largest number of steps between two evaluations of self-gravity; it is extrapolated in between. It is evaluated earlier if the extrapolation would err by more than a quarter of gravity_error, or if a body may have moved by gravity_moved. Default: set by accuracy; 1 for fewer than 100 bodies and for direct summation.
     gravity_refresh: Option<u64> = None, u64, [value_name = "N"];
     /// Distance, over the mean radius, that a body may move relative to the mean motion between two evaluations of self-gravity.
-    gravity_moved: f64 = 0.25, f64, [value_name = "X"];
+    gravity_moved: f64 = 0.25, f64, [value_parser = parse_number, value_name = "X"];
     /// Adds the quadrupole terms of elongated bodies to self-gravity, with forces and torques: of all pairs with direct summation, otherwise of pairs closer than three times the sum of their radii.
     gravity_quadrupole: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Integrates the orientation of spheres, for pictures of rolling. No contact depends on it.
@@ -371,7 +376,7 @@ options! {
     /// External fields, such as [PointMass(mass: 6e24, position: (1e7, 0.0, 0.0))].
     fields: Vec<ExternalField> = Vec::new(), Fields, [value_name = "RON"];
     /// Damping: fraction of the velocity of every free body that is removed at the start of each step; brings an aggregate to rest. 0: none; --quench without a value: 0.01.
-    quench: f64 = 0.0, f64, [num_args = 0..=1, require_equals = true, default_missing_value = "0.01", value_name = "X"];
+    quench: f64 = 0.0, f64, [value_parser = parse_number, num_args = 0..=1, require_equals = true, default_missing_value = "0.01", value_name = "X"];
     /// Steps between two snapshots.
     output_every: u64 = 100, u64, [value_name = "N"];
     /// Steps between two rows of steps.csv and TIMER.csv. A row sums up the steps since the row before; each snapshot has a row, too.
@@ -446,18 +451,54 @@ impl Compute {
 
     /// Reports all values that no run could use; `at` is the prefix of their paths.
     pub fn check_in(&self, report: &mut FaultReport, at: &str) {
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        let mut number = |holds: bool, name: &str, x: f64, expected: &str| {
+            report.require_number(holds, &format!("{at}{name}"), x, expected);
+        };
+        number(positive(self.dt), "dt", self.dt, "a finite time step > 0 s");
+        if let Some(end) = self.end_time {
+            number(end.is_finite() && end >= 0.0, "end_time", end, "a finite time >= 0 s");
+        }
+        number((0.5..=1.0).contains(&self.theta), "theta", self.theta, "0.5 to 1");
+        let tol = self.tol();
+        number(positive(tol) && tol < 1.0, "tol", tol, "more than 0 and less than 1");
+        number(positive(self.penetration_tol()), "penetration_tol", self.penetration_tol(), "a finite number > 0");
+        if let Some(alert) = self.alert {
+            number(alert.is_finite() && alert >= 0.0, "alert", alert, "a finite distance >= 0 m");
+        }
+        for (name, period) in [("xperiode", self.xperiode), ("yperiode", self.yperiode)] {
+            let Some(period) = period else { continue };
+            number(positive(period), name, period, "a finite length > 0 m");
+            let is_alone = !self.self_gravity && self.fields.is_empty();
+            number(is_alone, name, period, "no self-gravity and no fields with it: they are not periodic");
+        }
+        let constant = self.gravity_constant;
+        number(constant.is_finite() && constant >= 0.0, "gravity_constant", constant, "a finite number >= 0");
+        let error = self.gravity_error();
+        number(positive(error) && error >= 1e-14, "gravity_error", error, "at least 1e-14");
+        if let Some(opening) = self.gravity_opening {
+            number(opening > 0.0 && opening < 1.0, "gravity_opening", opening, "more than 0 and less than 1");
+        }
+        number(positive(self.gravity_moved), "gravity_moved", self.gravity_moved, "a finite number > 0");
+        number((0.0..=1.0).contains(&self.quench), "quench", self.quench, "0 to 1");
+        let has_orbits = self.fields.iter().any(|field| field.orbit().is_some());
+        for (k, field) in self.fields.iter().enumerate() {
+            let path = format!("{at}fields.{k}");
+            let found = report.shown_text_or(&path, || to_ron(field));
+            if let Some(expected) = field.invalid_value(self.gravity_constant) {
+                report.add_fault(&path, found, expected);
+            } else if has_orbits && field.orbit().is_none() {
+                // The origin falls on its orbit: a mass at rest would attract it, and rotating axes would move the orbit.
+                report.add_fault(&path, found, "fields that all have an orbit, or none");
+            } else if matches!(field, ExternalField::RotatingFrame { .. })
+                && self.fields[..k].iter().any(|other| matches!(other, ExternalField::RotatingFrame { .. }))
+            {
+                report.add_fault(&path, found, "one RotatingFrame");
+            }
+        }
         let mut expect = |holds: bool, name: &str, found: String, expected: &str| {
             report.require(holds, &format!("{at}{name}"), found, expected);
         };
-        let positive = |x: f64| x.is_finite() && x > 0.0;
-        expect(positive(self.dt), "dt", format!("{}", self.dt), "a finite time step > 0 s");
-        expect(
-            self.end_time.is_none_or(|t| t.is_finite() && t >= 0.0),
-            "end_time",
-            to_ron(&self.end_time),
-            "a finite time >= 0 s",
-        );
-        expect((0.5..=1.0).contains(&self.theta), "theta", format!("{}", self.theta), "0.5 to 1");
         let sound = self.adaptive().is_sound();
         expect(
             sound,
@@ -465,125 +506,85 @@ impl Compute {
             to_ron(&self.adaptive()),
             "max_multiple from 1 to 1000000, travel and penetration > 0",
         );
-        expect(
-            positive(self.tol()) && self.tol() < 1.0,
-            "tol",
-            format!("{}", self.tol()),
-            "more than 0 and less than 1",
-        );
-        expect(
-            positive(self.penetration_tol()),
-            "penetration_tol",
-            format!("{}", self.penetration_tol()),
-            "a finite number > 0",
-        );
         expect(self.max_sweeps() > 0, "max_sweeps", format!("{}", self.max_sweeps()), "at least 1");
         expect(self.check_every != Some(0), "check_every", to_ron(&self.check_every), "at least 1");
         expect(
-            self.alert.is_none_or(|a| a.is_finite() && a >= 0.0),
-            "alert",
-            to_ron(&self.alert),
-            "a finite distance >= 0 m",
-        );
-        for (name, period) in [("xperiode", self.xperiode), ("yperiode", self.yperiode)] {
-            let found = to_ron(&period);
-            expect(period.is_none_or(positive), name, found.clone(), "a finite length > 0 m");
-            let alone = !self.self_gravity && self.fields.is_empty();
-            let expected = "no self-gravity and no fields with it: they are not periodic";
-            expect(period.is_none() || alone, name, found, expected);
-        }
-        expect(
-            self.gravity_constant.is_finite() && self.gravity_constant >= 0.0,
-            "gravity_constant",
-            format!("{}", self.gravity_constant),
-            "a finite number >= 0",
-        );
-        expect(
-            positive(self.gravity_error()) && self.gravity_error() >= 1e-14,
+            self.gravity != GravityMethod::Fmm || error >= MIN_FMM_ERROR || !(error >= 1e-14),
             "gravity_error",
-            format!("{}", self.gravity_error()),
-            "at least 1e-14",
-        );
-        expect(
-            self.gravity != GravityMethod::Fmm || self.gravity_error() >= MIN_FMM_ERROR,
-            "gravity_error",
-            format!("{} with gravity: fmm", self.gravity_error()),
+            format!("{} with gravity: fmm", number_text(error)),
             "at least 1e-6, or gravity: direct",
         );
         let order = self.gravity_order;
         expect(order.is_none_or(|p| (2..=8).contains(&p)), "gravity_order", to_ron(&order), "2 to 8");
-        let opening = self.gravity_opening;
-        expect(
-            opening.is_none_or(|x| x > 0.0 && x < 1.0),
-            "gravity_opening",
-            to_ron(&opening),
-            "more than 0 and less than 1",
-        );
         expect(self.gravity_refresh() > 0, "gravity_refresh", format!("{}", self.gravity_refresh()), "at least 1");
-        expect(positive(self.gravity_moved), "gravity_moved", format!("{}", self.gravity_moved), "a finite number > 0");
-        for (k, field) in self.fields.iter().enumerate() {
-            let fault = field.invalid_value(self.gravity_constant);
-            expect(fault.is_none(), &format!("fields.{k}"), to_ron(field), fault.unwrap_or_default());
+        if let (None, Some(end)) = (self.steps, self.end_time) {
+            let count = end / self.dt;
+            expect(
+                !positive(self.dt) || !end.is_finite() || count <= MAX_STEPS,
+                "end_time",
+                format!(
+                    "{} s with dt {} s are {} steps",
+                    number_text(end),
+                    number_text(self.dt),
+                    rounded_number(count)
+                ),
+                &format!("at most {MAX_STEPS:e} steps: a larger dt or a smaller end_time"),
+            );
         }
-        let turning = (0..).zip(&self.fields).filter(|(_, field)| matches!(field, ExternalField::RotatingFrame { .. }));
-        for (k, field) in turning.skip(1) {
-            expect(false, &format!("fields.{k}"), to_ron(field), "one RotatingFrame");
-        }
-        // The origin falls freely on its orbit: a mass at rest would attract it, and axes that rotate would move the orbit.
-        if self.fields.iter().any(|field| field.orbit().is_some()) {
-            let sound = |field: &ExternalField| field.invalid_value(self.gravity_constant).is_none();
-            for (k, field) in (0..).zip(&self.fields).filter(|(_, field)| field.orbit().is_none() && sound(field)) {
-                expect(
-                    false,
-                    &format!("fields.{k}"),
-                    to_ron(field),
-                    "only fields with an orbit beside one with an orbit",
-                );
-            }
-        }
-        expect((0.0..=1.0).contains(&self.quench), "quench", format!("{}", self.quench), "0 to 1");
+        expect(
+            self.steps.is_none_or(|steps| steps as f64 <= MAX_STEPS),
+            "steps",
+            to_ron(&self.steps),
+            &format!("at most {MAX_STEPS:e}"),
+        );
         expect(self.output_every > 0, "output_every", format!("{}", self.output_every), "at least 1");
         expect(self.log_every > 0, "log_every", format!("{}", self.log_every), "at least 1");
         expect(self.threads <= MAX_THREADS, "threads", format!("{}", self.threads), "0 to 1024");
         for (k, event) in self.events.iter().enumerate() {
+            self.check_event(event, &format!("{at}events.{k}"), report);
+        }
+    }
+
+    /// Reports the values of the event at `path` that no run could use.
+    fn check_event(&self, event: &Event, path: &str, report: &mut FaultReport) {
+        let [time, every, until, action] = ["time", "every", "until", "action"].map(|name| format!("{path}.{name}"));
+        if event.time < 0.0 && event.time.is_finite() {
             // Time begins at 0.
-            let found = format!("{:?} s is before the start of the run", event.time);
-            expect(event.time.is_nan() || event.time >= 0.0, &format!("events.{k}.time"), found, "at least 0.0 s");
-            let values = match &event.action {
-                EventAction::AddSpin(v)
-                | EventAction::SetTorque(v)
-                | EventAction::AddVelocity(v)
-                | EventAction::SetGravity(v) => v.to_vec(),
-                EventAction::SetQuench(x)
-                | EventAction::SetFriction(_, x)
-                | EventAction::SetCohesion(_, x)
-                | EventAction::Shake { speed: x, .. } => vec![*x],
-                EventAction::Bond => vec![],
-            };
-            let in_range = match event.action {
-                EventAction::SetQuench(q) => (0.0..=1.0).contains(&q),
-                EventAction::SetFriction(_, x)
-                | EventAction::SetCohesion(_, x)
-                | EventAction::Shake { speed: x, .. } => x >= 0.0,
-                _ => true,
-            };
-            let (time, action) = (format!("events.{k}.time"), format!("events.{k}.action"));
-            expect(event.time.is_finite(), &time, to_ron(&event.time), "a finite time (s)");
-            expect(
-                values.iter().all(|v| v.is_finite()) && in_range,
-                &action,
-                to_ron(&event.action),
-                "finite values, quench from 0 to 1, friction, cohesion and speed >= 0",
-            );
-            if let EventAction::AddSpin(turn) | EventAction::SetTorque(turn) = &event.action {
-                expect(self.allows_rotation_about(turn), &action, to_ron(&event.action), ROTATION_ABOUT_PERIOD);
+            let found = format!("{} s is before the start of the run", report.number_text(&time, event.time));
+            report.add_fault(&time, found, "at least 0 s");
+        } else {
+            report.require_number(event.time.is_finite(), &time, event.time, "a finite time (s)");
+        }
+        let (values, expected): (&[f64], &str) = match &event.action {
+            EventAction::AddSpin(v)
+            | EventAction::SetTorque(v)
+            | EventAction::AddVelocity(v)
+            | EventAction::SetGravity(v) => (v, "finite values"),
+            EventAction::SetQuench(x) => (std::slice::from_ref(x), "0 to 1"),
+            EventAction::SetFriction(_, x) => (std::slice::from_ref(x), "a finite friction >= 0"),
+            EventAction::SetCohesion(_, x) => (std::slice::from_ref(x), "a finite cohesion >= 0"),
+            EventAction::Shake { speed: x, .. } => (std::slice::from_ref(x), "a finite speed >= 0 m/s"),
+            EventAction::Bond => (&[], ""),
+        };
+        let in_range = match event.action {
+            EventAction::SetQuench(q) => (0.0..=1.0).contains(&q),
+            EventAction::SetFriction(_, x) | EventAction::SetCohesion(_, x) | EventAction::Shake { speed: x, .. } => {
+                x >= 0.0
             }
-            let every = event.every.is_none_or(|every| every.is_finite() && every >= self.dt);
-            expect(every, &format!("events.{k}.every"), to_ron(&event.every), "a finite time of at least dt");
-            let until =
-                event.until.is_none_or(|until| until.is_finite() && until >= event.time && event.every.is_some());
-            let expected = "a finite time not before `time`, and only with `every`";
-            expect(until, &format!("events.{k}.until"), to_ron(&event.until), expected);
+            _ => true,
+        };
+        let found = report.shown_text_or(&action, || to_ron(&event.action));
+        report.require(values.iter().all(|v| v.is_finite()) && in_range, &action, found.as_str(), expected);
+        if let EventAction::AddSpin(turn) | EventAction::SetTorque(turn) = &event.action {
+            report.require(self.allows_rotation_about(turn), &action, found, ROTATION_ABOUT_PERIOD);
+        }
+        if let Some(interval) = event.every {
+            let holds = interval.is_finite() && interval >= self.dt;
+            report.require_number(holds, &every, interval, "a finite time of at least dt");
+        }
+        if let Some(end) = event.until {
+            let holds = end.is_finite() && end >= event.time && event.every.is_some();
+            report.require_number(holds, &until, end, "a finite time not before `time`, and only with `every`");
         }
     }
 

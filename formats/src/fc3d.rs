@@ -28,6 +28,7 @@ use std::str::FromStr;
 
 use crate::atomic::read_text;
 use crate::error::{Fault, Faults};
+use crate::names::number_text;
 
 /// Contact problem with Coulomb friction in the format of a `.fc3d` file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -135,7 +136,7 @@ impl<'a> WordReader<'a> {
             let object = format!("mu of contact {k}");
             let value = self.read_real(&object)?;
             if value < 0.0 {
-                self.add_fault(&object, format!("{value:?}"), "expected 0 or more");
+                self.add_fault(&object, number_text(value), "expected 0 or more");
             }
             mu.push(value);
         }
@@ -208,7 +209,7 @@ impl<'a> WordReader<'a> {
     fn read_real(&mut self, object: &str) -> Result<f64, Faults> {
         let value: f64 = self.parse_next(object, "a number")?;
         if !value.is_finite() {
-            self.add_fault(object, format!("{value:?}"), "expected a finite number");
+            self.add_fault(object, number_text(value), "expected a finite number");
         }
         Ok(value)
     }

@@ -21,6 +21,7 @@ mod refused;
 
 use serde::Deserialize;
 
+use crate::names::number_text;
 use crate::ron_text::known_names;
 
 pub use error::LawError;
@@ -804,7 +805,7 @@ impl LawModel {
     pub fn parameter_faults(&self) -> Vec<ParameterFault> {
         let values = self.parameter_values().into_iter();
         let outside = values.filter(|(parameter, value)| !parameter.accepts(*value)).map(|(parameter, value)| {
-            ParameterFault { parameter, found: format!("{value:?}"), expected: parameter.expected() }
+            ParameterFault { parameter, found: number_text(value), expected: parameter.expected() }
         });
         outside.chain(self.relation_faults()).collect()
     }
@@ -816,7 +817,11 @@ impl LawModel {
         if dynamic_friction > static_friction {
             faults.push(ParameterFault {
                 parameter: LawParameter::DynamicFriction,
-                found: format!("{dynamic_friction:?} is larger than static_friction {static_friction:?}"),
+                found: format!(
+                    "{} is larger than static_friction {}",
+                    number_text(dynamic_friction),
+                    number_text(static_friction)
+                ),
                 expected: "dynamic_friction <= static_friction".into(),
             });
         }
@@ -824,7 +829,7 @@ impl LawModel {
             // Shear without traction has no friction cone.
             Some(LawCohesion::Bond { normal: 0.0, tangential }) if tangential > 0.0 => faults.push(ParameterFault {
                 parameter: LawParameter::TangentialCohesion,
-                found: format!("{tangential:?} without normal_cohesion"),
+                found: format!("{} without normal_cohesion", number_text(tangential)),
                 expected: "both, or none".into(),
             }),
             None | Some(LawCohesion::Liquid { .. } | LawCohesion::Bond { .. }) => {}

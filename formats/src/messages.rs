@@ -8,6 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
+use crate::report::is_beyond_range;
+
 /// Whether stdout is used for data, and lines of text go to stderr.
 static STDOUT_IS_DATA: AtomicBool = AtomicBool::new(false);
 
@@ -48,15 +50,43 @@ pub fn print_error(message: impl Display) {
     let _ = writeln!(std::io::stderr(), "{message}");
 }
 
+/// Number of a flag that is beyond the range of f64.
+#[derive(Debug)]
+struct NumberRangeError;
+
+impl Display for NumberRangeError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("expected a number below 1.8e308 in magnitude")
+    }
+}
+
+impl Error for NumberRangeError {}
+
+/// Reads the number of a flag. Errors: another text, and digits of a number that f64 cannot hold.
+pub fn parse_number(text: &str) -> Result<f64, Box<dyn Error + Send + Sync>> {
+    let number: f64 = text.parse()?;
+    if is_beyond_range(text, number) { Err(NumberRangeError.into()) } else { Ok(number) }
+}
+
 /// Prints the error in the arguments of a program, or its help or version, and returns the exit code.
 pub fn usage(program: &str, error: &clap::Error) -> i32 {
     match wrong_number(error) {
         Some(message) => print_error(format_args!("{program}: {message}")),
+        None if error.use_stderr() => {
+            print_error(format_args!("{program}: {}; see {program} --help", first_sentence(error)))
+        }
         // Help and version also arrive here; they go to stdout.
         None if is_silent() => {}
         None => drop(error.print()),
     }
     error.exit_code()
+}
+
+/// Text of an error in one line, without the usage of the program.
+fn first_sentence(error: &clap::Error) -> String {
+    let text = error.to_string();
+    let lines = text.trim_start_matches("error: ").lines().map(str::trim).take_while(|line| !line.is_empty());
+    lines.collect::<Vec<_>>().join(" ")
 }
 
 /// Message such as `--dt: abc; expected a number (s)`, for an option whose value is not a number of its kind.
@@ -72,6 +102,8 @@ fn wrong_number(error: &clap::Error) -> Option<String> {
     let source = error.source()?;
     let expected = if source.is::<ParseFloatError>() {
         "a number"
+    } else if source.is::<NumberRangeError>() {
+        "a number below 1.8e308 in magnitude"
     } else {
         match source.downcast_ref::<ParseIntError>()?.kind() {
             IntErrorKind::PosOverflow => "a smaller integer",
@@ -85,6 +117,7 @@ fn wrong_number(error: &clap::Error) -> Option<String> {
         _ => "",
     };
     let name = name.split(['[', '=']).next().unwrap_or(name);
+    let unit = if expected.contains("magnitude") { "" } else { unit };
     let found = if found.is_empty() { "no value" } else { found };
     Some(format!("{name}: {found}; expected {expected}{unit}"))
 }
@@ -102,6 +135,7 @@ mod tests {
             let error = command.try_get_matches_from(["program", flag]).unwrap_err();
             wrong_number(&error).unwrap_or_else(|| error.to_string())
         };
+        assert_eq!(said("--tol=1e400"), "--tol: 1e400; expected a number below 1.8e308 in magnitude");
         assert_eq!(said("--dt=abc"), "--dt: abc; expected a number (s)");
         assert_eq!(said("--alert=1,5"), "--alert: 1,5; expected a number (m)");
         assert_eq!(said("--quench=much"), "--quench: much; expected a number");

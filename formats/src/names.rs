@@ -34,16 +34,31 @@ pub fn count_text(count: usize, noun: &str) -> String {
     format!("{count} {plural}")
 }
 
-/// Number with at most ten significant digits, without the rounding errors of sums: `0.819` for 0.8190000000000001; with an
-/// exponent below 1e-9 and from 1e16 on.
+/// Number as messages print it: with all of its digits, and with an exponent below 1e-4 and from 1e6 on.
+///
+/// ```
+/// use cd_formats::names::number_text;
+/// assert_eq!([0.0, -0.25, 2700.0, 1e300, 2.5e-5].map(number_text), ["0", "-0.25", "2700", "1e300", "2.5e-5"]);
+/// ```
+pub fn number_text(x: f64) -> String {
+    let size = x.abs();
+    if size == 0.0 || !size.is_finite() || (1e-4..1e6).contains(&size) { x.to_string() } else { format!("{x:e}") }
+}
+
+/// Vector as messages and scenes write it, with the numbers of [`number_text`]: `(0, 0, -9.81)`.
+pub fn vector_text(vector: &[f64]) -> String {
+    format!("({})", vector.iter().copied().map(number_text).collect::<Vec<_>>().join(", "))
+}
+
+/// [`number_text`] with at most ten significant digits, without the rounding errors of sums: `0.819` for
+/// 0.8190000000000001.
 pub fn rounded_number(x: f64) -> String {
-    let rounded: f64 = format!("{x:.9e}").parse().unwrap_or(x);
-    let size = rounded.abs();
-    if size == 0.0 || !size.is_finite() || (1e-9..1e16).contains(&size) {
-        rounded.to_string()
-    } else {
-        format!("{rounded:e}")
-    }
+    number_text(format!("{x:.9e}").parse().unwrap_or(x))
+}
+
+/// [`number_text`] with at most six significant digits, for computed lengths.
+pub fn six_digits(x: f64) -> String {
+    number_text(format!("{x:.5e}").parse().unwrap_or(x))
 }
 
 /// Number with three significant digits; with an exponent below 1e-3 and from 1e4 on.

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
-use crate::names::{known_names, path_in_words};
+use crate::names::{known_names, number_text};
+use crate::ron_text::display_text;
 use crate::settings::{setting_fault, setting_of_path};
 use crate::value_locations::ValueLocations;
 
@@ -15,6 +16,17 @@ pub struct FaultReport<'a> {
     pub faults: Faults,
     /// Values that are allowed but probably a mistake.
     pub warnings: Faults,
+}
+
+/// Whether a number that is written as `text`, in digits, is larger than all of f64.
+pub fn is_beyond_range(text: &str, x: f64) -> bool {
+    x.is_infinite() && text.contains(|letter: char| letter.is_ascii_digit())
+}
+
+/// Whether a number that is written as `text` is 0 only because it is smaller than all of f64.
+pub fn is_rounded_to_zero(text: &str, x: f64) -> bool {
+    let mantissa = text.split(['e', 'E']).next().unwrap_or_default();
+    x == 0.0 && mantissa.contains(|letter: char| ('1'..='9').contains(&letter))
 }
 
 impl<'a> FaultReport<'a> {
@@ -60,7 +72,7 @@ impl<'a> FaultReport<'a> {
             Some(setting) => setting_fault(setting, found, expected),
             None => {
                 let (line, column) = self.locations.position(path).unzip();
-                Fault { column, ..Fault::new(self.file, line, path_in_words(path), found, expected) }
+                Fault { column, ..Fault::new(self.file, line, self.locations.path_in_words(path), found, expected) }
             }
         }
     }
@@ -68,6 +80,36 @@ impl<'a> FaultReport<'a> {
     /// Adds a fault of a name at `path` that is not in `known`, with the nearest known name.
     pub fn unknown(&mut self, path: &str, found: impl Into<String>, name: &str, known: &[&str]) {
         self.faults.push(self.fault_at(path, found.into(), known_names(name, known)));
+    }
+
+    /// [`FaultReport::text`] in one line, cut off if it is long.
+    pub fn shown_text(&self, path: &str) -> String {
+        display_text(self.text(path))
+    }
+
+    /// [`FaultReport::shown_text`], or `other` if there is no value at `path`.
+    pub fn shown_text_or(&self, path: &str, other: impl FnOnce() -> String) -> String {
+        if self.text(path).is_empty() { other() } else { self.shown_text(path) }
+    }
+
+    /// Number `x` at `path` as it is written there; if the text there is another one, [`number_text`].
+    pub fn number_text(&self, path: &str, x: f64) -> String {
+        let text = self.text(path);
+        let text = text.strip_prefix("Some(").and_then(|inner| inner.strip_suffix(')')).unwrap_or(text).trim();
+        let is_same = |written: f64| written == x || written.is_nan() && x.is_nan();
+        if text.parse().is_ok_and(is_same) { display_text(text) } else { number_text(x) }
+    }
+
+    /// Adds a fault of the number `x` at `path` unless `holds`. A number beyond the range of f64 is shown as it
+    /// is written.
+    pub fn require_number(&mut self, holds: bool, path: &str, x: f64, expected: &str) {
+        let found = self.number_text(path, x);
+        let range = match (is_beyond_range(&found, x), is_rounded_to_zero(&found, x)) {
+            (true, _) => ", below 1.8e308 in magnitude",
+            (_, true) => ", at least 1e-307 in magnitude",
+            _ => "",
+        };
+        self.require(holds, path, found, &format!("{expected}{range}"));
     }
 
     /// Adds a fault like [`FaultReport::add_fault`], unless `holds`.

@@ -12,8 +12,8 @@ use crate::value_locations::ValueLocations;
 
 /// Reads RON.
 ///
-/// Fields and values may have [former names](crate::former_names). Errors: all faults of the syntax, or else the first
-/// value that does not fit its type, with line and column. `object` is the name of the text as a whole in faults.
+/// Fields and values may have [former names](crate::former_names). Errors: all faults of the syntax, or else of
+/// values that do not fit their types and of missing fields, with line and column. `object` is the name of the text as a whole in faults.
 pub fn from_ron<T: DeserializeOwned>(path: &Path, text: &str, object: &str) -> Result<T, Faults> {
     let parsed = CurrentText::new(text).and_then(|current| current.parse());
     parsed.map_err(|mistakes| located_faults(path, text, object, mistakes))

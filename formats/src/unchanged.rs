@@ -7,7 +7,7 @@ use crate::bulk_behav::BulkBehav;
 use crate::drv_dof::{DrivenKind, DrvDof};
 use crate::error::{Fault, Faults};
 use crate::mass::InertialProperties;
-use crate::names::count_text;
+use crate::names::{count_text, number_text};
 use crate::snapshot::Snapshot;
 use crate::surface::MassProperties;
 use crate::tact_behav::TactBehav;
@@ -68,9 +68,9 @@ impl ComputedSnapshot<'_> {
             let text = |material: &str, InertialProperties { mass, inertia, radius }: &InertialProperties| {
                 let all = [
                     format!("material '{material}'"),
-                    format!("radius {radius} m"),
-                    format!("mass {mass} kg"),
-                    format!("moments {inertia:?} kg m²"),
+                    format!("radius {} m", number_text(*radius)),
+                    format!("mass {} kg", number_text(*mass)),
+                    format!("moments {} kg m²", inertia.map(number_text).join(", ")),
                 ];
                 let differ = all.into_iter().zip(same).filter(|(_, same)| !same).map(|(text, _)| text);
                 differ.collect::<Vec<_>>().join(", ")
@@ -107,8 +107,9 @@ impl ComputedSnapshot<'_> {
             let density_in_file =
                 bulk.materials.iter().find(|material| material.name == stored.name).map(|m| m.density);
             if density_in_file != Some(stored.density) && self.snapshot.bodies.body_material.contains(&number) {
-                let found = density_in_file.map_or("is missing".into(), |density| format!("density {density} kg/m^3"));
-                let expected = self.expected_text(&format!("{} kg/m^3", stored.density));
+                let found = density_in_file
+                    .map_or("is missing".into(), |density| format!("density {} kg/m^3", number_text(density)));
+                let expected = self.expected_text(&format!("{} kg/m^3", number_text(stored.density)));
                 faults.push(Fault::new(file, None, format!("material {}", stored.name), found, expected));
             }
         }

@@ -8,6 +8,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use crate::former_names::{self, FormerName, FormerNameUse};
+use crate::names::path_in_words;
 use crate::ron_text;
 
 /// Values of a RON text by their paths: field names and 0-based positions in lists and tuples, joined by points; the path
@@ -88,6 +89,22 @@ impl<'a> ValueLocations<'a> {
     /// Text of the value at `path`, without its name.
     pub fn text(&self, path: &str) -> Option<&'a str> {
         self.values.get(path).map(|value| &self.text[value.span.clone()])
+    }
+
+    /// `path` in words: `grains.0.sizes.min` is `grains 1, sizes, min`. The only value of a kind, as in `Single(0.1)`, is
+    /// named like the whole.
+    pub fn path_in_words(&self, path: &str) -> String {
+        let mut shown: Vec<&str> = Vec::new();
+        let mut holder = String::new();
+        for key in path.split('.') {
+            let is_kind = self.text(&holder).is_some_and(|text| text.starts_with(|c: char| c.is_alphabetic()));
+            let is_single = key == "0" && is_kind && self.value(&format!("{holder}.1")).is_none();
+            if !is_single {
+                shown.push(key);
+            }
+            holder = if holder.is_empty() { key.to_string() } else { format!("{holder}.{key}") };
+        }
+        path_in_words(&shown.join("."))
     }
 
     /// Path of the innermost value at a byte of the text; the name counts as part of the value.

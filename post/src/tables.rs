@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::names::number_text;
 use cd_formats::snapshot::SnapshotMeta;
 
 use crate::write::series::name_field;
@@ -144,11 +145,11 @@ pub fn check_series_of_run(case: &Path, series: &Columns, end: &SnapshotMeta) ->
     if step == end.step as f64 && same_time(time, end.time) {
         return Ok(());
     }
-    let found = format!("ends at step {step} and {time} s");
+    let found = format!("ends at step {step} and {} s", number_text(time));
     let expected = format!(
         "expected step {} and {} s, as the last snapshot of OUTBOX: run cd-post {} again",
         end.step,
-        end.time,
+        number_text(end.time),
         case.display()
     );
     Err(Fault::new(&case.join("POSTPRO/series.csv"), None, "table", found, expected).into())

@@ -4,8 +4,8 @@ use std::cmp::Ordering;
 
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, ROTATION_ABOUT_PERIOD};
 use cd_formats::law_table::{LawModel, is_law_of_points};
-use cd_formats::names::count_text;
-use cd_formats::report::FaultReport;
+use cd_formats::names::{count_text, number_text, vector_text};
+use cd_formats::report::{FaultReport, is_beyond_range, is_rounded_to_zero};
 use nalgebra::Vector3;
 
 use crate::scene::{
@@ -38,9 +38,23 @@ fn expected_in_files(x: f64, expected: &str) -> String {
     }
 }
 
+/// Reports the number `x` at `path`, as it is written there, unless `holds`.
+fn require_in_files(report: &mut FaultReport, holds: bool, path: &str, x: f64, expected: &str) {
+    let found = report.number_text(path, x);
+    // Digits of a number that f64 cannot hold have the fault of a large or small one.
+    let magnitude = if is_rounded_to_zero(&found, x) {
+        f64::MIN_POSITIVE
+    } else if is_beyond_range(&found, x) {
+        f64::MAX
+    } else {
+        x
+    };
+    report.require(holds, path, found, &expected_in_files(magnitude, expected));
+}
+
 /// Reports the number `x` at `path` unless it is positive in DATBOX; `expected` is such as `a length > 0 m`.
 pub(crate) fn check_positive(report: &mut FaultReport, path: &str, x: f64, expected: &str) {
-    report.require(is_positive(x), path, format!("{x:?}"), &expected_in_files(x, expected));
+    require_in_files(report, is_positive(x), path, x, expected);
 }
 
 /// Adds every fault of `scene` to `report`.
@@ -63,7 +77,7 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
         check_material_and_colour(scene, report, &path, &grains.material, &grains.colour);
         check_grains(report, &path, grains);
         let turns = grains.is_single_body() || scene.compute.allows_rotation_about(&grains.spin);
-        report.require(turns, &format!("{path}.spin"), format!("{:?}", grains.spin), ROTATION_ABOUT_PERIOD);
+        report.require(turns, &format!("{path}.spin"), vector_text(&grains.spin), ROTATION_ABOUT_PERIOD);
     }
     for (k, wall) in scene.walls.iter().enumerate() {
         let path = format!("walls.{k}");
@@ -184,14 +198,18 @@ fn check_material_and_colour(scene: &Scene, report: &mut FaultReport, path: &str
 
 /// Checks the field `name` of the value at `path`.
 fn check_value(report: &mut FaultReport, path: &str, name: &str, x: f64, holds: bool, expected: &str) {
-    let expected = if holds { expected_in_files(x, expected) } else { expected.to_string() };
-    report.require(holds && fits_files(x), &format!("{path}.{name}"), format!("{x:?}"), &expected);
+    let path = format!("{path}.{name}");
+    if holds {
+        require_in_files(report, fits_files(x), &path, x, expected);
+    } else {
+        report.require_number(false, &path, x, expected);
+    }
 }
 
 /// Checks a condition on each number of a list or tuple at `path`.
 fn each(report: &mut FaultReport, path: &str, numbers: &[f64], holds: impl Fn(f64) -> bool, expected: &str) {
     for (k, x) in numbers.iter().enumerate() {
-        report.require(holds(*x), &format!("{path}.{k}"), format!("{x:?}"), &expected_in_files(*x, expected));
+        require_in_files(report, holds(*x), &format!("{path}.{k}"), *x, expected);
     }
 }
 
@@ -237,8 +255,8 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
     check_rotation(report, &format!("{path}.orientation"), &grains.orientation);
     let thermal = grains.thermal_velocity;
     let thermal_path = format!("{path}.thermal_velocity");
-    let expected = expected_in_files(thermal, "a speed >= 0 m/s");
-    report.require(thermal >= 0.0 && fits_files(thermal), &thermal_path, format!("{thermal:?}"), &expected);
+    let holds = thermal >= 0.0 && fits_files(thermal);
+    require_in_files(report, holds, &thermal_path, thermal, "a speed >= 0 m/s");
     if let Some(driven) = &grains.driven {
         check_evolutions(report, &format!("{path}.driven"), driven.iter().map(Option::as_ref), "m/s");
         let at_rest = grains.velocity == [0.0; 3] && grains.spin == [0.0; 3] && thermal == 0.0;
@@ -339,10 +357,10 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
     let orientation = format!("{path}.grain_orientation");
     match &grains.grain_orientation {
         GrainOrientations::Random => {}
-        GrainOrientations::Same(turn) => check_rotation(report, &orientation, turn),
+        GrainOrientations::Same(turn) => check_rotation(report, &format!("{orientation}.0"), turn),
         GrainOrientations::List(turns) => {
             for (k, turn) in turns.iter().enumerate() {
-                check_rotation(report, &format!("{orientation}.{k}"), turn);
+                check_rotation(report, &format!("{orientation}.0.{k}"), turn);
             }
             let positions =
                 if let GrainPlacement::List { positions, .. } = &grains.placement { positions.len() } else { 0 };
@@ -363,7 +381,9 @@ fn check_scale(report: &mut FaultReport, path: &str, scale: &ModelScale) {
         ModelScale::Length(x) => ("Length", x, "a length > 0 m"),
     };
     let expected = expected_in_files(x, expected);
-    report.require(is_positive(x), &format!("{path}.scale"), format!("{name} {x:?}"), &expected);
+    let path = format!("{path}.scale");
+    let found = report.number_text(&format!("{path}.0"), x);
+    report.require(is_positive(x), &path, format!("{name} {found}"), &expected);
 }
 
 fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
@@ -386,11 +406,9 @@ fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
     }
     let (min, max) = sizes.radius_range();
     if min > max {
-        return report.add_fault(
-            &format!("{path}.min"),
-            format!("{min:?} is larger than max {max:?}"),
-            "min <= max (m)",
-        );
+        let path = |name: &str| format!("{path}.{name}");
+        let [min, max] = [("min", min), ("max", max)].map(|(name, x)| report.number_text(&path(name), x));
+        return report.add_fault(&path("min"), format!("{min} is larger than max {max}"), "min <= max (m)");
     }
     match *sizes {
         SizeDistribution::PowerLaw { exponent, .. } => {
@@ -401,7 +419,8 @@ fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
             let share = |r: f64| normal_share(libm::log(r / median) / sigma);
             // The difference of two shares near 1 then still has ten digits.
             if is_positive(sigma) && min < max && share(max) - share(min) < 1e-6 {
-                let found = format!("min {min:?} and max {max:?} leave less than a millionth of the distribution");
+                let [min, max] = [min, max].map(number_text);
+                let found = format!("min {min} and max {max} leave less than a millionth of the distribution");
                 report.add_fault(path, found, "cut-offs about the median (m)");
             }
         }
@@ -484,7 +503,7 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
     }
     if let Some(share) = grains.solid_fraction {
         let path = format!("{path}.solid_fraction");
-        report.require(share > 0.0 && share < 1.0, &path, format!("{share:?}"), "more than 0 and less than 1");
+        report.require_number(share > 0.0 && share < 1.0, &path, share, "more than 0 and less than 1");
     }
     let listed = match &grains.sizes {
         Some(SizeDistribution::List(radii)) => Some(radii.len()),
@@ -558,7 +577,7 @@ fn check_direction(report: &mut FaultReport, path: &str, name: &str, vector: &[f
     report.require(
         is_positive(length),
         &format!("{path}.{name}"),
-        format!("{vector:?}"),
+        vector_text(vector),
         "a finite vector that is not 0",
     );
 }
@@ -573,9 +592,9 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
                 check_positive(report, &format!("{path}.{name}"), *length, "a length > 0 m");
             }
             check_velocity_or_force(report, path, velocity, force);
-            check_evolutions(report, &format!("{path}.spin"), [spin], "rad/s");
-            check_evolutions(report, &format!("{path}.moment"), [moment.as_ref()], "N m");
-            let found = format!("{spin:?}, and a moment about the axis");
+            check_evolution(report, &format!("{path}.spin"), spin, "rad/s");
+            moment.iter().for_each(|moment| check_evolution(report, &format!("{path}.moment"), moment, "N m"));
+            let found = format!("{}, and a moment about the axis", report.shown_text(&format!("{path}.spin")));
             let one = moment.is_none() || *spin == TimeFunction::default();
             report.require(one, &format!("{path}.spin"), found, "one of the two");
         }
@@ -595,9 +614,9 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_evolutions(report, &format!("{path}.spin"), spin, "rad/s");
             check_evolutions(report, &format!("{path}.moment"), moment.iter().map(Option::as_ref), "N m");
             for (k, spin) in spin.iter().enumerate().filter(|(k, _)| moment[*k].is_some()) {
-                let found = format!("{spin:?}, and a moment about the same axis");
-                let still = *spin == TimeFunction::default();
-                report.require(still, &format!("{path}.spin.{k}"), found, "one of the two");
+                let path = format!("{path}.spin.{k}");
+                let found = format!("{}, and a moment about the same axis", report.shown_text(&path));
+                report.require(*spin == TimeFunction::default(), &path, found, "one of the two");
             }
         }
         SceneWall::Box { centre, lengths, orientation, half_thickness, velocity, .. } => {
@@ -620,14 +639,13 @@ fn check_velocity_or_force(
     check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
     check_evolutions(report, &format!("{path}.force"), force.iter().map(Option::as_ref), "N");
     for (k, velocity) in velocity.iter().enumerate().filter(|(k, _)| force[*k].is_some()) {
-        let found = format!("{velocity:?}, and a force along the same axis");
-        let still = *velocity == TimeFunction::default();
-        report.require(still, &format!("{path}.velocity.{k}"), found, "one of the two");
+        let path = format!("{path}.velocity.{k}");
+        let found = format!("{}, and a force along the same axis", report.shown_text(&path));
+        report.require(*velocity == TimeFunction::default(), &path, found, "one of the two");
     }
 }
 
-/// Rejects functions of time with values (in `unit`) that files cannot hold, tables that do not rise in time, and ramps
-/// without effect.
+/// Rejects functions of time as [`check_evolution`] does.
 pub(crate) fn check_evolutions<'a>(
     report: &mut FaultReport,
     path: &str,
@@ -635,34 +653,41 @@ pub(crate) fn check_evolutions<'a>(
     unit: &str,
 ) {
     for (k, evolution) in evolutions.into_iter().enumerate() {
-        let Some(evolution) = evolution.into() else { continue };
-        let path = format!("{path}.{k}");
-        let values = match evolution {
-            TimeFunction::Constant(value) => vec![*value],
-            &TimeFunction::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
-                let start = ramp_start.unwrap_or(0.0);
-                let rises = ramp_rate > 0.0 && start >= 1.0;
-                let found = format!("ramp_start {start:?} and ramp_rate {ramp_rate:?}, a factor of 1 at all times");
-                report.require(!rises, &path, found, "a start below 1, or no ramp");
-                vec![constant, amplitude, omega, phase, start, ramp_rate]
+        if let Some(evolution) = evolution.into() {
+            check_evolution(report, &format!("{path}.{k}"), evolution, unit);
+        }
+    }
+}
+
+/// Rejects a function of time with values (in `unit`) that files cannot hold, a table that does not rise in time, and a
+/// ramp without effect.
+fn check_evolution(report: &mut FaultReport, path: &str, evolution: &TimeFunction, unit: &str) {
+    let values = match evolution {
+        TimeFunction::Constant(value) => vec![*value],
+        &TimeFunction::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
+            let start = ramp_start.unwrap_or(0.0);
+            let rises = ramp_rate > 0.0 && start >= 1.0;
+            let [from, rate] = [start, ramp_rate].map(number_text);
+            let found = format!("ramp_start {from} and ramp_rate {rate}, a factor of 1 at all times");
+            report.require(!rises, path, found, "a start below 1, or no ramp");
+            vec![constant, amplitude, omega, phase, start, ramp_rate]
+        }
+        TimeFunction::Table(points) => {
+            let found = count_text(points.len(), "point");
+            report.require(points.len() >= 2, path, found, "at least two points, their times rising (s)");
+            let falls = |k: &usize| points[*k].0.partial_cmp(&points[k - 1].0) != Some(Ordering::Greater);
+            if let Some(k) = (1..points.len()).find(falls) {
+                let [time, before] = [points[k].0, points[k - 1].0].map(number_text);
+                let found = format!("the time {time} of point {} after {before}", k + 1);
+                report.add_fault(path, found, "times that rise from point to point (s)");
             }
-            TimeFunction::Table(points) => {
-                let found = count_text(points.len(), "point");
-                report.require(points.len() >= 2, &path, found, "at least two points, their times rising (s)");
-                let falls = |k: &usize| points[*k].0.partial_cmp(&points[k - 1].0) != Some(Ordering::Greater);
-                if let Some(k) = (1..points.len()).find(falls) {
-                    let found = format!("the time {:?} of point {} after {:?}", points[k].0, k + 1, points[k - 1].0);
-                    report.add_fault(&path, found, "times that rise from point to point (s)");
-                }
-                points.iter().flat_map(|&(t, v)| [t, v]).collect()
-            }
-        };
-        let found = format!("{evolution:?}");
-        let expected = values.iter().find(|v| !fits_files(**v)).map(|v| {
-            let finite = if values.iter().all(|v| v.is_finite()) { *v } else { f64::NAN };
-            expected_in_files(finite, &format!("finite numbers ({unit})"))
-        });
-        expected.into_iter().for_each(|expected| report.add_fault(&path, found.as_str(), expected));
+            points.iter().flat_map(|&(t, v)| [t, v]).collect()
+        }
+    };
+    if let Some(wrong) = values.into_iter().find(|value| !fits_files(*value)) {
+        let found = report.shown_text(path);
+        let magnitude = if wrong.is_infinite() && !found.contains("inf") { f64::MAX } else { wrong };
+        report.add_fault(path, found, expected_in_files(magnitude, &format!("finite numbers ({unit})")));
     }
 }
 
@@ -748,10 +773,11 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
             report.require(contact.law.is_some(), &path, "given without a law", "none, or a law");
             check_positive(report, &path, alert, "a distance > 0 m");
             if let Some((name, Some(law))) = law
+                && is_positive(alert)
                 && alert < law.kind.attraction_range()
             {
-                let found =
-                    format!("{alert:?} is less than the range {:?} of law '{name}'", law.kind.attraction_range());
+                let range = number_text(law.kind.attraction_range());
+                let found = format!("{} is less than the range {range} of law '{name}'", number_text(alert));
                 report.add_fault(&path, found, "at least the range (m), for beyond alert no law acts");
             }
         }

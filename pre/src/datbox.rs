@@ -22,6 +22,12 @@ use crate::{attraction, check, doubts, from_outbox, population, reread, write};
 /// that cannot be written.
 pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result<String, Faults> {
     check_paths_once(settings)?;
+    if source.is_dir() {
+        let (scene, found) = (source.join("scene.ron"), "is a folder");
+        let expected =
+            if scene.is_file() { format!("did you mean {}?", scene.display()) } else { "expected a scene".into() };
+        return Err(Fault::new(source, None, "file", found, expected).into());
+    }
     let original = atomic::read_text(source)?;
     let text = apply_settings(&original, settings)?;
     let (scene, population) = read_scene(source, &text, settings)?;
@@ -35,6 +41,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
         doubts::report_unused_laws(&scene.laws, is_used, &mut report);
     }
     cd_formats::doubts::events(&scene.compute.events, "compute.", &mut report);
+    cd_formats::doubts::late_events(&scene.compute, (0, 0.0), "compute.", &mut report);
     attraction::warn_of_attractions(&scene, &population, &mut report);
     let mut files = write::datbox_files(&scene, &population);
     let (driven, _) = write::drv_dof(&scene, &population);

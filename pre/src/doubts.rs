@@ -19,13 +19,15 @@ pub fn report_doubts(
     };
     for (k, material) in materials.iter().enumerate() {
         if let Some(question) = density(material.density).filter(|_| !is_of_walls(&material.name)) {
-            report.add_warning(&format!("materials.{k}.density"), format!("{:?}", material.density), &question);
+            let path = format!("materials.{k}.density");
+            report.add_warning(&path, report.number_text(&path, material.density), &question);
         }
     }
     for (k, law) in laws.iter().enumerate() {
         for (parameter, value) in law.kind.parameter_values() {
             if let Some(question) = law_parameter(parameter, value) {
-                report.add_warning(&format!("laws.{k}.kind.{}", parameter.name()), format!("{value:?}"), &question);
+                let path = format!("laws.{k}.kind.{}", parameter.name());
+                report.add_warning(&path, report.number_text(&path, value), &question);
             }
         }
     }
@@ -52,9 +54,9 @@ pub fn report_doubts(
         let path = format!("grains.{k}.grain_orientation");
         match &grains.grain_orientation {
             GrainOrientations::Random => {}
-            GrainOrientations::Same(turn) => check_angle(report, &path, turn),
+            GrainOrientations::Same(turn) => check_angle(report, &format!("{path}.0"), turn),
             GrainOrientations::List(turns) => {
-                (0..).zip(turns).for_each(|(n, turn): (usize, _)| check_angle(report, &format!("{path}.{n}"), turn));
+                (0..).zip(turns).for_each(|(n, turn): (usize, _)| check_angle(report, &format!("{path}.0.{n}"), turn));
             }
         }
     }
@@ -85,7 +87,8 @@ pub fn report_doubts(
 /// Asks about an angle of more than a full turn.
 pub fn check_angle(report: &mut FaultReport, path: &str, rotation: &Rotation) {
     if let Some(question) = angle(rotation.angle) {
-        report.add_warning(&format!("{path}.angle"), format!("{:?}", rotation.angle), &question);
+        let path = format!("{path}.angle");
+        report.add_warning(&path, report.number_text(&path, rotation.angle), &question);
     }
 }
 

@@ -6,6 +6,7 @@ use std::path::Path;
 use cd_formats::bodies::ShapeRecord;
 use cd_formats::compute::Compute;
 use cd_formats::error::Faults;
+use cd_formats::names::{number_text, rounded_number};
 use cd_formats::report::FaultReport;
 use nalgebra::Vector3;
 
@@ -187,7 +188,7 @@ pub(crate) fn check_extent(
         let ends = balls.clone().flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
         let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
         if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING_TOLERANCE)) {
-            let found = format!("{period}, but the grains extend over {:.6} m", high - low);
+            let found = format!("{}, but the grains extend over {} m", number_text(period), rounded_number(high - low));
             report.add_fault(&format!("compute.{name}"), found, "at least that");
         }
     }
@@ -213,16 +214,14 @@ pub(crate) fn nearest_images(options: &Compute, separation: &Vector3<f64>) -> Ve
 fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
     let mut reported_paths = Vec::new();
-    let mut fault = |path: String, name: &str, x: f64| {
-        if !reported_paths.contains(&path) {
-            report.add_fault(
-                &path,
-                format!("{name} {x:e}"),
-                "numbers below 1e99, and sizes and masses of at least 1e-99",
-            );
-            reported_paths.push(path);
+    let mut fault_as = |path: &str, found: String, expected: &str| {
+        if !reported_paths.iter().any(|known| known == path) {
+            report.add_fault(path, found, expected);
+            reported_paths.push(path.to_string());
         }
     };
+    let number = |name: &str, x: f64| format!("{name} {}", number_text(x));
+    let expected = "numbers below 1e99, and sizes and masses of at least 1e-99";
     for (k, (body, state)) in
         write::bodies_file(scene, population).0.iter().zip(write::dof_file(population).bodies).enumerate()
     {
@@ -230,21 +229,28 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
         let density = scene.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
         let mass = density * sphere_volume(body.equivalent_radius);
         let sizes = [("radius", body.equivalent_radius), ("mass", mass)];
-        let inertia = body.inertia.into_iter().flatten().map(|moment| ("inertia", moment));
+        let moments = body.inertia.unwrap_or([1.0; 3]);
+        let [least, most] =
+            [moments.iter().fold(f64::INFINITY, |a, b| a.min(*b)), moments.iter().fold(0.0, |a: f64, b| a.max(*b))];
+        if least <= f64::EPSILON * most && most < 1e99 {
+            let found = "its moment of inertia about its long axis is lost in the rounding of the other two";
+            fault_as(&path, found.to_string(), "a shape at most 1e7 times as long as it is wide");
+        }
+        let inertia = moments.map(|moment| ("inertia", moment));
         for (name, x) in sizes.into_iter().chain(inertia).filter(|(_, x)| !check::is_positive(*x)) {
-            fault(path.clone(), name, x);
+            fault_as(&path, number(name, x), expected);
         }
         let position = body.position.map(|x| ("position", x));
         let velocity = state.velocity.map(|x| ("velocity", x));
         for (name, x) in position.into_iter().chain(velocity).filter(|(_, x)| !check::fits_files(*x)) {
-            fault(path.clone(), name, x);
+            fault_as(&path, number(name, x), expected);
         }
     }
     let alert = write::default_alert(population);
     let used =
         !grains.is_empty() && scene.contacts.iter().any(|contact| contact.law.is_some() && contact.alert.is_none());
     if used && !check::is_positive(alert) {
-        fault("contacts".to_string(), "alert", alert);
+        fault_as("contacts", number("alert", alert), expected);
     }
 }
 

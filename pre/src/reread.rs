@@ -8,6 +8,7 @@ use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
 use cd_formats::error::{Faults, RecordFault};
+use cd_formats::names::{number_text, rounded_number};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::AsciiText;
 use cd_formats::tact_behav::TactBehav;
@@ -54,7 +55,11 @@ pub fn check_files<'a>(
                 let extent = 2.0 * checked.bounding_radius(body);
                 let short = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period);
                 let Some(period) = short else { continue };
-                let found = format!("up to {extent} m long in a scene with the period {period} m");
+                let found = format!(
+                    "up to {} m long in a scene with the period {} m",
+                    rounded_number(extent),
+                    number_text(period)
+                );
                 RecordFault::new(found, "expected less than half of that")
             }
         };

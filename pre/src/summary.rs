@@ -34,8 +34,8 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
         _ if polyhedra == count => format!("{} ({})", count_text(count, "polyhedron"), vertex_count_text(grains)),
         _ => format!("{} and {}", count_text(count - polyhedra, "sphere"), count_text(polyhedra, "polyhedron")),
     };
-    // Numbers below 0.01 have five digits.
-    let digits = |x: f64| if x < 0.01 { format!("{x:.4e}") } else { format!("{x:.5}") };
+    // Numbers below 0.01 and above 1e6 have five digits.
+    let digits = |x: f64| if (0.01..1e6).contains(&x) { format!("{x:.5}") } else { format!("{x:.4e}") };
     let [min, max, mean] = [min, max, mean].map(digits);
     format!("{name}: {kind}, radius {min} to {max} m (mean {mean} m), mass {mass:.6e} kg")
 }

@@ -101,7 +101,7 @@ fn mistakes_in_the_text_are_placed() {
         (
             "IQS_CLB(friction: 0.4)",
             "IQS_CLB(0.4)",
-            "4:42: law 1, kind 1: 0.4; expected name: value, with the field friction",
+            "4:42: law 1, kind: 0.4; expected name: value, with the field friction",
         ),
         (
             "\"ROCKx\", density",
@@ -187,7 +187,7 @@ fn settings_are_rejected_by_their_own_text() {
         ("compute.output_evry=5", "unknown field 'output_evry'; did you mean output_every?"),
         ("grain.1.number=5", "no 'grain' in the file; did you mean grains?"),
         ("grains.1.material=\"ROCK", "value: no '\"' behind \"ROCK; expected '\"' at the end of the text"),
-        ("laws.1.kind.friction=-1", "-1.0; expected a finite number >= 0"),
+        ("laws.1.kind.friction=-1", "-1; expected a finite number >= 0"),
         ("walls.1.velocity=(0, 0, 1)", "0; expected a function, one of Constant, Harmonic, Table, such as Constant(0)"),
     ] {
         assert_eq!(said(set), (2, format!("cd-pre: options: set {set}: {message}\n")));
@@ -201,16 +201,16 @@ fn settings_are_rejected_by_their_own_text() {
 #[test]
 fn doubtful_values_are_asked_about_and_accepted() {
     for (from, to, warning) in [
-        ("2700.0", "2.7", "3:42: material 1, density: 2.7; did you mean kg/m^3? 2.7 g/cm^3 are 2700.0 kg/m^3"),
+        ("2700.0", "2.7", "3:42: material 1, density: 2.7; did you mean kg/m^3? 2.7 g/cm^3 are 2700 kg/m^3"),
         (
             "2700.0",
             "2700e3",
-            "3:42: material 1, density: 2700000.0; did you mean kg/m^3? water has 1000, rock 2500 to 3500",
+            "3:42: material 1, density: 2700e3; did you mean kg/m^3? water has 1000, rock 2500 to 3500",
         ),
         (
             "friction: 0.4",
             "friction: 50",
-            "4:52: law 1, kind, friction: 50.0; did you mean an angle? 50.0 degrees are 1.192",
+            "4:52: law 1, kind, friction: 50; did you mean an angle? 50 degrees are 1.192",
         ),
         (
             "-11.0),",
@@ -237,7 +237,7 @@ fn doubtful_values_are_asked_about_and_accepted() {
         (
             "spin: (0.0, 0.0, 0.1)",
             "spin: (0.0, 0.0, 0.1), orientation: (axis: (0, 0, 1), angle: 45)",
-            "11:70: grains 1, orientation, angle: 45.0; did you mean degrees? 45.0 degrees are 0.785 rad",
+            "11:70: grains 1, orientation, angle: 45; did you mean degrees? 45 degrees are 0.785 rad",
         ),
         (
             "walls: [",
@@ -273,7 +273,7 @@ fn doubtful_values_are_asked_about_and_accepted() {
 #[test]
 fn events_before_the_start_are_rejected() {
     let event = "events: [(time: 1, action: Bond),\n (time: -1, action: AddSpin((0, 0, 1)))]";
-    let message = "15:9: compute, event 2, time: -1.0 s is before the start of the run; expected at least 0.0 s";
+    let message = "15:9: compute, event 2, time: -1 s is before the start of the run; expected at least 0 s";
     assert_eq!(said("self_gravity: true", event), format!("scene.ron:{message}"));
 }
 
@@ -284,17 +284,13 @@ fn grains_larger_than_their_region_are_named() {
     assert!(said.starts_with("scene.ron:10:20: grains 1, placement: the smallest grain, of radius 8"), "{said}");
     assert!(
         said.ends_with(
-            " m, is larger than a ball of radius 10.00000 m; expected smaller grains or a larger envelope, lengths in m"
+            " m, is larger than a ball of radius 10 m; expected smaller grains or a larger envelope, lengths in m"
         ),
         "{said}"
     );
     let (small, both) = ("Uniform(min: 0.5, max: 1.0)", "List([0.5, 12.0])");
     let scene = GOOD.replacen("number: 20,", "", 1).replacen(small, both, 1);
-    assert!(
-        faults(&scene).contains("the largest grain, of radius 12.0 m, is larger than a ball"),
-        "{}",
-        faults(&scene)
-    );
+    assert!(faults(&scene).contains("the largest grain, of radius 12 m, is larger than a ball"), "{}", faults(&scene));
 }
 
 #[test]
@@ -393,7 +389,7 @@ fn numbers_with_something_behind_them() {
 fn friction_of_an_event_is_questioned() {
     let event = "output_every: 10, events: [(time: 1.0, action: SetFriction(\"iqsc0\", 50.0))],";
     let (code, text) = made(&GOOD.replace("output_every: 10,", event), &[]);
-    let line = "cd-pre: warning: scene.ron:14:54: compute, event 1: SetFriction 50.0; did you mean an angle? 50.0 degrees are \
+    let line = "cd-pre: warning: scene.ron:14:54: compute, event 1: SetFriction 50; did you mean an angle? 50 degrees are \
                 1.192\n";
     assert_eq!((code, text.as_str()), (0, line));
 }
@@ -443,4 +439,119 @@ fn datbox_names_the_models_that_it_is_from() {
     assert_eq!(origin.change_warning(folder.path()), None);
     std::fs::write(folder.path().join("models/stone.obj"), "v").unwrap();
     assert!(origin.change_warning(folder.path()).unwrap().contains("models/stone.obj has changed since"));
+}
+
+#[test]
+fn all_values_of_wrong_type_and_all_missing_fields_are_reported_at_once() {
+    let many = faults_of_changed(
+        &GOOD,
+        &[
+            ("gravity:", "gravty:"),
+            ("density: 2700.0", "density: \"2700\""),
+            ("friction: 0.4", ""),
+            ("number: 20", "number: 50.5"),
+            (", max: 1.0)", ")"),
+            ("colour: \"BLUEx\",", "color: \"BLUEx\","),
+            ("output_every: 10", "output_every: -10"),
+        ],
+    );
+    let lines = [
+        "2:5: scene: unknown field 'gravty'; did you mean gravity?",
+        "3:42: material 1, density: \"2700\"; expected a number",
+        "4:34: law 1, kind: no field 'friction'; expected the field friction of IQS_CLB",
+        // Only the colour's name is wrong; it is not reported as missing, too.
+        "7:28: grains 1: unknown field 'color'; did you mean colour?",
+        "8:17: grains 1, number: 50.5; expected an integer",
+        "9:16: grains 1, sizes: no field 'max'; expected the field max of Uniform",
+        "14:41: compute, output_every: -10; expected an integer of 0 or more",
+    ];
+    assert_eq!(many, lines.map(|line| format!("scene.ron:{line}")).join("\n"));
+    // Each field of a record that is missing, for each kind of record.
+    let wall = GOOD.find("Plate(").unwrap()..GOOD.find("    compute:").unwrap();
+    let scene = format!("{}Plate(normal: (0, 0, 1))],\n{}", &GOOD[..wall.start], &GOOD[wall.end..]);
+    let scene = scene
+        .replace("(name: \"ROCKx\", density: 2700.0)", "()")
+        .replace("IQS_CLB(friction: 0.4)", "IQS_DS_ROLL_CLB(static_friction: 0.4)")
+        .replace("(dt: 1.0e-3,", "(fields: [Oblate(mass: 1.0)], events: [()],");
+    let said = faults(&scene);
+    for expected in [
+        "material 1: no fields 'name', 'density'; expected the fields name, density",
+        "law 1, kind: no fields 'dynamic_friction', 'rolling_friction', 'spinning_friction'; expected the fields \
+         dynamic_friction, rolling_friction, spinning_friction of IQS_DS_ROLL_CLB",
+        "wall 1: no fields 'material', 'colour', 'centre', 'half_lengths'; expected the fields material, colour, centre, \
+         half_lengths of Plate",
+        "compute, field 1: no fields 'position', 'radius', 'j2', 'axis'; expected the fields position, radius, j2, axis of \
+         Oblate",
+        "compute, event 1: no fields 'time', 'action'; expected the fields time, action",
+    ] {
+        assert!(said.contains(expected), "{expected}\n{said}");
+    }
+    assert_eq!(said.lines().count(), 5, "{said}");
+    // The fields behind a misspelt kind are read.
+    let kind = "scene.ron:4:34: law 1, kind: unknown 'IQS_CBL'; did you mean IQS_CLB?\n\
+                scene.ron:4:42: law 1, kind: unknown field 'frction'; did you mean friction?";
+    assert_eq!(faults_of_changed(&GOOD, &[("IQS_CLB(friction", "IQS_CBL(frction")]), kind);
+    // Fields of a file of another kind are one fault.
+    let other = "scene.ron:1:2: scene: unknown fields 'groups', 'base'; expected one of seed, gravity, materials, laws, \
+                 contacts, grains, walls, compute";
+    assert_eq!(faults("(groups: [], base: \"a\")"), other);
+}
+
+#[test]
+fn numbers_are_shown_as_they_are_written() {
+    check(&[
+        ("-9.81)", "0x10)", "2:25: gravity 3: 0x10; expected a decimal number, 16"),
+        ("-9.81)", "1.2.3)", "2:25: gravity 3: 1.2.3; expected a number"),
+        ("-9.81)", "1e400)", "2:25: gravity 3: 1e400; expected a finite number (m/s^2), below 1e99 in magnitude"),
+        ("2700.0", "-2700.00", "3:42: material 1, density: -2700.00; expected a density > 0 kg/m^3"),
+        ("2700.0", "1e-400", "3:42: material 1, density: 1e-400; expected a density > 0 kg/m^3, at least 1e-99"),
+        ("1.0e-3", "1e400", "14:19: compute, dt: 1e400; expected a finite time step > 0 s, below 1.8e308 in magnitude"),
+        (
+            "dt: 1.0e-3",
+            "dt: 1e-20, end_time: 1e5",
+            "14:36: compute, end_time: 100000 s with dt 1e-20 s are 1e25 steps; expected at most 9e15 steps: a larger dt or a \
+             smaller end_time",
+        ),
+        ("Uniform(min: 0.5, max: 1.0)", "Single(-1)", "9:23: grains 1, sizes: -1; expected a radius > 0 m"),
+    ]);
+}
+
+#[test]
+fn events_that_no_step_reaches_are_a_warning() {
+    let with_event = |time: &str| {
+        let event = format!("dt: 1.0e-3, end_time: 0.01, events: [(time: {time}, action: Bond)]");
+        made(&GOOD.replace("dt: 1.0e-3", &event), &[])
+    };
+    assert_eq!(with_event("0.009"), (0, String::new()));
+    let late = "cd-pre: warning: scene.ron:14:59: compute, event 1, time: no step begins at 0.01 s or later, the last begins at \
+                0.009 s; give an earlier time, or a later end of the run\n";
+    assert_eq!(with_event("0.01"), (0, late.into()));
+}
+
+#[test]
+fn unknown_options_are_named_in_front_of_other_words() {
+    for (words, expected) in [
+        (&["--sett", "a=1"][..], "--sett: is no option of cd-pre; did you mean --set?"),
+        (&["scene.ron", "--sett", "a=1"], "--sett: is no option of cd-pre; did you mean --set?"),
+        (
+            &["from-outbox", "--change", "x", "a", "b"],
+            "--change: is no option of cd-pre from-outbox; did you mean --changes?",
+        ),
+        (&["--changes", "x"], "--changes: is no option of cd-pre; did you mean --changes of cd-pre from-outbox?"),
+        (&["from-outbox", "a", "b", "c"], "c: is not expected here; expected from-outbox CASE DIR"),
+        (&[], "no <scene.ron>; expected cd-pre <scene.ron> (see cd-pre --help)"),
+    ] {
+        assert_eq!(cd_pre(words), (2, format!("cd-pre: {expected}\n")));
+    }
+}
+
+#[test]
+fn a_needle_is_named_as_such() {
+    let needle =
+        "shape: Box(lengths: (1e9, 1, 1)), placement: List(positions: [(0, 0, 0)]),\n        spin: (0.0, 0.0, 0.0),";
+    let grains = GOOD.find("number: 20,").unwrap()..GOOD.find("    )],\n    walls").unwrap();
+    let said = faults(&format!("{}{needle}\n{}", &GOOD[..grains.start], &GOOD[grains.end..]));
+    let expected = "grains 1: its moment of inertia about its long axis is lost in the rounding of the other two; expected a \
+                    shape at most 1e7 times as long as it is wide";
+    assert!(said.contains(expected), "{said}");
 }

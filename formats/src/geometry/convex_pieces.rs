@@ -11,6 +11,7 @@ use nalgebra::Vector3;
 
 use super::faces::{ConvexMesh, FLATNESS_OF_FILES, doubled_area};
 use super::surface::Surface;
+use crate::names::number_text;
 
 type Vec3 = Vector3<f64>;
 
@@ -57,6 +58,7 @@ impl Display for SplitError {
             }
             SplitError::ManyPieces => write!(f, "it has more than {MAX_CONVEX_PIECES} convex pieces"),
             SplitError::IntersectingFaces { pieces, volume } => {
+                let [pieces, volume] = [pieces, volume].map(|x| number_text(*x));
                 write!(f, "its faces intersect: the volume of its pieces is {pieces} m^3, not {volume} m^3")
             }
         }

@@ -11,6 +11,7 @@ use super::rotation::nearest_rotation;
 use super::surface::{MassProperties, Surface, SurfaceFaults};
 use crate::bodies::{Body, Contactor, ShapeRecord};
 use crate::error::RecordFault;
+use crate::names::number_text;
 
 impl Contactor {
     /// Mass properties in the frame of the file, at density 1; zero for a point.
@@ -161,9 +162,9 @@ impl Body {
         let is_positive = |x: f64| x.is_finite() && x > 0.0;
         if !is_positive(mass) || !inertia.into_iter().all(is_positive) {
             let found = if is_positive(mass) {
-                format!("principal inertia {inertia:?} kg m²")
+                format!("principal inertia {} kg m²", inertia.map(number_text).join(", "))
             } else {
-                format!("mass {mass} kg")
+                format!("mass {} kg", number_text(mass))
             };
             return Err(RecordFault::new(found, "expected mass and inertia to be finite and > 0"));
         }

@@ -1,5 +1,7 @@
 //! Interfaces that lose their stiffness as they open: cohesive zones.
 
+use crate::names::{number_text, rounded_number};
+
 /// Elastic interface with damage between two surfaces, per unit of area.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LawInterface {
@@ -55,17 +57,20 @@ impl LawInterface {
             let elastic = strength / stiffness(sliding);
             let start = plateau.map_or(elastic, |plateau| if sliding { plateau.sliding } else { plateau.opening });
             if start < elastic {
-                let expected = format!("at least strength over stiffness, {elastic:e} m");
-                found.push((InterfaceParameter::Plateau { sliding }, format!("{start:?}"), expected));
+                let expected = format!("at least strength over stiffness, {} m", rounded_number(elastic));
+                found.push((InterfaceParameter::Plateau { sliding }, number_text(start), expected));
             }
             let taken = strength * (start.max(elastic) - 0.5 * elastic);
             if energy <= taken {
-                let expected = format!("more than {taken:e} J/m², which the interface takes before its stress falls");
-                found.push((InterfaceParameter::Energy { sliding }, format!("{energy:?}"), expected));
+                let expected = format!(
+                    "more than {} J/m², which the interface takes before its stress falls",
+                    rounded_number(taken)
+                );
+                found.push((InterfaceParameter::Energy { sliding }, number_text(energy), expected));
             }
         }
         if let Some(rest) = rest.filter(|rest| *rest >= 1.0) {
-            found.push((InterfaceParameter::Rest, format!("{rest:?}"), "less than 1".into()));
+            found.push((InterfaceParameter::Rest, number_text(rest), "less than 1".into()));
         }
         found
     }

@@ -1,10 +1,11 @@
 //! Reading of RON texts, with errors at the position of the mistake, in plain words.
 //!
 //! [`syntax_faults`] finds all faults of the text itself (brackets, commas, quotes, comments) at once. A text without
-//! such faults is parsed by the RON library. Its error is described with the value at its position; the library's own
-//! text never reaches the user.
+//! such faults is parsed by the RON library. Its error is described with the value at its position, and reading continues
+//! behind it; the library's own text never reaches the user.
 
 mod parse;
+mod recovery;
 mod syntax;
 
 use std::path::Path;
@@ -12,17 +13,19 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 
 use crate::error::{Fault, Faults};
-use crate::names::path_in_words;
 pub use crate::names::{known_names, nearest_name};
+use crate::value_locations::ValueLocations;
 
 pub(crate) use parse::{parse_ron, ron_options};
+pub(crate) use syntax::display_text;
 pub use syntax::{TextFault, line_and_column, syntax_faults};
 
 /// Faults of the text of a file, with line and column; `object` is the name of the text as a whole.
 pub(crate) fn located_faults(path: &Path, text: &str, object: &str, mistakes: Vec<TextFault>) -> Faults {
+    let locations = ValueLocations::from_text(text);
     let fault = |mistake: TextFault| {
         let (line, column) = line_and_column(text, mistake.at);
-        let object = if mistake.path.is_empty() { object.to_string() } else { path_in_words(&mistake.path) };
+        let object = if mistake.path.is_empty() { object.to_string() } else { locations.path_in_words(&mistake.path) };
         Fault { column: Some(column), ..Fault::new(path, Some(line), object, mistake.found, mistake.expected) }
     };
     Faults(mistakes.into_iter().map(fault).collect())
@@ -35,8 +38,9 @@ pub struct FlagError(String);
 impl FlagError {
     /// Error of the value `text` with these mistakes.
     pub(crate) fn new(text: &str, mistakes: &[TextFault]) -> FlagError {
+        let locations = ValueLocations::from_text(text);
         let one = |TextFault { at, path, found, expected }: &TextFault| {
-            let of = if path.is_empty() { String::new() } else { format!("{}: ", path_in_words(path)) };
+            let of = if path.is_empty() { String::new() } else { format!("{}: ", locations.path_in_words(path)) };
             format!("column {}: {of}{found}; {expected}", line_and_column(text, *at).1)
         };
         FlagError(mistakes.iter().map(one).collect::<Vec<_>>().join("; "))

@@ -1,9 +1,10 @@
 //! Parsing by the RON library, with its errors in plain words.
 
-use ron::error::Error;
+use ron::error::{Error, SpannedError};
 use serde::de::DeserializeOwned;
 
-use super::syntax::{MAX_DEPTH, RonParser, TextFault, ValueNode, begins_with_number, display_text};
+use super::recovery::type_faults;
+use super::syntax::{MAX_DEPTH, RonParser, TextFault, ValueNode, begins_with_number, display_text, syntax_faults};
 use crate::names::known_names;
 
 /// RON options of our files: `field: x` is read as `field: Some(x)`.
@@ -15,8 +16,8 @@ pub(crate) fn ron_options() -> ron::Options {
 pub fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, Vec<TextFault>> {
     // Only the library decides which texts are accepted.
     ron_options().from_str(text).map_err(|error| {
-        let (nodes, mistakes) = RonParser::parse(text);
-        if mistakes.is_empty() { vec![describe_error::<T>(text, &nodes, &error)] } else { mistakes }
+        let mistakes = syntax_faults(text);
+        if mistakes.is_empty() { type_faults::<T>(text, error) } else { mistakes }
     })
 }
 
@@ -31,14 +32,54 @@ fn byte_offsets(text: &str, line: usize, column: usize) -> (usize, usize) {
     (raw, if parser.at < text.len() { parser.at } else { raw })
 }
 
-/// Describes the library's error in words.
-fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &ron::error::SpannedError) -> TextFault {
-    let (raw, at) = byte_offsets(text, error.span.start.line, error.span.start.col);
-    let inner = |holds: &dyn Fn(&ValueNode) -> bool| {
-        nodes.iter().filter(|node| holds(node)).min_by_key(|node| node.span.end - node.span.start)
+/// Position of an error of the library, and the values there.
+pub struct ErrorSite<'a> {
+    /// Byte at which the library stopped.
+    pub raw: usize,
+    /// Next byte that is neither blank nor comment.
+    at: usize,
+    /// Innermost value there.
+    pub value: Option<&'a ValueNode>,
+    /// Value whose name is there.
+    pub named: Option<&'a ValueNode>,
+}
+
+impl<'a> ErrorSite<'a> {
+    /// Site of an error in a text with these values.
+    pub fn new(text: &str, nodes: &'a [ValueNode], error: &SpannedError) -> Self {
+        let (raw, at) = byte_offsets(text, error.span.start.line, error.span.start.col);
+        let value = innermost(nodes, |node| node.span.start <= at && at < node.span.end.max(node.span.start + 1));
+        let named = innermost(nodes, |node| node.name.as_ref().is_some_and(|name| name.start <= at && at < name.end));
+        ErrorSite { raw, at, value, named }
+    }
+
+    /// Name of the record that lacks a field, as in ` of IQS_CLB`, if it is written there.
+    pub fn kind_of_record(&self, text: &str, error: &SpannedError) -> String {
+        let Error::MissingStructField { outer: Some(kind), .. } = &error.code else { return String::new() };
+        let is_written = self.value.is_some_and(|node| text[node.span.clone()].starts_with(&kind[..]));
+        if is_written { format!(" of {kind}") } else { String::new() }
+    }
+}
+
+/// Shortest of the values for which `holds`.
+fn innermost(nodes: &[ValueNode], holds: impl Fn(&ValueNode) -> bool) -> Option<&ValueNode> {
+    nodes.iter().filter(|node| holds(node)).min_by_key(|node| node.span.len())
+}
+
+/// Fault of a record without some fields.
+pub fn missing_fields_fault(at: usize, path: String, fields: &[String], kind: &str) -> TextFault {
+    let (noun, quoted) = match fields {
+        [one] => ("field", format!("'{one}'")),
+        all => ("fields", all.iter().map(|field| format!("'{field}'")).collect::<Vec<_>>().join(", ")),
     };
-    let value = inner(&|node| node.span.start <= at && at < node.span.end.max(node.span.start + 1));
-    let named = inner(&|node| node.name.as_ref().is_some_and(|name| name.start <= at && at < name.end));
+    let expected = format!("expected the {noun} {}{kind}", fields.join(", "));
+    TextFault { at, path, found: format!("no {noun} {quoted}"), expected }
+}
+
+/// Describes the library's error in words.
+pub fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &SpannedError) -> TextFault {
+    let site = ErrorSite::new(text, nodes, error);
+    let ErrorSite { raw, at, value, named } = site;
     let text_of = |node: &ValueNode| display_text(&text[node.span.clone()]);
     let of = |node: Option<&ValueNode>, found: String, expected: String| {
         let (at, path) = node.map_or((at, String::new()), |node| (node.span.start, node.path.clone()));
@@ -62,11 +103,9 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
             let found = format!("'{field}' occurs twice");
             return TextFault { at, path: holder(named), found, expected: "expected it once".into() };
         }
-        Error::MissingStructField { field, outer } => {
-            let kind =
-                outer.as_ref().filter(|kind| value.is_some_and(|node| text[node.span.clone()].starts_with(*kind)));
-            let kind = kind.map_or(String::new(), |kind| format!(" of {kind}"));
-            return of(value, format!("no field '{field}'"), format!("expected the field {field}{kind}"));
+        Error::MissingStructField { field, .. } => {
+            let (at, path) = value.map_or((at, String::new()), |node| (node.span.start, node.path.clone()));
+            return missing_fields_fault(at, path, &[field.to_string()], &site.kind_of_record(text, error));
         }
         Error::NoSuchEnumVariant { expected, found, .. } => {
             return of(value, format!("unknown '{found}'"), known_names(found, expected));
@@ -125,7 +164,8 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
         }
     }
     // A variant whose fields were left out.
-    let bare = inner(&|node| node.span.end == raw && text[node.span.clone()].starts_with(char::is_alphabetic));
+    let bare =
+        innermost(nodes, |node| node.span.end == raw && text[node.span.clone()].starts_with(char::is_alphabetic));
     if let Some(node) = bare.filter(|node| !text[node.span.clone()].contains('(')) {
         let kind = text_of(node);
         let fields = match probe_error::<T>(text, node, &format!("{kind}({UNKNOWN_NAME}: 0)")) {
@@ -154,8 +194,16 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
     {
         return wrong(&format!("( ) around {}", field_list(expected)));
     }
+    // Digits that are no decimal number.
+    if begins_with_number(&text[node.span.clone()]) && node.span.start < raw && raw < node.span.end {
+        let word = &text[node.span.clone()];
+        let digits =
+            |prefix: &str, base| word.strip_prefix(prefix).and_then(|rest| u64::from_str_radix(rest, base).ok());
+        let decimal = digits("0x", 16).or_else(|| digits("0b", 2)).or_else(|| digits("0o", 8));
+        return wrong(&decimal.map_or("a number".into(), |decimal| format!("a decimal number, {decimal}")));
+    }
     // Too many values in the enclosing bracket.
-    let around = inner(&|node| node.span.start < raw && raw < node.span.end && Some(node) != value);
+    let around = innermost(nodes, |node| node.span.start < raw && raw < node.span.end && Some(node) != value);
     for (node, found) in
         [(value, value.map(text_of)), (around, around.map(|list| format!("too many values in {}", text_of(list))))]
     {
@@ -178,7 +226,7 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
 }
 
 /// Name that no type has.
-const UNKNOWN_NAME: &str = "Unknown_name";
+pub const UNKNOWN_NAME: &str = "Unknown_name";
 
 /// Error of the library after a value is replaced by another text, if the error concerns that value.
 fn probe_error<T: DeserializeOwned>(text: &str, node: &ValueNode, other: &str) -> Option<Error> {

@@ -114,6 +114,10 @@ impl<'a> RonParser<'a> {
                     Some(close @ (')' | ']' | '}')) => {
                         parser.add_fault(parser.at, "", &format!("'{close}' closes nothing"), "expected nothing more");
                     }
+                    Some(next) if next.is_alphabetic() && begins_with_number(&text[start..parser.last_end]) => {
+                        let found = display_text(&text[start..]);
+                        parser.add_fault(start, "", &found, "expected a number without unit");
+                    }
                     _ => parser.add_fault(parser.at, "", &format!("'{rest}' behind the end"), "expected nothing more"),
                 }
             }

@@ -27,6 +27,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
+use crate::names::number_text;
 pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
 pub use forms::{LenientForm, LenientForms};
 pub use numbers::{NumberError, format_d14, format_e14, format_integer, format_long14, fortran_real, free_real};
@@ -354,7 +355,7 @@ impl<'a> LineScanner<'a> {
     pub fn read_length(&mut self, line: TextLine, first: usize, what: &str) -> f64 {
         let value = self.read_real(line, first, what);
         if value < 0.0 {
-            self.add_fault(line.number, format!("{what} is {value:?}"), "expected 0 or more");
+            self.add_fault(line.number, format!("{what} is {}", number_text(value)), "expected 0 or more");
         }
         value
     }
@@ -363,7 +364,7 @@ impl<'a> LineScanner<'a> {
     pub fn read_positive(&mut self, line: TextLine, first: usize, what: &str) -> f64 {
         let value = self.read_real(line, first, what);
         if value <= 0.0 {
-            self.add_fault(line.number, format!("{what} is {value:?}"), "expected more than 0");
+            self.add_fault(line.number, format!("{what} is {}", number_text(value)), "expected more than 0");
         }
         value
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::names::rounded_number;
 use cd_formats::snapshot::Snapshot;
 
 use crate::derive::SeriesValue;
@@ -414,8 +415,8 @@ fn rms_distance((time, a): &Positions, (other, b): &Positions, radius: f64) -> f
 fn times_text(times: &[f64]) -> String {
     match times {
         [] => "no snapshot".into(),
-        [one] => format!("one at {one} s"),
-        [first, .., last] => format!("{} from {first} to {last} s", times.len()),
+        [one] => format!("one at {} s", rounded_number(*one)),
+        [first, .., last] => format!("{} from {} to {} s", times.len(), rounded_number(*first), rounded_number(*last)),
     }
 }
 
@@ -464,10 +465,11 @@ impl ReferenceRun<'_> {
             .map(|(found, exact)| (&found.observables, &exact.observables))
             .collect();
         if let ([(found, exact), ..], []) = (&at_once[..], &shared[..]) {
-            let found = format!("{} s at t = {} s", found.interval, found.time);
+            let found = format!("{} s at t = {} s", rounded_number(found.interval), rounded_number(found.time));
             let expected = format!(
                 "expected {} s, as in {}: choose output_every so that output_every × dt is equal",
-                exact.interval, finest.name
+                rounded_number(exact.interval),
+                finest.name
             );
             faults.push(Fault::new(&series_path(&run.case), None, "interval", found, expected));
         } else if shared.is_empty() {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::names::number_text;
 use cd_formats::ron_text::known_names;
 use cd_formats::snapshot::Snapshot;
 
@@ -282,10 +283,10 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     let counts = from.map_or(last, as_there)..=until;
     let taken: Vec<usize> = (0..times.len()).filter(|&k| counts.contains(&times[k])).collect();
     if taken.is_empty() {
-        let found = times.last().map_or("has no snapshot".into(), |time| format!("ends at {time} s"));
-        let end = if until.is_finite() { format!(" to --until {until} s") } else { String::new() };
+        let found = times.last().map_or("has no snapshot".into(), |time| format!("ends at {} s", number_text(*time)));
+        let end = if until.is_finite() { format!(" to --until {} s", number_text(until)) } else { String::new() };
         let expected = match from {
-            Some(from) => format!("expected a snapshot from --from {from} s{end}"),
+            Some(from) => format!("expected a snapshot from --from {} s{end}", number_text(from)),
             None => format!("expected a snapshot{end}"),
         };
         return Err(Fault::new(&path, None, "time", found, expected).into());

@@ -28,7 +28,7 @@ use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::ids::BodyId;
-use cd_formats::names::count_text;
+use cd_formats::names::{count_text, number_text, rounded_number, vector_text};
 use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
@@ -207,7 +207,12 @@ fn select_parts<'a>(changes: &Changes, sources: &'a [SourceCase], report: &mut F
     for (k, (source, selection)) in sources.iter().zip(&changes.bodies).enumerate() {
         match source.select_bodies(selection) {
             Ok(part) => parts.push(part),
-            Err(fault) => report.fault_as(&format!("bodies.{k}"), fault.found, fault.expected),
+            Err(faults) => {
+                for (path, fault) in faults {
+                    let path = format!("bodies.{k}.{path}");
+                    report.fault_as(path.trim_end_matches('.'), fault.found, fault.expected);
+                }
+            }
         }
     }
     parts
@@ -221,7 +226,7 @@ fn check_rotations(changes: &Changes, options: &Compute, report: &mut FaultRepor
         report.require(
             options.allows_rotation_about(&selection.spin),
             &format!("bodies.{k}.spin"),
-            format!("{:?}", selection.spin),
+            vector_text(&selection.spin),
             ROTATION_ABOUT_PERIOD,
         );
     }
@@ -232,8 +237,8 @@ fn check_end(request: &ChangeRequest, state: &SnapshotMeta, options: &Compute, r
     let end = options.end_time.filter(|_| request.changes.keep_time && options.steps.is_none());
     // A run passes its end by less than a step, with the tolerance of its last step.
     if let Some(end) = end.filter(|end| state.time - end > (1.0 - 1e-3) * options.dt.max(state.h)) {
-        let found = format!("{end:?} s is before the state, which keep_time continues");
-        report.add_fault("compute.end_time", found, format!("at least {:?} s", state.time));
+        let found = format!("{} s is before the state, which keep_time continues", number_text(end));
+        report.add_fault("compute.end_time", found, format!("at least {} s", number_text(state.time)));
     }
 }
 
@@ -250,6 +255,9 @@ fn behaviour_tables(
     let changes = &request.changes;
     if request.sets_options() {
         cd_formats::doubts::events(&options.events, "compute.", report);
+        let state = &parts[0].source.snapshot.meta;
+        let start = if changes.keep_time { (state.step, state.time) } else { (0, 0.0) };
+        cd_formats::doubts::late_events(options, start, "compute.", report);
     }
     crate::doubts::report_doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, report);
     for (k, selection) in changes.bodies.iter().enumerate() {
@@ -282,7 +290,7 @@ fn part_summary(part: &SourcePart) -> String {
         "{}: step {}, t = {} s, {} of {} bodies, {} contacts\n",
         case.display(),
         snapshot.meta.step,
-        snapshot.meta.time,
+        rounded_number(snapshot.meta.time),
         part.source_bodies.len(),
         bodies.0.len(),
         part.state.contacts.contact_body.len()

@@ -1,6 +1,7 @@
 //! Options of a run. Flags of cd-solve override COMPUTE.RON, and only the snapshot records them.
 
 use cd_formats::compute::{Compute, Event, EventAction, GravityMethod, event_schedule};
+use cd_formats::names::number_text;
 use cd_formats::snapshot::{RunParameters, SnapshotMeta};
 
 /// Events of COMPUTE.RON that happened before a snapshot.
@@ -103,8 +104,11 @@ pub fn run_options(
     let mut open = Vec::new();
     if adaptive.is_on() {
         if (meta.h / file.dt).round() * file.dt != meta.h {
-            let text =
-                format!("{} as in DATBOX; the last step of the run, {} s, is no multiple of it", file.dt, meta.h);
+            let text = format!(
+                "{} as in DATBOX; the last step of the run, {} s, is no multiple of it",
+                number_text(file.dt),
+                number_text(meta.h)
+            );
             open.push(("dt", text));
         }
     } else if !(is_first && has_start) {

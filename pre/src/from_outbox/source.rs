@@ -13,6 +13,7 @@ use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::groups::{DisjointSets, largest_remnant};
 use cd_formats::ids::BodyId;
 use cd_formats::law_table::is_law_of_points;
+use cd_formats::names::vector_text;
 use cd_formats::snapshot::{
     self, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PairArrays, START_FILE, ShapeArrays,
     Snapshot, TurningArrays,
@@ -146,7 +147,8 @@ impl SourceCase {
         let gravity = snapshot.meta.parameters.uniform_gravity;
         let by_event = |event: &Event| matches!(event.action, EventAction::SetGravity(_));
         if bulk.gravity != gravity && !past_events(&written.events, &snapshot.meta).iter().any(by_event) {
-            let text = format!("{gravity:?} m/s^2 as in the run; BULK_BEHAV.DAT has {:?}", bulk.gravity);
+            let [run, file] = [&gravity, &bulk.gravity].map(|gravity| vector_text(gravity));
+            let text = format!("{run} m/s^2 as in the run; BULK_BEHAV.DAT has {file}");
             notes.push(("uniform gravity", text));
             bulk.gravity = gravity;
         }
@@ -203,7 +205,8 @@ impl SourceCase {
 
     /// Selects bodies and moves them. Errors: a selection without a free body, of walls that do not exist, or of walls
     /// that would be moved.
-    pub fn select_bodies(&self, taken: &Selection) -> Result<SourcePart<'_>, RecordFault> {
+    /// Each fault has the path of its value in the selection, which may be empty.
+    pub fn select_bodies(&self, taken: &Selection) -> Result<SourcePart<'_>, Vec<(String, RecordFault)>> {
         let bodies = &self.snapshot.bodies;
         let is_driven = |body: BodyId| bodies.body_driven[body.index()] != 0;
         let largest = match taken.select {
@@ -224,12 +227,13 @@ impl SourceCase {
             .collect();
         let free: Vec<usize> = (0..source_bodies.len()).filter(|&k| !is_driven(source_bodies[k])).collect();
         if free.is_empty() {
-            return Err(RecordFault::new("no body is free to move", "expected at least one"));
+            return Err(vec![(String::new(), RecordFault::new("no body is free to move", "expected at least one"))]);
         }
         let moved = taken.rotate.angle != 0.0 || taken.centre.is_some();
         if moved && free.len() < source_bodies.len() {
             let expected = "expected walls: false, or neither rotate nor centre";
-            return Err(RecordFault::new("bodies with imposed motion are to be moved", expected));
+            let fault = RecordFault::new("bodies with imposed motion are to be moved", expected);
+            return Err(vec![(String::new(), fault)]);
         }
         let mut state = Snapshot { meta: self.snapshot.meta.clone(), ..Snapshot::default() };
         state.bodies = bodies.select_rows(&source_bodies.iter().map(|body| body.index()).collect::<Vec<_>>());
@@ -271,12 +275,13 @@ impl SourceCase {
     }
 
     /// Whether each row is one of these bodies with imposed motion. Errors: a selector that matches no body.
-    fn excepted_rows(&self, which: &[WallSelector]) -> Result<Vec<bool>, RecordFault> {
+    fn excepted_rows(&self, which: &[WallSelector]) -> Result<Vec<bool>, Vec<(String, RecordFault)>> {
         let driven = &self.snapshot.bodies.body_driven;
         let walls: Vec<usize> = (0..driven.len()).filter(|&row| driven[row] != 0).collect();
         let colours = |row: usize| self.bodies.0[row].contactors.iter().map(|contactor| contactor.colour.as_str());
         let mut excepted = vec![false; driven.len()];
-        for which in which {
+        let mut faults = Vec::new();
+        for (k, which) in which.iter().enumerate() {
             let (found, chosen): (String, Vec<usize>) = match which {
                 WallSelector::Wall(n) => {
                     (format!("Wall({n})"), n.checked_sub(1).and_then(|n| walls.get(n)).copied().into_iter().collect())
@@ -294,20 +299,27 @@ impl SourceCase {
                 known.sort_unstable();
                 known.dedup();
                 let expected = match (walls.first(), walls.last()) {
-                    (Some(first), Some(last)) => format!(
+                    (Some(first), Some(last)) if first < last => format!(
                         "expected one of {} bodies with imposed motion, numbers {} to {}, colours {}",
                         walls.len(),
                         first + 1,
                         last + 1,
                         known.join(", ")
                     ),
+                    (Some(one), _) => {
+                        let colours = known.join(", ");
+                        format!(
+                            "expected Wall(1), the only body with imposed motion: number {}, colour {colours}",
+                            one + 1
+                        )
+                    }
                     _ => "expected none: the run has no bodies with imposed motion".into(),
                 };
-                return Err(RecordFault { found, expected });
+                faults.push((format!("walls_except.{k}"), RecordFault { found, expected }));
             }
             chosen.into_iter().for_each(|row| excepted[row] = true);
         }
-        Ok(excepted)
+        if faults.is_empty() { Ok(excepted) } else { Err(faults) }
     }
 
     /// Rows of bodies whose sphere of equal volume lies below a height along z.

@@ -6,7 +6,7 @@ use cd_formats::bodies::{Bodies, Body, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::compute::{ContactSolver, Event};
 use cd_formats::law_table::LawModel;
-use cd_formats::names::known_names;
+use cd_formats::names::{known_names, number_text};
 use cd_formats::report::FaultReport;
 use cd_formats::snapshot::{DRIVEN_ALL, DRIVEN_TRANSLATION};
 use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
@@ -262,6 +262,10 @@ fn merge_visibility(
             report.require(contact.alert.is_none(), &format!("{path}.alert"), found, "none, or a law");
             continue;
         };
+        let alert_path = format!("{path}.alert");
+        if let Some(alert) = contact.alert {
+            check::check_positive(report, &alert_path, alert, "a distance > 0 m");
+        }
         let Some(law) = laws.iter().find(|law| law.nickname == *name) else {
             let names: Vec<&str> = laws.iter().map(|law| law.nickname.as_str()).collect();
             let found = format!("'{name}' is not defined");
@@ -269,9 +273,9 @@ fn merge_visibility(
             continue;
         };
         let alert = contact.alert.unwrap_or_else(|| default_alert(parts, grains).max(attraction_range(law)));
-        let holds = check::is_positive(alert) && alert >= attraction_range(law);
-        let expected = "a distance > 0 m, at least the range of the law";
-        report.require(holds, &format!("{path}.alert"), format!("{alert:?}"), expected);
+        let is_short = check::is_positive(alert) && alert < attraction_range(law);
+        let expected = format!("at least the range of the law, {} m", number_text(attraction_range(law)));
+        report.require(!is_short, &alert_path, report.number_text(&alert_path, alert), &expected);
         let moves = |colour: &str| groups.iter().any(|group| group.moving.contains(colour));
         let mut met = contact_pairs(&all, named[k]);
         if moves(a) || moves(b) {

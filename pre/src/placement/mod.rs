@@ -18,6 +18,7 @@ pub mod sequential;
 
 use std::rc::Rc;
 
+use cd_formats::names::number_text;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::random::{RandomStream, StreamPurpose};
@@ -131,7 +132,7 @@ pub fn place_grains(
     let many = least > MAX_BODIES as f64 || drawn.len() > MAX_BODIES;
     if drawn.is_empty() || many {
         let count = if many { format!("more than {MAX_BODIES} grains") } else { "no grain".to_string() };
-        let found = format!("{count} for a solid fraction of {:?} in {region}", grains.solid_fraction.unwrap_or(0.0));
+        let found = format!("{count} for a solid fraction of {} in {region}", grains.solid_fraction.unwrap_or(0.0));
         return Err(PlacementError { found, expected: "another solid fraction, envelope or size of grains" });
     }
     if let (false, Some(share)) = (sized, grains.solid_fraction) {
@@ -211,7 +212,7 @@ fn expect_smaller(region: &GrainRegion, grains: &[SampledGrain]) -> Result<(), P
     let sizes = grains.iter().map(|grain| grain.reach);
     let (smallest, largest) = (sizes.clone().fold(f64::INFINITY, f64::min), sizes.fold(0.0, f64::max));
     let larger = |which: &str, radius: f64| PlacementError {
-        found: format!("the {which} grain, of radius {radius:?} m, is larger than {region}"),
+        found: format!("the {which} grain, of radius {} m, is larger than {region}", number_text(radius)),
         expected: "smaller grains or a larger envelope, lengths in m",
     };
     if smallest > half {
@@ -239,8 +240,9 @@ fn jittered_lattice(
     let closest = 2.0 * (largest + margin);
     let (mut sites, distance) = lattice::lattice_sites(region, grains.len(), closest, random).map_err(|sites| PlacementError {
         found: format!(
-            "{} grains, the largest of radius {largest:?} m, in {region}: the lattice has {sites} sites",
-            grains.len()
+            "{} grains, the largest of radius {} m, in {region}: the lattice has {sites} sites",
+            grains.len(),
+            number_text(largest)
         ),
         expected: "fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very unequal grains",
     })?;
@@ -448,7 +450,7 @@ mod tests {
         let lattice =
             spot(&tight(GrainPlacement::JitteredLattice { envelope: envelope(), jitter: 1.0 }), 1, 0).unwrap_err();
         assert!(
-            lattice.found.starts_with("1000 grains, the largest of radius 1.0 m, in a ball of radius 10.0"),
+            lattice.found.starts_with("1000 grains, the largest of radius 1 m, in a ball of radius 10 m"),
             "{lattice:?}"
         );
         let random = spot(&tight(GrainPlacement::RandomSequential { envelope: envelope() }), 1, 0).unwrap_err();

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
+use cd_formats::names::six_digits;
 use nalgebra::Vector3;
 
 use super::inside::SurfaceRegion;
@@ -124,13 +125,18 @@ impl GrainRegion {
 
 impl std::fmt::Display for GrainRegion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let three = |[a, b, c]: [f64; 3]| format!("({a:.5}, {b:.5}, {c:.5})");
+        let three = |[a, b, c]: [f64; 3]| format!("({})", [a, b, c].map(six_digits).join(", "));
         match self {
-            GrainRegion::Ball(radius) => write!(f, "a ball of radius {radius:.5} m"),
+            GrainRegion::Ball(radius) => write!(f, "a ball of radius {} m", six_digits(*radius)),
             GrainRegion::Ellipsoid(axes) => write!(f, "an ellipsoid of semi-axes {} m", three(*axes)),
             GrainRegion::Box(halves) => write!(f, "a box of lengths {} m", three(halves.map(|half| 2.0 * half))),
             GrainRegion::Cylinder { half_height, radius } => {
-                write!(f, "a cylinder of radius {radius:.5} m and length {:.5} m", 2.0 * half_height)
+                write!(
+                    f,
+                    "a cylinder of radius {} m and length {} m",
+                    six_digits(*radius),
+                    six_digits(2.0 * half_height)
+                )
             }
             GrainRegion::Inside(inside) => write!(f, "a surface around {:.6e} m^3", inside.volume()),
         }

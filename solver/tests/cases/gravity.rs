@@ -187,7 +187,7 @@ fn orbits_beside_masses_at_rest_and_turning_axes_are_rejected() {
     assert_eq!(faults(vec![orbiting.clone(), orbiting.clone()]), "");
     for other in [rest, turning] {
         let text = faults(vec![orbiting.clone(), other]);
-        assert!(text.contains("only fields with an orbit"), "{text}");
+        assert!(text.contains("fields that all have an orbit, or none"), "{text}");
     }
     for field in [both, bare] {
         let text = faults(vec![field]);

@@ -1,0 +1,261 @@
+//! Continuation behind values that do not fit their types, so that all of them are reported together.
+
+use std::ops::Range;
+
+use ron::error::{Error, SpannedError};
+use serde::de::DeserializeOwned;
+
+use super::parse::{ErrorSite, UNKNOWN_NAME, describe_error, missing_fields_fault, ron_options};
+use super::syntax::{RonParser, TextFault, ValueNode};
+use crate::names::nearest_name;
+
+/// Number of faults after which reading stops: more are not read.
+const MAX_FAULTS: usize = 20;
+
+/// Length of a text, bytes, beyond which the first fault alone is found: each further one needs up to a dozen readings.
+const MAX_TEXT_LENGTH: usize = 1 << 20;
+
+/// Values one of which fits most types, in place of one that does not fit.
+const STAND_INS: [&str; 10] =
+    ["0", "None", "\"\"", "true", "[]", "(0, 0, 0)", "(0, 0)", "(\"\", \"\")", "(None, None, None)", "()"];
+
+/// Number of kinds of an enum that are tried.
+const MAX_KINDS: usize = 4;
+
+/// Blanks behind a stand-in: an error at the next token is then not one at its end.
+const PADDING: &str = " ";
+
+/// Returns the fault of `error`, the library's error for the syntactically right `text`, and the faults behind it.
+///
+/// The library stops at the first value that does not fit. Here, that value is replaced by one that fits, as far as one is
+/// found, and the text is read again. A field that is missing only because its name is misspelt is not reported.
+pub fn type_faults<T: DeserializeOwned>(text: &str, error: SpannedError) -> Vec<TextFault> {
+    let mut draft = DraftText { text: text.to_string(), origins: (0..=text.len()).collect() };
+    let mut faults: Vec<TextFault> = Vec::new();
+    let mut missing: Vec<MissingFields> = Vec::new();
+    let mut misspelt: Vec<MisspeltField> = Vec::new();
+    let mut next = Some(error);
+    // Byte of the last fault, which the library reports in the order of the text.
+    let mut at_last = None;
+    while let Some(error) = next.take() {
+        let nodes = RonParser::parse(&draft.text).0;
+        let site = ErrorSite::new(&draft.text, &nodes, &error);
+        if let (Error::MissingStructField { field, .. }, Some(record)) = (&error.code, site.value) {
+            let known = missing.iter_mut().find(|known| known.path == record.path);
+            match known {
+                _ if misspelt.iter().any(|one| one.holder == record.path && one.stands_for(field)) => {}
+                Some(known) => known.fields.push(field.to_string()),
+                None => missing.push(MissingFields {
+                    at: draft.origins[record.span.start],
+                    path: record.path.clone(),
+                    fields: vec![field.to_string()],
+                    kind: site.kind_of_record(&draft.text, &error),
+                }),
+            }
+        } else {
+            let mut fault = describe_error::<T>(&draft.text, &nodes, &error);
+            let place = fault.at;
+            fault.at = draft.origins[fault.at.min(draft.text.len())];
+            // An error in front of the last stand-in is due to it.
+            if at_last.replace(fault.at).is_some_and(|last| fault.at <= last) {
+                break;
+            }
+            let mut is_new = true;
+            if let Error::NoSuchStructField { expected, found, .. } = &error.code {
+                let meant = nearest_name(found, expected).map(str::to_string);
+                let is_same =
+                    |one: &&mut MisspeltField| meant.is_none() && one.meant.is_none() && one.holder == fault.path;
+                if let Some(known) = misspelt.iter_mut().find(is_same) {
+                    known.names.push(format!("'{found}'"));
+                    faults[known.fault].found = format!("unknown fields {}", known.names.join(", "));
+                    is_new = false;
+                } else {
+                    let (holder, names) = (fault.path.clone(), vec![format!("'{found}'")]);
+                    misspelt.push(MisspeltField { holder, meant, names, fault: faults.len() });
+                }
+            }
+            // Numbers in place of all functions of a tuple are one mistake.
+            let is_function = |fault: &TextFault| fault.expected.starts_with("expected a function");
+            let holder = |fault: &TextFault| fault.path.rsplit_once('.').map(|(holder, _)| holder.to_string());
+            if faults
+                .last()
+                .is_some_and(|last| is_function(last) && is_function(&fault) && holder(last) == holder(&fault))
+            {
+                is_new = false;
+            }
+            if is_new {
+                faults.push(fault);
+            }
+            next = match &error.code {
+                Error::NoSuchStructField { .. } | Error::DuplicateStructField { .. } => {
+                    site.named.and_then(|node| draft.without_field::<T>(node))
+                }
+                Error::ExceededRecursionLimit => None,
+                code => draft.with_stand_in::<T>(&nodes, place, code),
+            };
+            if faults.len() + missing.len() >= MAX_FAULTS || text.len() > MAX_TEXT_LENGTH {
+                break;
+            }
+            continue;
+        }
+        if missing.iter().map(|record| record.fields.len()).sum::<usize>() >= MAX_FAULTS || text.len() > MAX_TEXT_LENGTH
+        {
+            break;
+        }
+        let (Error::MissingStructField { field, .. }, Some(record)) = (&error.code, site.value) else { break };
+        next = draft.with_field::<T>(record, field);
+    }
+    faults.extend(
+        missing
+            .into_iter()
+            .map(|MissingFields { at, path, fields, kind }| missing_fields_fault(at, path, &fields, &kind)),
+    );
+    faults.sort_by_key(|fault| fault.at);
+    faults
+}
+
+/// Fields that a record lacks.
+struct MissingFields {
+    at: usize,
+    path: String,
+    fields: Vec<String>,
+    /// Name of the record in its text, with a preposition; may be empty.
+    kind: String,
+}
+
+/// Field with an unknown name, or several fields of a record whose names resemble no known one.
+struct MisspeltField {
+    /// Path of the record.
+    holder: String,
+    /// Name that was probably meant; if there is none, it may be any.
+    meant: Option<String>,
+    /// Names in quotes.
+    names: Vec<String>,
+    /// Position of the fault in the list.
+    fault: usize,
+}
+
+impl MisspeltField {
+    fn stands_for(&self, field: &str) -> bool {
+        self.meant.as_deref().is_none_or(|meant| meant == field)
+    }
+}
+
+/// Text with replaced values, and the byte of the original text for each of its bytes.
+struct DraftText {
+    text: String,
+    origins: Vec<usize>,
+}
+
+impl DraftText {
+    /// Text and origins with other bytes in a range.
+    fn replaced(&self, range: Range<usize>, other: &str) -> DraftText {
+        let mut text = self.text.clone();
+        text.replace_range(range.clone(), other);
+        let mut origins = self.origins.clone();
+        let origin = origins[range.start];
+        origins.splice(range, std::iter::repeat_n(origin, other.len()));
+        DraftText { text, origins }
+    }
+
+    /// Takes the first of `drafts` whose error, if it has one, satisfies `is_behind`; returns that error.
+    fn take_first<T: DeserializeOwned>(
+        &mut self,
+        drafts: impl Iterator<Item = (DraftText, usize)>,
+        is_behind: impl Fn(&ErrorSite, &Error, usize) -> bool,
+    ) -> Option<SpannedError> {
+        for (draft, end) in drafts {
+            let Err(error) = ron_options().from_str::<T>(&draft.text) else { return None };
+            let nodes = RonParser::parse(&draft.text).0;
+            if is_behind(&ErrorSite::new(&draft.text, &nodes, &error), &error.code, end) {
+                *self = draft;
+                return Some(error);
+            }
+        }
+        None
+    }
+
+    /// Blanks out a field with its comma; returns the next error.
+    fn without_field<T: DeserializeOwned>(&mut self, node: &ValueNode) -> Option<SpannedError> {
+        let start = node.name.as_ref()?.start;
+        let rest = &self.text[node.span.end..];
+        let comma = rest.len() - rest.trim_start().len();
+        let end = node.span.end + if rest[comma..].starts_with(',') { comma + 1 } else { 0 };
+        let blank = " ".repeat(end - start);
+        let draft = (self.replaced(start..end, &blank), end);
+        self.take_first::<T>(std::iter::once(draft), |site, code, end| {
+            site.raw >= end || matches!(code, Error::MissingStructField { .. })
+        })
+    }
+
+    /// Adds the field `name` to a record; returns the next error.
+    fn with_field<T: DeserializeOwned>(&mut self, record: &ValueNode, name: &str) -> Option<SpannedError> {
+        let start = record.span.start + self.text[record.span.clone()].find('(')? + 1;
+        let with_value = |value: &str| {
+            let text = format!("{name}: {value}, ");
+            (self.replaced(start..start, &text), record.span.end + text.len())
+        };
+        let of_kinds = self.kind_values::<T>(|value| with_value(value).0);
+        let drafts: Vec<_> =
+            STAND_INS.iter().copied().map(with_value).chain(of_kinds.iter().map(|value| with_value(value))).collect();
+        // All fields of the record were read: an error within it is one of the stand-in, or another missing field.
+        self.take_first::<T>(drafts.into_iter(), |site, code, end| match code {
+            Error::MissingStructField { field, .. } => {
+                *field != name
+                    && site.value.is_none_or(|value| value.span.start == record.span.start || value.span.end >= end)
+            }
+            _ => site.raw >= end,
+        })
+    }
+
+    /// Values of some kinds that a field may have if it is an enum, such as `IQS_CLB(friction: 0)`; `with_value` puts a value
+    /// in its place.
+    fn kind_values<T: DeserializeOwned>(&self, with_value: impl Fn(&str) -> DraftText) -> Vec<String> {
+        let probe = |value: &str| ron_options().from_str::<T>(&with_value(value).text).err().map(|error| error.code);
+        let Some(Error::NoSuchEnumVariant { expected, found, .. }) = probe(UNKNOWN_NAME) else { return Vec::new() };
+        if found != UNKNOWN_NAME {
+            return Vec::new();
+        }
+        let values = expected.iter().take(MAX_KINDS).map(|kind| match probe(&format!("{kind}({UNKNOWN_NAME}: 0)")) {
+            Some(Error::NoSuchStructField { expected, found, .. }) if found == UNKNOWN_NAME => {
+                let fields: Vec<String> = expected.iter().map(|field| format!("{field}: 0")).collect();
+                format!("{kind}({})", fields.join(", "))
+            }
+            _ => kind.to_string(),
+        });
+        values.collect()
+    }
+
+    /// Replaces the value that begins at the byte `place`; returns the next error.
+    fn with_stand_in<T: DeserializeOwned>(
+        &mut self,
+        nodes: &[ValueNode],
+        place: usize,
+        code: &Error,
+    ) -> Option<SpannedError> {
+        let at_place = nodes.iter().filter(|node| node.span.start == place && !node.path.is_empty());
+        let node = at_place.min_by_key(|node| node.span.len())?;
+        let own = &self.text[node.span.clone()];
+        let whole = |text: &&str| (self.replaced(node.span.clone(), &format!("{text}{PADDING}")), place + text.len());
+        let drafts: Vec<_> = match code {
+            Error::NoSuchEnumVariant { expected, found, .. } => {
+                // The fields behind a misspelt name are read, too.
+                let near = nearest_name(found, expected).filter(|_| own.starts_with(&found[..]));
+                let near = near.map(|near| (self.replaced(place..place + found.len(), near), place + near.len()));
+                near.into_iter().chain(expected.iter().map(whole)).collect()
+            }
+            _ => {
+                let of_kinds = self.kind_values::<T>(|value| self.replaced(node.span.clone(), value));
+                let of_kinds: Vec<&str> = of_kinds.iter().map(String::as_str).collect();
+                STAND_INS.iter().chain(&of_kinds).map(whole).collect()
+            }
+        };
+        self.take_first::<T>(drafts.into_iter(), |site, code, end| match code {
+            // Another record than the stand-in.
+            Error::MissingStructField { .. } => {
+                site.value.is_some_and(|value| value.span.start < place || value.span.start > end)
+            }
+            _ => site.raw > end,
+        })
+    }
+}
