@@ -107,10 +107,10 @@ impl ProgressDisplay {
         let rate = (state.step - self.first) as f64 / self.start.elapsed().as_secs_f64().max(1e-9);
         let left = (self.last - state.step) as f64 / rate.max(1e-9);
         print_line(format_args!(
-            "step {}/{}  t = {:.6} s  {} contacts carry force  {}, residual {:.1e}  kinetic {:.3e} J  {} steps/s, {:.0} s left",
+            "step {}/{}  t = {} s  {} contacts carry force  {}, residual {:.1e}  kinetic {:.3e} J  {} steps/s, {:.0} s left",
             state.step,
             self.last,
-            state.time,
+            progress_time(state.time),
             report.contacts_active,
             count_text(report.sweeps as usize, "sweep"),
             report.residual,
@@ -130,8 +130,11 @@ impl ProgressDisplay {
         let solver = solver_text(options.solver, report.replacement_reason.is_some());
         let why = unconverged_reason(report.residual, report.tol, report.left_out);
         let conflict = report.conflict.map_or(String::new(), conflict_text);
-        let at_limit = report.residual > report.tol && report.sweeps >= options.max_sweeps();
-        let advice = if at_limit && conflict.is_empty() { "; raise max_sweeps or use a smaller dt" } else { "" };
+        let advice = if conflict.is_empty() {
+            unconverged_advice([report.residual, report.tol], report.sweeps, options.max_sweeps())
+        } else {
+            ""
+        };
         let message = format!(
             "cd-solve: step {}, t = {} s: {solver} stopped after {}, {why}{worst}{conflict}; continuing{advice}",
             state.step,
@@ -176,6 +179,23 @@ fn unconverged_reason(residual: f64, tol: f64, left_out: usize) -> String {
     }
 }
 
+/// Largest number of sweeps that may be too few to reduce a residual of 1: chains of hundreds of bodies need as many.
+const FEW_SWEEPS: u64 = 1000;
+
+/// Advice about a step that has not converged, without a known cause.
+fn unconverged_advice([residual, tol]: [f64; 2], sweeps: u64, max_sweeps: u64) -> &'static str {
+    let at_limit = sweeps >= max_sweeps;
+    match residual {
+        residual if residual <= tol => "; use a smaller dt",
+        residual if residual < 1.0 && at_limit => "; raise max_sweeps or use a smaller dt",
+        residual if residual < 1.0 => "; use a smaller dt or a larger tol",
+        _ if at_limit && max_sweeps < FEW_SWEEPS => "; no part of the contact problem is solved: raise max_sweeps",
+        _ => {
+            "; no part of the contact problem is solved: use a smaller dt, or check the imposed motion of these bodies"
+        }
+    }
+}
+
 /// Cause of a step without a solution, with the bodies of a contact that imposed motion closes, and advice.
 fn conflict_text([a, b]: [BodyId; 2]) -> String {
     format!(
@@ -217,6 +237,11 @@ fn spawn_watcher(mark: Arc<Mutex<ProgressMark>>, last: u64) -> (Sender<()>, Join
     (end, spawn(look))
 }
 
+/// Time (s) in lines of progress, which align; very short and long times have an exponent.
+fn progress_time(time: f64) -> String {
+    if time == 0.0 || (1e-3..1e9).contains(&time) { format!("{time:.6}") } else { rounded_number(time) }
+}
+
 /// Formats a rate with at least three digits.
 fn rate_text(rate: f64) -> String {
     let decimals = if rate < 100.0 { (2.0 - libm::log10(rate.max(1e-9)).floor()) as usize } else { 0 };
@@ -248,6 +273,28 @@ mod tests {
         assert_eq!(unconverged_reason(3.5e-3, 2e-2, 2), late);
         let both = "residual 3.0e-2 > tol 2.0e-2, without 1 contact that began to close late";
         assert_eq!(unconverged_reason(3e-2, 2e-2, 1), both);
+    }
+
+    #[test]
+    fn an_unsolved_step_gets_other_advice_than_an_inaccurate_one() {
+        let advice = |residual, sweeps, max_sweeps| unconverged_advice([residual, 1e-2], sweeps, max_sweeps);
+        assert_eq!(advice(0.1, 500, 500), "; raise max_sweeps or use a smaller dt");
+        assert_eq!(advice(0.1, 200, 500), "; use a smaller dt or a larger tol");
+        // Contacts that began to close late.
+        assert_eq!(advice(1e-3, 200, 500), "; use a smaller dt");
+        assert_eq!(advice(1.0, 3, 3), "; no part of the contact problem is solved: raise max_sweeps");
+        for residual in [1.0, 7.0, f64::NAN] {
+            let unsolved = "; no part of the contact problem is solved: use a smaller dt, or check the imposed motion";
+            assert!(advice(residual, 20_000, 20_000).starts_with(unsolved));
+        }
+    }
+
+    #[test]
+    fn times_of_any_size_are_short() {
+        let times = [0.0, 0.25, 12_000.0, 1e300, 1e-300, 3.0 * 0.003];
+        let texts = ["0.000000", "0.250000", "12000.000000", "1e300", "1e-300", "0.009000"];
+        assert_eq!(times.map(progress_time), texts);
+        assert_eq!(rounded_number(3.0 * 0.003), "0.009");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::messages::{print_error, print_line};
-use cd_formats::names::{ratio_text, rounded_number, short_number};
+use cd_formats::names::{number_text, ratio_text, rounded_number, short_number};
 use cd_formats::snapshot::RunParameters;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -183,7 +183,9 @@ fn warn_at_start(
     resumed: bool,
     progress: &ProgressDisplay,
 ) -> f64 {
-    statistics.warnings.extend(long_step_warning(scene, state));
+    let long_step = long_step_warning(scene, state);
+    statistics.has_long_steps = long_step.is_some();
+    statistics.warnings.extend(long_step);
     statistics.warnings.extend(single_step_warning(scene, state).filter(|_| !resumed));
     statistics.warnings.extend(roundoff_warning(scene, state));
     statistics.warnings.iter().for_each(|message| progress.warn(message));
@@ -465,7 +467,12 @@ fn expect_finite(state: &State) -> Result<(), RunFailure> {
 /// Returns an error that names `what` unless `finite`.
 fn check_finite(finite: bool, state: &State, what: &str) -> Result<(), RunFailure> {
     let State { step, time, .. } = state;
-    let broken = || format!("step {step}, t = {time:e} s: {what} is not finite; snapshots written before are valid");
+    let broken = || {
+        format!(
+            "step {step}, t = {} s: {what} is not finite; snapshots written before are valid",
+            rounded_number(*time)
+        )
+    };
     if finite { Ok(()) } else { Err(RunFailure::Broken(broken())) }
 }
 
@@ -476,8 +483,15 @@ pub fn check_run(scene: &Scene, state: &State) -> Result<(), Faults> {
     // A run passes its end by less than a step, with the tolerance of its last step.
     if let Some(end) = end.filter(|end| state.time - end > (1.0 - 1e-3) * scene.options.dt.max(state.h)) {
         let from = if state.step > scene.start.0 { "from which the run continues" } else { "the time of DATBOX" };
-        let (found, expected) = (format!("{end}"), format!("expected at least {} s, {from}", state.time));
+        let (found, expected) = (number_text(end), format!("expected at least {} s, {from}", number_text(state.time)));
         faults.push(Fault::new(Path::new("options"), None, "end_time", found, expected));
+    }
+    let dt = scene.options.dt;
+    if state.time + dt == state.time {
+        let found = format!("{} s is lost in the rounding of the time {} s", number_text(dt), number_text(state.time));
+        let least = rounded_number(f64::EPSILON * state.time.abs());
+        let expected = format!("expected more than {least} s, or an earlier time of the start");
+        faults.push(Fault::new(Path::new("options"), None, "dt", found, expected));
     }
     let last = scene.last_step();
     if scene.options.steps.is_some() && last < state.step {

@@ -1,9 +1,11 @@
 //! Data: constants of a run.
 
 use cd_formats::compute::{Compute, Event, ExternalField, GravityMethod, NarrowPhase};
+pub use cd_formats::doubts::EVENT_SLACK;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::field::FieldModel;
 pub use cd_formats::ids::BodyId;
+use cd_formats::names::number_text;
 use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::snapshot::{LawName, MaterialName};
 
@@ -336,9 +338,6 @@ pub fn radius_of_curvatures([a, b]: [f64; 2], flat: impl Fn() -> f64) -> f64 {
 
 /// Steps made when neither `steps` nor `end_time` is given.
 pub const DEFAULT_STEPS: u64 = 1000;
-
-/// Tolerance of the time of an event, as a fraction of a step: decimal numbers and their products are rounded.
-pub const EVENT_SLACK: f64 = 1e-3;
 
 /// Gap, over the smaller radius and per step of lookahead, up to which a pair is listed and solved in any direction of
 /// motion, if the speeds suffice, because contact impulses may close it. In a suitable step bodies move that far.
@@ -683,7 +682,7 @@ impl Scene {
             });
         }
         for (axis, period) in ["x", "y"].into_iter().zip(self.periods()) {
-            models.extend(period.map(|period| format!("period {period} m along {axis}")));
+            models.extend(period.map(|period| format!("period {} m along {axis}", number_text(period))));
         }
         if self.has_self_gravity() {
             let gravity = self.gravity_solver();

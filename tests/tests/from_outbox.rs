@@ -763,7 +763,7 @@ fn events_and_gravity_that_datbox_has_not_are_reported() {
         let message = cd_pre::from_outbox::write_datbox(from.path(), Some(&file), &[], case.path()).unwrap();
         assert!(message.contains("events: 2 had happened in the run, 0 of DATBOX"), "{message}");
         assert!(
-            message.contains("uniform gravity: [0.0, 0.0, -0.5] m/s^2 as in the run; BULK_BEHAV.DAT has "),
+            message.contains("uniform gravity: (0, 0, -0.5) m/s^2 as in the run; BULK_BEHAV.DAT has "),
             "{message}"
         );
         let start = case.solved(&["--steps", "1"]).last_snapshot().meta.parameters;

@@ -11,7 +11,7 @@ use cd_formats::law_table::{
     INTERFACE_SLIDING, INTERFACE_SOUNDNESS, ParameterFault, has_interface, is_law_of_points, law_parameters,
     reference_gap_position,
 };
-use cd_formats::names::count_text;
+use cd_formats::names::{count_text, number_text, rounded_number};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::{AsciiText, TextLine};
 use cd_formats::snapshot::LawName;
@@ -307,7 +307,12 @@ fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faul
         let range = law.interaction_range(largest);
         if range > 0.0 && 2.0 * (2.0 * largest + range) >= period {
             let line = tact.laws.iter().find(|law| law.nickname == name.nickname).map(|law| law.line);
-            let found = format!("attracts bodies of {largest} m over {range} m in a scene with the period {period} m");
+            let found = format!(
+                "attracts bodies of {} m over {} m in a scene with the period {} m",
+                rounded_number(largest),
+                rounded_number(range),
+                number_text(period)
+            );
             let expected = "expected twice the radius plus the range to be less than half of that";
             faults.push(Fault::new(file, line, format!("law '{}'", name.nickname), found, expected));
         }
@@ -418,7 +423,7 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
             let is_record =
                 |line: &TextLine| line.columns(2, 6).trim() == material.name && !line.columns(46, 59).is_empty();
             let line = text.as_ref().and_then(|text| text.lines().find(is_record)).map(|line| line.number);
-            let (object, found) = (format!("material {}, density", material.name), format!("{:?}", material.density));
+            let (object, found) = (format!("material {}, density", material.name), number_text(material.density));
             questions.push(Fault::new(&file, line, object, found, question));
         }
     }
@@ -431,7 +436,7 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
             if !questioned.contains(value) {
                 questioned.push(*value);
                 let object = format!("law '{}', {}", law.nickname, parameter.label());
-                questions.push(Fault::new(&file, line, object, format!("{value:?}"), question));
+                questions.push(Fault::new(&file, line, object, number_text(*value), question));
             }
         }
     }
@@ -443,7 +448,7 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
 /// Rejects events that repeat too often up to the end of the run.
 pub fn check_event_counts(scene: &Scene, report: &mut FaultReport) {
     for (k, repeats) in too_frequent(&scene.options.events, scene.end_time()) {
-        let found = format!("happens {repeats:.0} times up to the end of the run");
+        let found = format!("happens {} times up to the end of the run", rounded_number(repeats));
         report.add_fault(&format!("events.{k}"), found, format!("at most {MAX_EVENTS:.0}"));
     }
 }
@@ -487,7 +492,11 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
     let of_event = |(k, event): (usize, &Event)| {
         let why = match event.action {
             _ if event.time > begin + EVENT_SLACK * dt && end > start => {
-                format!("no step begins at {} s or later, the last begins at {begin} s", event.time)
+                format!(
+                    "no step begins at {} s or later, the last begins at {} s",
+                    number_text(event.time),
+                    rounded_number(begin)
+                )
             }
             EventAction::Bond if !scene.has_bonds() && !scene.laws.iter().any(ContactLaw::has_law_memory) => {
                 "Bond needs a law with bonds, liquid bridges or reference gaps".into()
@@ -534,8 +543,8 @@ fn check_head(file: &Path, history: &VlocRloc, scene: &Scene, faults: &mut Fault
     // Same rule as LMGC90, except for a file without contacts; times have seven digits.
     let differs = history.step != step || (history.time - time).abs() > 1e-3 * h + 1e-6 * time.abs();
     if differs && !history.contacts.is_empty() {
-        let found = format!("step {}, time {} s", history.step, history.time);
-        let expected = format!("expected step {step}, time {time} s, those of DOF.INI");
+        let found = format!("step {}, time {} s", history.step, number_text(history.time));
+        let expected = format!("expected step {step}, time {} s, those of DOF.INI", number_text(time));
         let text = AsciiText::read_file(file).ok();
         let line = text.and_then(|text| text.lines().find(|line| line.keyword() == "steps").map(|line| line.number));
         faults.push(Fault::new(file, line, "head", found, expected));

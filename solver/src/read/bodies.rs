@@ -9,7 +9,7 @@ use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
 use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::mass::EXPECTED_CONVEX;
-use cd_formats::names::count_text;
+use cd_formats::names::{count_text, number_text, rounded_number};
 use cd_formats::principal::AxesMatch;
 use cd_formats::rotation::nearest_rotation;
 use cd_formats::snapshot::{MaterialName, are_walls};
@@ -184,7 +184,8 @@ fn check_extents(
         for period in
             [options.xperiode, options.yperiode].into_iter().flatten().filter(|period| 2.0 * extent >= *period)
         {
-            let found = format!("up to {extent} m long in a scene with the period {period} m");
+            let found =
+                format!("up to {} m long in a scene with the period {} m", rounded_number(extent), number_text(period));
             faults.push(Fault::new(
                 file,
                 Some(record.line),
@@ -346,7 +347,9 @@ pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
         let widest = walls.map(|&plate| plate_extent(scene, q, plate.index(), axis)).reduce(f64::max)?;
         let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // rounding of files
         Some(format!(
-            "{name}: the widest plate spans {widest} m of the period {period} m; grains that miss it fall forever"
+            "{name}: the widest plate spans {} m of the period {} m; grains that miss it fall forever",
+            rounded_number(widest),
+            number_text(period)
         ))
     });
     missed.collect()

@@ -5,6 +5,7 @@ use std::path::Path;
 use cd_formats::bodies::{Bodies, ShapeRecord};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::law_table::is_law_of_points;
+use cd_formats::names::number_text;
 use cd_formats::tact_behav::{TactBehav, VisibilityRow};
 
 use crate::math::Vec3;
@@ -148,7 +149,8 @@ fn idle_points_note(lines: &[usize], alert: Option<f64>) -> Option<String> {
     let reason = match alert {
         None => format!("no row of TACT_BEHAV.DAT joins {them} by wires or rods"),
         Some(alert) => format!(
-            "all points that a row of TACT_BEHAV.DAT could join with {them} are farther away than its alert, at most {alert} m"
+            "all points that a row of TACT_BEHAV.DAT could join with {them} are farther away than its alert, at most {} m",
+            number_text(alert)
         ),
     };
     Some(format!("BODIES.DAT:{first}: {points} PT3Dx {carry} nothing: {reason}"))

@@ -20,6 +20,7 @@ use cd_formats::compute::{Compute, ComputeFlags, ContactSolver, Event, EventActi
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::names::rounded_number;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::postpro::Postpro;
 use cd_formats::report::FaultReport;
@@ -166,7 +167,7 @@ fn passed_events_note(scene: &Scene, state: &State) -> Option<String> {
     };
     let count = scene.events[..state.events_done].iter().filter(adds).count();
     let events = if count == 1 { "1 event".to_string() } else { format!("{count} events") };
-    let time = state.time;
+    let time = rounded_number(state.time);
     (count > 0).then(|| {
         format!("events: {events} before the start at {time} s have no effect (AddSpin, AddVelocity, Shake, Bond)")
     })

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::compute::event_schedule;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::names::number_text;
 use cd_formats::ron_file::value_with_current_names;
 use cd_formats::snapshot::{self, LawName, RunParameters, STATUS_NO_CONTACT, STATUS_SLIDE, ShapeArrays, Snapshot};
 use nalgebra::{Quaternion, UnitQuaternion};
@@ -162,7 +163,9 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
             (body.mass, body.radius, body.inertia, body.imposed_components())
         };
         let text = |(mass, radius, inertia, imposed): (f64, f64, [f64; 3], u8)| {
-            format!("mass {mass} kg, radius {radius} m, moments {inertia:?} kg m², imposed components {imposed:06b}")
+            let [mass, radius] = [mass, radius].map(number_text);
+            let inertia = inertia.map(number_text).join(", ");
+            format!("mass {mass} kg, radius {radius} m, moments {inertia} kg m², imposed components {imposed:06b}")
         };
         if let Some(i) = (0..scene.bodies.len()).find(|&i| there(i) != here(i)) {
             refuse(format!("body {}", i + 1), text(there(i)), format!("expected as in DATBOX: {}", text(here(i))));

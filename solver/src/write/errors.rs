@@ -367,8 +367,32 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
+/// Probable cause of large changes of contact forces from step to step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ForceNoise {
+    /// Steps that are too long even for a draft.
+    LongSteps,
+    /// Half of the steps or more did not converge.
+    Unconverged,
+    /// None of these: bodies collide, or `tol` is large.
+    Unknown,
+}
+
+impl ForceNoise {
+    /// Advice, after a statement about the estimate.
+    fn remedy(self) -> &'static str {
+        match self {
+            ForceNoise::LongSteps => ": lower dt",
+            ForceNoise::Unconverged => ": raise max_sweeps or lower dt, so that the steps converge",
+            ForceNoise::Unknown => {
+                ": if bodies collide, raise output_every, to average over more collisions; otherwise lower tol"
+            }
+        }
+    }
+}
+
 /// Lines of the summary: the total error and its main source, and the cost.
-pub fn summary_lines(sources: &[ErrorSource]) -> [(&'static str, String); 2] {
+pub fn summary_lines(sources: &[ErrorSource], noise: ForceNoise) -> [(&'static str, String); 2] {
     let all: f64 = sources.iter().map(|source| source.error).sum();
     let seconds: f64 = sources.iter().map(|source| source.seconds).sum();
     let largest = |of: fn(&ErrorSource) -> f64| sources.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
@@ -384,10 +408,14 @@ pub fn summary_lines(sources: &[ErrorSource]) -> [(&'static str, String); 2] {
         .map(|source| format!("{} {}", source.title(), percent(source.error)))
         .collect();
     let error = match each.len() {
+        0 if noise == ForceNoise::Unconverged => {
+            "not known: steps did not converge, and no contact carried force".into()
+        }
         0 => "none: no contact carried force".into(),
         _ => {
             let remedy = match largest(|source| source.error).map_or("", |source| source.option) {
-                option @ ("tol" | "dt" | "gravity_error") => format!(": lower {option}"),
+                "tol" => noise.remedy().into(),
+                option @ ("dt" | "gravity_error") => format!(": lower {option}"),
                 // The energy of motion in fields drifts with the length of the step.
                 "theta" => ": lower dt".into(),
                 "narrow_phase" => ": set it to accurate".into(),
@@ -476,12 +504,21 @@ mod tests {
             source("step", "dt", 4e-2, 0.5),
             source("gravity", "gravity_error", 0.0, 8.5),
         ];
-        let [(_, error), (_, cost)] = summary_lines(&sources);
+        let [(_, error), (_, cost)] = summary_lines(&sources, ForceNoise::Unknown);
         assert_eq!(error, "5.0 % of the pressure, mainly time step (dt): contacts 1.0 %, time step 4.0 %");
         assert_eq!(cost, "mainly gravity (gravity_error): contacts 10 %, time step 5 %, gravity 85 %");
-        for (option, remedy) in [("tol", ": lower tol"), ("theta", ": lower dt"), ("", "")] {
-            let [(_, error), _] = summary_lines(&[source("part", option, 2.0, 1.0), source("step", "dt", 0.5, 1.0)]);
+        let [long, unconverged, unknown] = [ForceNoise::LongSteps, ForceNoise::Unconverged, ForceNoise::Unknown]
+            .map(|noise| ("tol", noise, noise.remedy()));
+        let others = [("theta", ForceNoise::Unknown, ": lower dt"), ("", ForceNoise::Unknown, "")];
+        for (option, noise, remedy) in [long, unconverged, unknown].into_iter().chain(others) {
+            let sources = [source("part", option, 2.0, 1.0), source("step", "dt", 0.5, 1.0)];
+            let [(_, error), _] = summary_lines(&sources, noise);
             assert!(error.ends_with(&format!("; more than 100 % is not a meaningful estimate{remedy}")), "{error}");
         }
+        // No force because nothing was solved is no small error.
+        let [none, unsolved] =
+            [ForceNoise::Unknown, ForceNoise::Unconverged].map(|noise| summary_lines(&[], noise)[0].1.clone());
+        assert_eq!(none, "none: no contact carried force");
+        assert_eq!(unsolved, "not known: steps did not converge, and no contact carried force");
     }
 }

@@ -61,6 +61,14 @@ impl LogCell {
         text.parse().map_or_else(|_| LogCell::Real(text.parse().unwrap_or(f64::NAN)), LogCell::Count)
     }
 
+    /// Makes a real number as long as sums of many, which have rounding errors.
+    pub fn add_rounding(&mut self) {
+        if let LogCell::Real(x) = self {
+            // A seventh has digits without end.
+            *x /= 7.0;
+        }
+    }
+
     /// Combines the figure with that of a later step.
     fn add(&mut self, kind: ColumnKind, later: LogCell) {
         *self = match (kind, *self, later) {

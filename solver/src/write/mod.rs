@@ -254,12 +254,22 @@ fn log_cells(scene: &Scene, state: &State, report: &StepReport, times: &StageTim
     [figures, seconds]
 }
 
+/// Number of decimal digits.
+fn digits(number: u64) -> usize {
+    number.to_string().len()
+}
+
 /// Bytes of a row of both logs, and of a snapshot.
 pub fn output_sizes(scene: &Scene, state: &State, report: &StepReport) -> [usize; 2] {
     // Durations have more digits than zero.
     let second = Duration::from_nanos(123_456);
     let [gravity, detection, assembly, solve, integration, writing] = [second; 6];
     let times = StageTimes { gravity, detection, assembly, solve, integration, writing };
-    let rows = log_cells(scene, state, report, &times).iter().map(|cells| log::row_size(cells)).sum();
+    let [figures, mut seconds] = log_cells(scene, state, report, &times);
+    if scene.options.log_every > 1 {
+        seconds.iter_mut().for_each(log::LogCell::add_rounding);
+    }
+    let further_digits = digits(scene.last_step()).saturating_sub(digits(state.step));
+    let rows = [figures, seconds].map(|cells| log::row_size(&cells) + further_digits).into_iter().sum();
     [rows, snapshot::state_snapshot(scene, state).to_bytes().len()]
 }

@@ -14,7 +14,7 @@ use crate::scene::Scene;
 use crate::state::State;
 use crate::step::{BalanceErrors, OVERLAP_WARNING_SHARE, Overlap, StageTimes, StepReport};
 
-use super::errors::{self, ErrorEstimator, ErrorSource};
+use super::errors::{self, ErrorEstimator, ErrorSource, ForceNoise};
 
 /// Figures of this run's steps that are not in the state.
 #[derive(Debug, Clone, Default)]
@@ -47,6 +47,8 @@ pub struct RunStatistics {
     /// Deepest overlap of the last state, m.
     pub penetration_end: f64,
     pub warnings: Vec<String>,
+    /// Whether `dt` is too long even for a draft.
+    pub has_long_steps: bool,
     pub threads: usize,
     /// Traffic of each rank; empty if there is one.
     pub traffic: Vec<RankTraffic>,
@@ -59,6 +61,17 @@ pub struct RunStatistics {
 }
 
 impl RunStatistics {
+    /// Probable cause of noisy contact forces.
+    fn force_noise(&self) -> ForceNoise {
+        if self.has_long_steps {
+            ForceNoise::LongSteps
+        } else if self.unconverged > 0 && 2 * self.unconverged >= self.steps {
+            ForceNoise::Unconverged
+        } else {
+            ForceNoise::Unknown
+        }
+    }
+
     /// Adds a step, which began after step `first` and ended in `state`.
     pub fn add_step(&mut self, scene: &Scene, state: &State, report: &StepReport, first: u64) {
         self.steps += 1;
@@ -171,7 +184,7 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
             format!("mean {mean:.1e} of the mean radius over touching pairs, largest {largest:.1e}"),
         );
     }
-    let [(error, estimate), (cost, of_stages)] = errors::summary_lines(sources);
+    let [(error, estimate), (cost, of_stages)] = errors::summary_lines(sources, statistics.force_noise());
     let unknown = || "not known: components of the velocities of all bodies are imposed".into();
     line(error, if scene.free.is_empty() { unknown() } else { estimate });
     line(cost, of_stages);

@@ -254,7 +254,7 @@ fn materials_and_masses() {
     case.law("IQS_CLB", &[0.5]);
     let block = case.block([0.5; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
     case.bodies[block].inertia = Some([0.25, 0.0, 0.0]);
-    let line = "CASE/DATBOX/BODIES.DAT:1: body 1: principal inertia [0.25, 0.0, 0.0] kg m²; \
+    let line = "CASE/DATBOX/BODIES.DAT:1: body 1: principal inertia 0.25, 0, 0 kg m²; \
                 expected mass and inertia to be finite and > 0";
     written_refused(&case, &[], &[line]);
 }
@@ -362,7 +362,7 @@ fn rows_that_contradict_and_laws_that_are_too_many() {
 fn times_and_events_that_cannot_be() {
     let case = sound();
     let event = "[(time: 0.0, every: 0.001, action: SetQuench(0.1))]";
-    let often = "options: event 1: happens 1000000000 times up to the end of the run; expected at most 1000000";
+    let often = "options: event 1: happens 1e9 times up to the end of the run; expected at most 1000000";
     written_refused(&case, &["--end-time", "1e6", "--events", event], &[often]);
     let mut unknown = sound();
     let friction = EventAction::SetFriction("other".into(), 0.1);
@@ -380,6 +380,13 @@ fn times_and_events_that_cannot_be() {
         spawn(&case, &["--fields", twice])
     };
     assert!(code == 2 && text.contains("options: field 2: ") && text.contains("expected one RotatingFrame"), "{text}");
+    // A time to which no step adds anything.
+    let path = case.path().join("DATBOX/DOF.INI");
+    let late = fs::read_to_string(&path).unwrap().replacen("time= 0.0000000D+00", "time= 1.0000000D+30", 1);
+    fs::write(&path, late).unwrap();
+    let lost = "options: dt: 0.001 s is lost in the rounding of the time 1e30 s; expected more than 2.220446049e14 s, or an \
+                earlier time of the start";
+    assert_eq!(spawn(&case, &["--dt", "1e-3"]), (2, format!("cd-solve: {lost}\n")));
 }
 
 #[test]
@@ -390,7 +397,7 @@ fn values_of_flags() {
         (&["--dt", "-1e-3"], "dt: -0.001; expected a finite time step > 0 s"),
         (&["--dt", "nan"], "dt: NaN; expected a finite time step > 0 s"),
         (&["--dt", "inf"], "dt: inf; expected a finite time step > 0 s"),
-        (&["--end-time", "-2"], "end_time: -2.0; expected a finite time >= 0 s"),
+        (&["--end-time", "-2"], "end_time: -2; expected a finite time >= 0 s"),
         (&["--theta", "0.3"], "theta: 0.3; expected 0.5 to 1"),
         (&["--theta", "1.01"], "theta: 1.01; expected 0.5 to 1"),
         (&["--tol", "0"], "tol: 0; expected more than 0 and less than 1"),
@@ -399,7 +406,7 @@ fn values_of_flags() {
             "adaptive: (max_multiple:0,travel:0.1,penetration:0.001); expected max_multiple from 1 to 1000000, travel and penetration > 0",
         ),
         (&["--max-sweeps", "0"], "max_sweeps: 0; expected at least 1"),
-        (&["--alert", "-1"], "alert: -1.0; expected a finite distance >= 0 m"),
+        (&["--alert", "-1"], "alert: -1; expected a finite distance >= 0 m"),
         (&["--gravity-error", "0"], "gravity_error: 0; expected at least 1e-14"),
         (&["--quench=2"], "quench: 2; expected 0 to 1"),
         (&["--output-every", "0"], "output_every: 0; expected at least 1"),
@@ -415,11 +422,31 @@ fn values_of_flags() {
     ] {
         assert_eq!(spawn(&case, &flags), (2, line.to_string()));
     }
-    // An unknown flag is rejected by the reader of the command line in its own words.
-    for flags in [&["--bogus"][..], &["--events", "[(time: 1)]"], &["--resume", "--force"]] {
-        let (code, text) = spawn(&case, flags);
-        assert!(code == 2 && text.starts_with("error: "), "{flags:?}: {code} {text}");
+    let help = "see cd-solve --help";
+    let nothing = "expected one of those that cd-solve --help lists";
+    for (flags, message) in [
+        (&["--bogus"][..], format!("--bogus: is no option of cd-solve; {nothing}")),
+        (&["--tool", "1e-3"], "--tool: is no option of cd-solve; did you mean --tol?".into()),
+        (&["--end_tim=2"], "--end_tim: is no option of cd-solve; did you mean --end-time?".into()),
+        (&["--quench", "0.1"], "0.1: is not expected here; did you mean --quench=0.1?".into()),
+        (&["other"], "other: is not expected here; expected one DIR".into()),
+        (&["--dt", "1e400"], "--dt: 1e400; expected a number below 1.8e308 in magnitude".into()),
+        (&["--resume", "--force"], format!("the argument '--resume' cannot be used with '--force'; {help}")),
+        (
+            &["--events", "[(time: 1)]"],
+            format!(
+                "invalid value '[(time: 1)]' for '--events <RON>': column 2: item 1: no field 'action'; expected the \
+                 field action; {help}"
+            ),
+        ),
+    ] {
+        assert_eq!(spawn(&case, flags), (2, format!("cd-solve: {message}\n")));
     }
+    // More steps than an f64 counts.
+    let many = "end_time: 1e18 s with dt 0.001 s are 1e21 steps; expected at most 9e15 steps: a larger dt or a smaller end_time";
+    written_refused(&case, &["--end-time", "1e18", "--dt", "1e-3"], &[&format!("options: {many}")]);
+    let many = "options: steps: 10000000000000000; expected at most 9e15";
+    written_refused(&case, &["--steps", "10000000000000000"], &[many]);
 }
 
 #[test]
@@ -466,13 +493,12 @@ fn options_in_the_file() {
                 events: [\n (time: 1.0, action: Bond),\n (time: 1.0, action: SetQuench(3.0)),\n ])";
     let case = with_file("COMPUTE.RON", Some(text));
     let lines = [
-        "CASE/DATBOX/COMPUTE.RON:1:6: dt: -1; expected a finite time step > 0 s",
+        "CASE/DATBOX/COMPUTE.RON:1:6: dt: -1.0; expected a finite time step > 0 s",
         "CASE/DATBOX/COMPUTE.RON:2:19: gravity_opening: 1.5; expected more than 0 and less than 1",
-        "CASE/DATBOX/COMPUTE.RON:3:17: gravity_moved: 0; expected a finite number > 0",
-        "CASE/DATBOX/COMPUTE.RON:4:11: field 1: PointMass(mass:0.0,position:(0.0,0.0,0.0)); \
+        "CASE/DATBOX/COMPUTE.RON:3:17: gravity_moved: 0.0; expected a finite number > 0",
+        "CASE/DATBOX/COMPUTE.RON:4:11: field 1: PointMass(mass: 0.0, position: (0.0, 0.0...; \
          expected finite values, mass and radius > 0, an axis other than 0",
-        "CASE/DATBOX/COMPUTE.RON:7:22: event 2, action: SetQuench(3.0); \
-         expected finite values, quench from 0 to 1, friction, cohesion and speed >= 0",
+        "CASE/DATBOX/COMPUTE.RON:7:22: event 2, action: SetQuench(3.0); expected 0 to 1",
     ];
     refused(&case, &[], &lines);
 }
