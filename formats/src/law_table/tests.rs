@@ -91,7 +91,7 @@ fn unknown_laws_and_values_out_of_range_are_reported() {
     assert_eq!(faults("IQS_DS_CLB", &[0.5, 0.3]), [sliding]);
     let bond = |normal, tangential| faults("IQS_MOHR_DS_CLB", &[normal, tangential, 0.2, 0.3]);
     assert_eq!(bond(0.0, 1.0), ["tangential_cohesion 1 without normal_cohesion; expected both, or none"]);
-    assert_eq!(bond(1.0, -1.0), ["tangential_cohesion -1.0; expected a stress >= 0 Pa"]);
+    assert_eq!(bond(1.0, -1.0), ["tangential_cohesion -1; expected a stress >= 0 Pa"]);
     assert!(bond(0.0, 0.0).is_empty() && bond(1.0, 0.0).is_empty());
     assert_eq!(faults("IQS_WET_DS_CLB", &[-1.0, -9.0, -1.0, 0.1, 0.2]).len(), 2, "one is not used");
 }
