@@ -6,6 +6,7 @@ import io
 import json
 import os
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ FORMAT_VERSION = 1
 
 
 class Snapshot(Mapping[str, NDArray[Any]]):
-    """State after a step, read from ``OUTBOX/snapshot-NNNNNN.npz``.
+    """State after a step, read from ``OUTBOX/snapshot-NNNNNN.npz`` and its parts, if it is in parts.
 
     The properties give the arrays of bodies plain names. ``snapshot["body_x"]`` gives any array by its name in the
     file; docs/reference/files/snapshots.md lists them. An array is read when it is first used, has the type of the file and cannot be
@@ -51,7 +52,8 @@ class Snapshot(Mapping[str, NDArray[Any]]):
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
         self._arrays: dict[str, NDArray[Any]] = {}
-        with self._archive() as archive:
+        self._files = [self.path]
+        with self._archive(self.path) as archive:
             self._names = [name.removesuffix(".npy") for name in archive.namelist() if name != "meta.npy"]
             text = self._read(archive, "meta").tobytes()
         try:
@@ -63,6 +65,13 @@ class Snapshot(Mapping[str, NDArray[Any]]):
         if number != FORMAT_VERSION:
             expected = f"this module reads {FORMAT_VERSION}; install the module of the programs that wrote the file"
             raise self._error("meta", f"format {number}", expected)
+        parts = self.meta.pop("parts", [])
+        if parts:
+            self._files = [self.path.with_name(f"{self.path.stem}-part-{k:06}.npz") for k in range(len(parts))]
+            for path, part in zip(self._files, parts, strict=True):
+                self._check_part(path, int(part["crc32"]))
+            with self._archive(self._files[0]) as archive:
+                self._names = [name.removesuffix(".npy") for name in archive.namelist()]
 
     def __repr__(self) -> str:
         return f"<Snapshot {str(self.path)!r}: step {self.step}, t = {self.time} s>"
@@ -88,20 +97,40 @@ class Snapshot(Mapping[str, NDArray[Any]]):
         if name not in self._names:
             raise KeyError(name)
         if name not in self._arrays:
-            with self._archive() as archive:
-                self._arrays[name] = self._read(archive, name)
+            self._arrays[name] = self._read_rows(name)
         return self._arrays[name]
+
+    def _read_rows(self, name: str) -> NDArray[Any]:
+        """Reads an array from all files that have rows of it."""
+        rows = []
+        for path in self._files:
+            with self._archive(path) as archive:
+                rows.append(self._read(archive, name))
+        if len(rows) == 1:
+            return rows[0]
+        array = np.concatenate(rows)
+        array.setflags(write=False)
+        return array
+
+    def _check_part(self, path: Path, crc32: int) -> None:
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise file_error(path, error) from error
+        if zlib.crc32(content) != crc32:
+            expected = f"expected the part that {self.path} names, as cd-solve wrote it"
+            raise CdError(f"{path}: part of a snapshot: CRC-32 {zlib.crc32(content)}, not {crc32}; {expected}")
 
     def _error(self, subject: str, found: str, expected: str) -> CdError:
         return CdError(f"{self.path}: {subject}: {found}; {expected}")
 
-    def _archive(self) -> zipfile.ZipFile:
+    def _archive(self, path: Path) -> zipfile.ZipFile:
         try:
-            return zipfile.ZipFile(self.path)
+            return zipfile.ZipFile(path)
         except OSError as error:
-            raise file_error(self.path, error) from error
+            raise file_error(path, error) from error
         except zipfile.BadZipFile as error:
-            with open(self.path, "rb") as file:
+            with open(path, "rb") as file:
                 truncated = file.read(2) == b"PK"
             if truncated:
                 raise self._error("file", "is truncated", "expected a complete snapshot; copy it again") from error

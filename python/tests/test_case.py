@@ -129,6 +129,24 @@ class FrameTest(CaseTest):
         self.assertGreater(abs(last.quaternions[last.grains, 1:]).min(), 1e-3)
 
 
+class PartTest(CaseTest):
+    def test_parts_are_the_whole(self) -> None:
+        whole = run(DROP, self.folder / "whole", steps=200, post=False).snapshots[-1]
+        case = run(DROP, self.folder / "parts", steps=200, part_bodies=2)
+        self.assertEqual(case.snapshots.steps.tolist(), [0, 50, 100, 150, 200])
+        last = case.snapshots[-1]
+        self.assertEqual((set(last), last.meta), (set(whole), whole.meta))
+        for name, array in whole.items():
+            np.testing.assert_array_equal(last[name], array, strict=True)
+        with self.assertRaises(ValueError):
+            last.positions[0, 0] = 1.0
+        parts = sorted(last.path.parent.glob("snapshot-000200-part-*"))
+        self.assertEqual(len(parts), 2)
+        parts[1].write_bytes(parts[0].read_bytes())
+        with self.assertRaisesRegex(CdError, "part-000001.npz: part of a snapshot: CRC-32 .*; expected the part that"):
+            Snapshot(last.path)
+
+
 class RejectedFileTest(CaseTest):
     def setUp(self) -> None:
         super().setUp()

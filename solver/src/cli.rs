@@ -47,6 +47,9 @@ struct CommandLine {
     /// Write the contact problem of this step of the run to DIR/problem-STEP.fc3d.
     #[arg(long, value_name = "STEP")]
     dump_problem: Option<u64>,
+    /// Write a snapshot of more bodies than this in parts of so many bodies; see docs/reference/files/snapshots.md.
+    #[arg(long, value_name = "BODIES", conflicts_with = "plan", value_parser = clap::value_parser!(u64).range(1..))]
+    part_bodies: Option<u64>,
     /// Take the options from a command script of LMGC90, which is read without running Python; options given here override it.
     #[arg(long, value_name = "SCRIPT")]
     lmgc90: Option<PathBuf>,
@@ -236,7 +239,12 @@ fn advance_case(
     if arguments.force && communicator.rank() == 0 {
         write::remove_results(case)?;
     }
-    let mode = RunMode { resumed, dump: arguments.dump_problem, step_loop: arguments.step_loop };
+    let mode = RunMode {
+        resumed,
+        dump: arguments.dump_problem,
+        step_loop: arguments.step_loop,
+        part_bodies: arguments.part_bodies.map(|bodies| usize::try_from(bodies).unwrap_or(usize::MAX)),
+    };
     let advance = || run_case(case, &scene, state, mode);
     let large = scene.bodies.len() >= thread_pool::MIN_BODIES_TO_BUSY_WAIT;
     pool.install(|| if large { thread_pool::with_busy_waiting_workers(advance) } else { advance() })

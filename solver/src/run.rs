@@ -73,6 +73,8 @@ pub struct RunMode {
     pub dump: Option<u64>,
     /// Whether forces of each step are exchanged on standard input and output.
     pub step_loop: bool,
+    /// Number of bodies in a part of a snapshot; `None` for snapshots in one file.
+    pub part_bodies: Option<usize>,
 }
 
 /// Advances the state to the last step and writes the results; returns the summary.
@@ -80,7 +82,8 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     let start = Instant::now();
     let last = scene.last_step();
     let communicator = ranks::communicator();
-    let (mut results, estimator) = RunOutput::open(communicator.rank() == 0, case, scene, &state)?;
+    let (mut results, estimator) =
+        RunOutput::open(communicator.rank() == 0, case, scene, &state, mode.part_bodies)?;
     let mut statistics = RunStatistics {
         threads: rayon::current_num_threads(),
         bonds: state.bond_count(),

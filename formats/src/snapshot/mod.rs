@@ -3,12 +3,16 @@
 //! An uncompressed zip archive of npy arrays, little-endian, and `meta.npy`, the bytes of a JSON text. `numpy.load(file)`
 //! opens it. NNNNNN is the number of the step. The same state gives the same bytes: the file has no date, host, thread
 //! count or duration.
+//!
+//! A large snapshot may be in parts: further files have ranges of the rows, and `snapshot-NNNNNN.npz` is their index.
 
 mod npz;
+mod parts;
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -17,6 +21,8 @@ use crate::atomic;
 use crate::error::{Fault, Faults};
 use crate::law_table::{LawError, LawModel};
 use npz::{ArrayElement, NpzReader, NpzWriter};
+use parts::{FirstBodies, PartRows, other_part, step_of};
+pub use parts::{SnapshotPart, part_path, remove_orphan_parts};
 
 #[cfg(target_endian = "big")]
 compile_error!("snapshots are written from memory as little-endian arrays");
@@ -129,6 +135,9 @@ pub struct SnapshotMeta {
     /// snapshots of versions without this field.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub options: BTreeMap<String, String>,
+    /// Only in the index of a snapshot in parts: these parts, in the order of their rows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<SnapshotPart>,
 }
 
 /// The last two evaluations of self-gravity, from which it is extrapolated; the accelerations are arrays.
@@ -348,6 +357,7 @@ impl Default for SnapshotMeta {
             fallback: FallbackState::default(),
             postpro: PostproSums::default(),
             options: BTreeMap::new(),
+            parts: Vec::new(),
         }
     }
 }
@@ -374,8 +384,12 @@ macro_rules! arrays {
                 $(self.$name.append(&mut other.$name);)+
             }
 
-            fn write(&self, archive: &mut NpzWriter) -> zip::result::ZipResult<()> {
-                $(archive.add_array(stringify!($name), &self.$name)?;)+
+            /// Adds the arrays to an archive; `rows`: those of a part, else all.
+            fn write(&self, archive: &mut NpzWriter, rows: Option<&Range<usize>>) -> zip::result::ZipResult<()> {
+                $({
+                    let of_part = rows.map_or(&self.$name[..], |rows| &self.$name[rows.clone()]);
+                    archive.add_array(stringify!($name), of_part)?;
+                })+
                 Ok(())
             }
 
@@ -533,10 +547,10 @@ impl ShapeArrays {
         self.pairs.append(other.pairs);
     }
 
-    fn write(&self, archive: &mut NpzWriter) -> zip::result::ZipResult<()> {
-        self.turning.write(archive)?;
-        self.contacts.write(archive)?;
-        self.pairs.write(archive)
+    fn write(&self, archive: &mut NpzWriter, rows: Option<&PartRows>) -> zip::result::ZipResult<()> {
+        self.turning.write(archive, rows.map(|rows| &rows.turning))?;
+        self.contacts.write(archive, rows.map(|rows| &rows.contacts))?;
+        self.pairs.write(archive, rows.map(|rows| &rows.pairs))
     }
 
     fn read(entries: &mut NpzReader) -> Self {
@@ -557,20 +571,37 @@ impl ShapeArrays {
 impl Snapshot {
     /// Bytes of the file.
     pub fn to_bytes(&self) -> Vec<u8> {
+        self.archive_bytes(None)
+    }
+
+    /// Bytes of the file, or of a part with these rows.
+    fn archive_bytes(&self, rows: Option<&PartRows>) -> Vec<u8> {
         let mut archive = NpzWriter::new();
-        let meta = serde_json::to_vec(&self.meta).expect("meta holds nothing that JSON lacks");
+        let (of_bodies, of_contacts) = (rows.map(|rows| &rows.bodies), rows.map(|rows| &rows.contacts));
         (|| {
-            archive.add_array("meta", &meta)?;
-            self.bodies.write(&mut archive)?;
-            self.contacts.write(&mut archive)?;
-            self.memory.as_ref().map_or(Ok(()), |memory| memory.write(&mut archive))?;
-            self.laws.as_ref().map_or(Ok(()), |laws| laws.write(&mut archive))?;
-            self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(&mut archive))?;
-            self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(&mut archive))?;
-            self.interval.as_ref().map_or(Ok(()), |interval| interval.write(&mut archive))?;
+            rows.map_or_else(|| self.write_meta(&mut archive), |_| Ok(()))?;
+            self.bodies.write(&mut archive, of_bodies)?;
+            self.contacts.write(&mut archive, of_contacts)?;
+            self.memory.as_ref().map_or(Ok(()), |memory| memory.write(&mut archive, of_contacts))?;
+            self.laws.as_ref().map_or(Ok(()), |laws| laws.write(&mut archive, of_contacts))?;
+            self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(&mut archive, of_bodies))?;
+            self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(&mut archive, rows))?;
+            let of_interval = rows.map(|rows| &rows.interval);
+            self.interval.as_ref().map_or(Ok(()), |interval| interval.write(&mut archive, of_interval))?;
             archive.finish()
         })()
         .expect("writing to memory")
+    }
+
+    /// Bytes of the index of a snapshot in parts: `meta` alone.
+    fn index_bytes(&self) -> Vec<u8> {
+        let mut archive = NpzWriter::new();
+        self.write_meta(&mut archive).and_then(|()| archive.finish()).expect("writing to memory")
+    }
+
+    fn write_meta(&self, archive: &mut NpzWriter) -> zip::result::ZipResult<()> {
+        let meta = serde_json::to_vec(&self.meta).expect("meta holds nothing that JSON lacks");
+        archive.add_array("meta", &meta)
     }
 
     /// Writes the file, whole or not at all.
@@ -578,8 +609,77 @@ impl Snapshot {
         atomic::write(path, &self.to_bytes())
     }
 
-    /// Reads and checks a file: checksums, shapes, equal numbers of rows, finite numbers, indices in range, the step of
-    /// its name.
+    /// Writes the snapshot in parts of `bodies_per_part` bodies, and the index last; in one file if it has no more bodies.
+    ///
+    /// The bytes depend on the snapshot and `bodies_per_part` alone. If the program ends meanwhile, parts remain, but no
+    /// index.
+    pub fn write_in_parts(&self, path: &Path, bodies_per_part: usize) -> Result<(), Faults> {
+        let bodies = self.bodies.body_id.len();
+        if bodies <= bodies_per_part {
+            return self.write(path);
+        }
+        let (shapes, interval) = (self.shapes.as_ref(), self.interval.as_ref());
+        let lists = FirstBodies {
+            contacts: &self.contacts.contact_body,
+            turning: shapes.map_or(&[], |shapes| &shapes.turning.turning_body),
+            pairs: shapes.map_or(&[], |shapes| &shapes.pairs.pair_body),
+            interval: interval.map_or(&[], |interval| &interval.interval_body),
+        };
+        let (mut parts, mut rows) = (Vec::new(), PartRows::default());
+        for (number, first) in (0..bodies).step_by(bodies_per_part).enumerate() {
+            let end = bodies.min(first.saturating_add(bodies_per_part));
+            rows = rows.next_part(first..end, end == bodies, lists);
+            let bytes = self.archive_bytes(Some(&rows));
+            atomic::write(&part_path(path, number), &bytes)?;
+            parts.push(SnapshotPart::new(rows.bodies.len(), &bytes));
+        }
+        let index = Snapshot { meta: SnapshotMeta { parts, ..self.meta.clone() }, ..Snapshot::default() };
+        atomic::write(path, &index.index_bytes())
+    }
+
+    /// Reads the rows of all parts that `meta` names. Errors: parts that are missing, damaged, or not those of the index
+    /// at `path`.
+    fn read_parts(path: &Path, meta: &SnapshotMeta) -> Result<Self, Faults> {
+        let (mut all, mut faults) = (Snapshot::default(), Faults::default());
+        for (number, part) in meta.parts.iter().enumerate() {
+            let of_part = Snapshot::read_part(path, &part_path(path, number), part);
+            faults.gather_result(of_part).into_iter().for_each(|rows| all.append(rows));
+        }
+        faults.into_result(all)
+    }
+
+    /// Reads the rows of a part of the index at `index`.
+    fn read_part(index: &Path, path: &Path, part: &SnapshotPart) -> Result<Self, Faults> {
+        let mut entries = NpzReader::new(path, part.read_bytes(path, index)?)
+            .map_err(|error| other_part(path, index, error.to_string()))?;
+        let rows = Snapshot::read_arrays(SnapshotMeta::default(), &mut entries);
+        entries.faults.into_result(())?;
+        let bodies = rows.bodies.body_id.len() as u64;
+        let other = || other_part(path, index, format!("{bodies} bodies, not {}", part.bodies));
+        if bodies == part.bodies { Ok(rows) } else { Err(other()) }
+    }
+
+    /// Appends the rows of a later part.
+    fn append(&mut self, part: Snapshot) {
+        fn append_group<T>(own: &mut Option<T>, other: Option<T>, append: impl FnOnce(&mut T, T)) {
+            match (own, other) {
+                (Some(own), Some(other)) => append(own, other),
+                (own @ None, other) => *own = other,
+                (Some(_), None) => {}
+            }
+        }
+        let Snapshot { meta: _, bodies, contacts, memory, laws, gravity, shapes, interval } = part;
+        self.bodies.append(bodies);
+        self.contacts.append(contacts);
+        append_group(&mut self.memory, memory, |own, other| own.append(other));
+        append_group(&mut self.laws, laws, |own, other| own.append(other));
+        append_group(&mut self.gravity, gravity, |own, other| own.append(other));
+        append_group(&mut self.shapes, shapes, |own, other| own.append(other));
+        append_group(&mut self.interval, interval, |own, other| own.append(other));
+    }
+
+    /// Reads and checks a file, with its parts if it is an index: checksums, shapes, equal numbers of rows, finite numbers,
+    /// indices in range, the step of its name.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
         let refuse = |found: String| {
@@ -598,23 +698,31 @@ impl Snapshot {
             let (found, expected) = (format!("of step {}", meta.step), format!("expected {step}, as its name says"));
             return Err(Fault::new(path, None, "snapshot", found, expected).into());
         }
-        let bodies = BodyArrays::read(&mut entries);
-        let contacts = ContactArrays::read(&mut entries);
-        let remembers = entries.has_array("contact_bonded");
-        let memory = remembers.then(|| MemoryArrays::read(&mut entries));
-        let has_laws = entries.has_array("contact_reference_gap");
-        let laws = has_laws.then(|| LawArrays::read(&mut entries));
-        let extrapolates = entries.has_array("gravity_last");
-        let gravity = extrapolates.then(|| GravityArrays::read(&mut entries));
-        let has_shapes = entries.has_array("turning_body");
-        let shapes = has_shapes.then(|| ShapeArrays::read(&mut entries));
-        let has_interval = entries.has_array("interval_body");
-        let interval = has_interval.then(|| IntervalArrays::read(&mut entries));
-        entries.faults.into_result(())?;
-        let snapshot = Snapshot { meta, bodies, contacts, memory, laws, gravity, shapes, interval };
+        let snapshot = if meta.parts.is_empty() {
+            let snapshot = Snapshot::read_arrays(meta, &mut entries);
+            entries.faults.into_result(())?;
+            snapshot
+        } else {
+            let rows = Snapshot::read_parts(path, &meta)?;
+            Snapshot { meta: SnapshotMeta { parts: Vec::new(), ..meta }, ..rows }
+        };
         snapshot.check_indices().map_err(|error| refuse(error.to_string()))?;
         snapshot.check_quaternions(path)?;
         Ok(snapshot)
+    }
+
+    /// Reads all arrays but `meta`; their faults are those of `entries`.
+    fn read_arrays(meta: SnapshotMeta, entries: &mut NpzReader) -> Self {
+        Snapshot {
+            meta,
+            bodies: BodyArrays::read(entries),
+            contacts: ContactArrays::read(entries),
+            memory: entries.has_array("contact_bonded").then(|| MemoryArrays::read(entries)),
+            laws: entries.has_array("contact_reference_gap").then(|| LawArrays::read(entries)),
+            gravity: entries.has_array("gravity_last").then(|| GravityArrays::read(entries)),
+            shapes: entries.has_array("turning_body").then(|| ShapeArrays::read(entries)),
+            interval: entries.has_array("interval_body").then(|| IntervalArrays::read(entries)),
+        }
     }
 
     /// Checks that quaternions have unit length, to the digits of the files.
@@ -691,11 +799,6 @@ pub fn snapshot_path(outbox: &Path, step: u64) -> PathBuf {
     outbox.join(format!("snapshot-{step:06}.npz"))
 }
 
-/// Step in the name of a snapshot.
-fn step_of(path: &Path) -> Option<u64> {
-    path.file_name()?.to_str()?.strip_prefix("snapshot-")?.strip_suffix(".npz")?.parse().ok()
-}
-
 /// Snapshots of a folder by step; an absent folder has none, one that cannot be read is a fault.
 pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let paths = atomic::folder_entries(outbox)?.into_iter();
@@ -761,6 +864,82 @@ mod tests {
             Some(MemoryArrays { contact_bonded: vec![1], contact_bond_gap: vec![0.1], contact_moment: vec![[0.0; 3]] });
         remembering.write(&path).unwrap();
         Snapshot::read(&path).unwrap_err();
+    }
+
+    /// Three bodies, of which the last has no contact as the candidate, in parts of two and of one.
+    fn sample_in_parts() -> Snapshot {
+        let mut all = sample();
+        all.bodies.append(sample().bodies.select_rows(&[0]));
+        all.meta.laws = vec![LawName { nickname: "law00".into(), kind: "IQS_CLB".into(), parameters: vec![0.4] }];
+        all.contacts = ContactArrays {
+            contact_body: vec![[0, 1], [0, 2], [1, 2]],
+            contact_feature: vec![[0, 0]; 3],
+            contact_point: vec![[0.5; 3]; 3],
+            contact_frame: vec![[[1.0; 3]; 3]; 3],
+            contact_gap: vec![0.1, 0.2, 0.3],
+            contact_force: vec![[1.0; 3]; 3],
+            contact_impulse: vec![[2.0; 3]; 3],
+            contact_velocity: vec![[0.0; 3]; 3],
+            contact_status: vec![STATUS_STICK; 3],
+            contact_law: vec![0; 3],
+        };
+        let gravity_last = vec![[1.0; 3], [2.0; 3], [3.0; 3]];
+        all.gravity = Some(GravityArrays { gravity_before: gravity_last.clone(), gravity_last });
+        all.shapes = Some(ShapeArrays {
+            turning: TurningArrays { turning_body: vec![1, 2], turning_momentum: vec![[1.0; 3], [2.0; 3]] },
+            contacts: ContactPartArrays { contact_rank: vec![[0, 1]; 3], contact_area: vec![1.0, 2.0, 3.0] },
+            pairs: PairArrays {
+                pair_body: vec![[0, 1], [1, 2]],
+                pair_rank: vec![[0, 0]; 2],
+                pair_memory: vec![[7, 8]; 2],
+            },
+        });
+        all.interval = Some(IntervalArrays { interval_body: vec![[0, 1], [1, 2]], interval_virial: vec![0.1, 0.2] });
+        all
+    }
+
+    #[test]
+    fn parts_have_the_rows_of_their_bodies_and_make_the_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = snapshot_path(folder.path(), 0);
+        let whole = sample_in_parts();
+        for (bodies_per_part, gaps) in
+            [(2, vec![vec![0.1, 0.2, 0.3], vec![]]), (1, vec![vec![0.1, 0.2], vec![0.3], vec![]])]
+        {
+            whole.write_in_parts(&path, bodies_per_part).unwrap();
+            assert_eq!(Snapshot::read(&path).unwrap().to_bytes(), whole.to_bytes());
+            for (number, expected) in gaps.iter().enumerate() {
+                let part = part_path(&path, number);
+                let mut entries = NpzReader::new(&part, fs::read(&part).unwrap()).unwrap();
+                assert_eq!(entries.read_array::<f64>("contact_gap", None).as_ref(), Some(expected));
+                assert!(!entries.has_array("meta"));
+            }
+            assert_eq!(list_snapshots(folder.path()), Ok(vec![(0, path.clone())]));
+        }
+        whole.write_in_parts(&path, 3).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), whole.to_bytes());
+    }
+
+    #[test]
+    fn parts_are_those_of_their_index() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = snapshot_path(folder.path(), 0);
+        sample_in_parts().write_in_parts(&path, 1).unwrap();
+        let mut other = sample_in_parts();
+        other.bodies.body_x[1][0] = 2.0;
+        other.write_in_parts(&snapshot_path(&folder.path().join("other"), 0), 1).unwrap();
+        fs::copy(part_path(&snapshot_path(&folder.path().join("other"), 0), 1), part_path(&path, 1)).unwrap();
+        fs::remove_file(part_path(&path, 2)).unwrap();
+        let faults = Snapshot::read(&path).unwrap_err().to_string();
+        let lines: Vec<&str> = faults.lines().collect();
+        assert!(lines.len() == 2 && lines[0].contains("part-000001.npz: part of a snapshot: CRC-32 "), "{faults}");
+        assert!(lines[1].contains("part-000002.npz"), "{faults}");
+        // Without the index the parts are no snapshot, and are removed.
+        remove_orphan_parts(folder.path()).unwrap();
+        assert!(part_path(&path, 0).exists());
+        fs::remove_file(&path).unwrap();
+        remove_orphan_parts(folder.path()).unwrap();
+        assert!(!part_path(&path, 0).exists() && !part_path(&path, 1).exists());
     }
 
     #[test]

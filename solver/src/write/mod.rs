@@ -17,7 +17,7 @@ use std::time::Duration;
 
 use cd_formats::atomic::{folder_entries, path_exists};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::list_snapshots;
+use cd_formats::snapshot::{list_snapshots, remove_orphan_parts, snapshot_path};
 
 use crate::ranks;
 use crate::scene::Scene;
@@ -39,6 +39,8 @@ pub struct ResultFiles {
     /// Offset of the numbers of text files.
     number_offset: u64,
     postpro: PostproFiles,
+    /// Number of bodies in a part of a snapshot.
+    part_bodies: Option<usize>,
 }
 
 /// Path of a case's OUTBOX.
@@ -121,9 +123,15 @@ pub fn remove_results(case: &Path) -> Result<(), Faults> {
 
 impl ResultFiles {
     /// Opens the results for a run that continues from `state`; rows of later steps are dropped. Rows of earlier steps
-    /// initialise the error estimator.
-    pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<(Self, ErrorEstimator), Faults> {
+    /// initialise the error estimator. Snapshots are written in parts of `part_bodies` bodies, if that is given.
+    pub fn open(
+        case: &Path,
+        scene: &Scene,
+        state: &State,
+        part_bodies: Option<usize>,
+    ) -> Result<(Self, ErrorEstimator), Faults> {
         let outbox = outbox_path(case);
+        remove_orphan_parts(&outbox)?;
         let options = &scene.options;
         let due = RowSchedule { log_every: options.log_every, output_every: options.output_every };
         let [mut columns, mut seconds] = [log::FIGURES.to_vec(), log::SECONDS.to_vec()];
@@ -154,7 +162,7 @@ impl ResultFiles {
             text_inputs::write_input_copies(&case.join("DATBOX"), &outbox)?;
         }
         let postpro = PostproFiles::open(case, scene, state)?;
-        Ok((ResultFiles { outbox, steps: log, timer, due, number_offset: numbered, postpro }, estimator))
+        Ok((ResultFiles { outbox, steps: log, timer, due, number_offset: numbered, postpro, part_bodies }, estimator))
     }
 
     /// Adds a step to the logs, and the rows that they write to `estimator`.
@@ -208,7 +216,11 @@ impl ResultFiles {
         if scene.options.text {
             text::write_text(&self.outbox, scene, state, self.number_offset)?;
         }
-        snapshot::state_snapshot(scene, state).write(&cd_formats::snapshot::snapshot_path(&self.outbox, state.step))
+        let (snapshot, path) = (snapshot::state_snapshot(scene, state), snapshot_path(&self.outbox, state.step));
+        match self.part_bodies {
+            Some(part_bodies) => snapshot.write_in_parts(&path, part_bodies),
+            None => snapshot.write(&path),
+        }
     }
 }
 
@@ -217,11 +229,17 @@ pub struct RunOutput(Option<ResultFiles>);
 
 impl RunOutput {
     /// Opens the results, see [`ResultFiles::open`], if this rank writes them.
-    pub fn open(writes: bool, case: &Path, scene: &Scene, state: &State) -> Result<(Self, ErrorEstimator), Faults> {
+    pub fn open(
+        writes: bool,
+        case: &Path,
+        scene: &Scene,
+        state: &State,
+        part_bodies: Option<usize>,
+    ) -> Result<(Self, ErrorEstimator), Faults> {
         if !writes {
             return Ok((RunOutput(None), ErrorEstimator::new(scene.options.output_every)));
         }
-        let (files, estimator) = ranks::compute_alone(|| ResultFiles::open(case, scene, state))?;
+        let (files, estimator) = ranks::compute_alone(|| ResultFiles::open(case, scene, state, part_bodies))?;
         Ok((RunOutput(Some(files)), estimator))
     }
 

@@ -79,6 +79,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
         fallback: state.fallback,
         postpro: state.postpro,
         options: options.result_options(),
+        parts: Vec::new(),
     }
 }
 

@@ -7,7 +7,7 @@ use std::process::Command;
 use cd_formats::compute::{ComputeFlags, Event, EventAction};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::Evolution;
-use cd_formats::snapshot::Snapshot;
+use cd_formats::snapshot::{Snapshot, list_snapshots, part_path, snapshot_path};
 use cd_solve::math::simd::SimdWidth;
 
 use crate::case::{Case, Figures, Vec3, equal, near, shaken_lattice, uniform};
@@ -97,6 +97,40 @@ pub fn same(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
     for (name, bytes) in a {
         assert!(bytes == &b[name], "{name} differs");
     }
+}
+
+/// Snapshots in parts are the same states, and those whose index is missing, as after a killed run, are none.
+#[test]
+fn snapshots_in_parts_are_those_in_one_file() {
+    let parts: &[&str] = &["--part-bodies", "20"];
+    let (whole, case) = (files(&scene(4), &[&[]]), scene(4));
+    let unbroken = files(&case, &[parts]);
+    let steps: Vec<u64> = list_snapshots(&case.path().join("OUTBOX")).unwrap().iter().map(|(step, _)| *step).collect();
+    assert_eq!(steps, [0, 15, 30, 45, 60]);
+    for step in steps {
+        let path = snapshot_path(&case.path().join("OUTBOX"), step);
+        let name = path.file_name().unwrap().to_str().unwrap();
+        assert!(Snapshot::read(&path).unwrap().to_bytes() == whole[name], "{name}");
+        // Of 64 spheres and the plates.
+        let parts = (0..).take_while(|&number| part_path(&path, number).exists()).count();
+        assert_eq!(parts, 4);
+    }
+    let names = |files: &BTreeMap<String, Vec<u8>>| -> Vec<String> {
+        files.keys().filter(|name| !name.contains("-part-")).cloned().collect()
+    };
+    assert_eq!(names(&unbroken), names(&whole));
+
+    let broken = scene(4);
+    let outbox_of_broken = broken.path().join("OUTBOX");
+    files(&broken, &[&["--part-bodies", "20", "--steps", "40"]]);
+    // The run is killed while it writes snapshot 40, and a part of an earlier attempt is left.
+    std::fs::remove_file(snapshot_path(&outbox_of_broken, 40)).unwrap();
+    std::fs::write(part_path(&snapshot_path(&outbox_of_broken, 45), 9), "").unwrap();
+    assert_eq!(broken.solve(&["--part-bodies", "20", "--resume"]), 0);
+    let binary = |files: BTreeMap<String, Vec<u8>>| -> BTreeMap<String, Vec<u8>> {
+        files.into_iter().filter(|(name, _)| !name.contains(".OUT.")).collect()
+    };
+    same(&binary(unbroken), &binary(outbox(&broken.path())));
 }
 
 #[test]
