@@ -115,6 +115,20 @@ fn ranks_send_what_a_plan_counts() {
     }
 }
 
+/// Work of ten thousand spheres in eight blocks, and of two thousand cuboids in four, by the points of their faces. Blocks
+/// are of equal size, and ranks whose number does not divide that of the blocks have fewer or more of them.
+#[test]
+fn ranks_have_equal_work() {
+    for (system, sizes) in [(packing::packing(22, 0.4), &[2, 4, 8][..]), (packing::blocks(13, 0.4), &[2, 4])] {
+        let active: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
+        for &size in sizes {
+            let work = division_counts(&system, &active, size).work;
+            let (largest, sum) = (work.iter().max().unwrap(), work.iter().sum::<u64>());
+            assert!((largest * size as u64) as f64 <= 1.1 * sum as f64, "{size} ranks: {work:?}");
+        }
+    }
+}
+
 /// Number of sweeps without momentum from no impulses to a residual of 0.1, in blocks of `min_bodies` or more.
 fn sweeps_in_blocks(system: &ContactProblem, single: bool, min_bodies: usize) -> usize {
     let width = SimdWidth::detect();

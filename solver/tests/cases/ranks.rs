@@ -1,33 +1,44 @@
 //! The same bytes on any number of ranks of MPI.
 //!
-//! Needs `mpirun`, and a build with the feature `mpi`. Where `mpirun` is missing the tests only say so; with CD_REQUIRE_MPI=1
-//! that is an error. Blocks are as small as the scenes, so that there are many; what ranks send each other is counted.
+//! Needs `mpirun`, or the launcher named by CD_MPIRUN, and a build with the feature `mpi`. Where it is missing the tests only
+//! say so; with CD_REQUIRE_MPI=1 that is an error. Blocks are as small as the scenes, so that there are many; the messages of
+//! the ranks are counted. With CD_TESTS_LONG=1 there are more numbers of ranks, and more ranks are killed.
 
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::case::Case;
+use crate::case::{Case, uniform};
 use crate::same_bits::{collapse, outbox, poured, same, scene, slab};
 
 /// Smallest number of bodies in a block in these tests.
 const BLOCK_BODIES: &str = "4";
 
+/// Launcher of the MPI library with which the programs are built.
+fn launcher() -> OsString {
+    std::env::var_os("CD_MPIRUN").unwrap_or_else(|| "mpirun".into())
+}
+
 /// Whether ranks can be started.
 fn has_mpirun() -> bool {
-    let found = Command::new("mpirun").arg("--version").output().is_ok_and(|output| output.status.success());
+    let found = Command::new(launcher()).arg("--version").output().is_ok_and(|output| output.status.success());
     let required = std::env::var("CD_REQUIRE_MPI").is_ok_and(|value| value == "1");
-    assert!(found || !required, "no mpirun");
+    assert!(found || !required, "no {}", launcher().display());
     if !found {
-        println!("skipped: no mpirun");
+        println!("skipped: no {}", launcher().display());
     }
     found
+}
+
+fn is_long() -> bool {
+    std::env::var_os("CD_TESTS_LONG").is_some()
 }
 
 /// cd-solve on `ranks` ranks, or alone for 0.
 fn command(case: &Path, ranks: usize, flags: &[&str]) -> Command {
     let solver = env!("CARGO_BIN_EXE_cd-solve");
-    let mut command = Command::new(if ranks == 0 { solver } else { "mpirun" });
+    let mut command = Command::new(if ranks == 0 { solver.into() } else { launcher() });
     if ranks > 0 {
         // With one MPI or the other, as root, and with more ranks than processors.
         command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
@@ -78,7 +89,9 @@ fn expect_same_bytes(case: &Case) {
     let path = case.path();
     run(&path, 0, &["--threads", "1"]);
     let alone = outbox(&path);
-    for (ranks, threads) in [(1, "2"), (2, "2"), (3, "1"), (4, "2")] {
+    let all = [1, 2, 3, 4, 8].into_iter().flat_map(|ranks| ["1", "2"].map(|threads| (ranks, threads)));
+    let layouts = if is_long() { all.collect() } else { vec![(1, "2"), (2, "2"), (3, "1"), (4, "2")] };
+    for (ranks, threads) in layouts {
         let summary = run(&path, ranks, &["--force", "--threads", threads]);
         println!("{ranks} ranks, {threads} threads");
         same(&alone, &outbox(&path));
@@ -130,45 +143,70 @@ fn wait_for(file: &Path) {
     }
 }
 
-/// Ends the children of a process, the ranks of `mpirun`, by a signal.
-fn signal_ranks(mpirun: &Child, signal: &str, count: usize) {
-    let listed = Command::new("pgrep").args(["-P", &mpirun.id().to_string()]).output().unwrap().stdout;
-    let ranks = String::from_utf8(listed).unwrap();
-    let ranks: Vec<&str> = ranks.split_whitespace().take(count).collect();
-    assert_eq!(ranks.len(), count);
-    assert!(Command::new("kill").arg(signal).args(ranks).status().unwrap().success());
+/// Sends a signal to a rank of three, number `which` of the processes of a launcher.
+fn signal_rank(launched: &Child, signal: &str, which: usize) {
+    let children = |parent: &str| {
+        let listed = Command::new("pgrep").args(["-P", parent]).output().unwrap().stdout;
+        String::from_utf8(listed).unwrap().split_whitespace().map(String::from).collect::<Vec<_>>()
+    };
+    let mut ranks = children(&launched.id().to_string());
+    // MPICH has a process between the launcher and the ranks.
+    while let [proxy] = &ranks[..] {
+        ranks = children(proxy);
+    }
+    assert_eq!(ranks.len(), 3);
+    assert!(Command::new("kill").args([signal, &ranks[which]]).status().unwrap().success());
+}
+
+/// Starts a shaken tub on three ranks, sends a signal to rank `which` after snapshot 15 and `delay`, and compares the run
+/// that resumes on `ranks` ranks with an unbroken one. Snapshots are in parts of 20 bodies.
+#[cfg(unix)]
+fn expect_resumed(signal: &str, which: usize, delay: Duration, ranks: usize) {
+    let case = scene(4);
+    case.write();
+    let long = ["--steps", "1000000", "--output-every", "15", "--threads", "1", "--part-bodies", "20"];
+    let mut broken = command(&case.path(), 3, &long).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+    wait_for(&case.path().join("OUTBOX/snapshot-000015.npz"));
+    std::thread::sleep(delay);
+    signal_rank(&broken, signal, which);
+    let code = broken.wait().unwrap().code();
+    // The launcher of MPICH reports its own code.
+    let own = launcher() == "mpirun";
+    assert!(code != Some(0) && (signal == "-KILL" || !own || code == Some(4)), "{signal}: {code:?}");
+    let stopped = case.last().meta.step;
+    assert!((15..1_000_000).contains(&stopped), "{stopped}");
+    let steps = (stopped + 20).to_string();
+    run(&case.path(), ranks, &["--resume", "--steps", &steps, "--threads", "2", "--part-bodies", "20"]);
+    let whole = scene(4);
+    whole.write();
+    run(&whole.path(), 0, &["--steps", &steps, "--part-bodies", "20"]);
+    let [mut resumed, mut whole] = [&case, &whole].map(|case| outbox(&case.path()));
+    // Both may have stopped between two outputs, which texts count, and a killed rank leaves an unfinished file.
+    for files in [&mut resumed, &mut whole] {
+        let at_stop = format!("snapshot-{stopped:06}");
+        files.retain(|name, _| !name.contains(".OUT.") && !name.ends_with(".part") && !name.starts_with(&at_stop));
+    }
+    same(&whole, &resumed);
 }
 
 /// A rank that is killed ends all, and a request to one stops all; the run resumes on another number of ranks.
 #[test]
 #[cfg(unix)]
 fn a_run_resumes_on_another_number_of_ranks() {
-    if !has_mpirun() {
-        return;
+    if has_mpirun() {
+        ["-KILL", "-TERM"].into_iter().for_each(|signal| expect_resumed(signal, 0, Duration::ZERO, 2));
     }
-    for signal in ["-KILL", "-TERM"] {
-        let case = scene(4);
-        case.write();
-        let long = ["--steps", "1000000", "--output-every", "15", "--threads", "1"];
-        let mut broken = command(&case.path(), 3, &long).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
-        wait_for(&case.path().join("OUTBOX/snapshot-000015.npz"));
-        signal_ranks(&broken, signal, 1);
-        let code = broken.wait().unwrap().code();
-        assert!(code != Some(0) && (signal == "-KILL" || code == Some(4)), "{signal}: {code:?}");
-        let stopped = case.last().meta.step;
-        assert!((15..1_000_000).contains(&stopped), "{stopped}");
-        let steps = (stopped + 20).to_string();
-        run(&case.path(), 2, &["--resume", "--steps", &steps, "--threads", "2"]);
-        let whole = scene(4);
-        whole.write();
-        run(&whole.path(), 0, &["--steps", &steps]);
-        let [mut resumed, mut whole] = [&case, &whole].map(|case| outbox(&case.path()));
-        // Both may have stopped between two outputs, which texts count, and a killed rank leaves an unfinished file.
-        for files in [&mut resumed, &mut whole] {
-            files.retain(|name, _| !name.contains(".OUT.") && !name.ends_with(".part"));
-            files.remove(&format!("snapshot-{stopped:06}.npz"));
-        }
-        same(&whole, &resumed);
+}
+
+#[test]
+#[cfg(unix)]
+fn ranks_killed_at_random_instants_lose_nothing() {
+    let mut random = uniform(11);
+    let mut below = |count: f64| count * random();
+    for attempt in 0..if is_long() && has_mpirun() { 20 } else { 0 } {
+        let (which, delay, ranks) = (below(3.0) as usize, Duration::from_secs_f64(below(2.0)), 1 + below(4.0) as usize);
+        println!("{attempt}: rank {which} after {delay:?}, then {ranks} ranks");
+        expect_resumed("-KILL", which, delay, ranks);
     }
 }
 
