@@ -6,7 +6,9 @@ TARGET := $(abspath $(CARGO_TARGET_DIR))
 BIN := $(TARGET)/release
 SIDE_BY_SIDE = $(MAKE) --no-print-directory --jobs=$(shell getconf _NPROCESSORS_ONLN) SOLVE_FLAGS="--threads 1"
 # The programs as the tests have built them: tests give some libraries more features, and without them all is built again.
-TESTED = $(CARGO) test --workspace --no-run --quiet
+TESTED = $(CARGO) test --workspace $(FEATURES) --no-run --quiet
+# `make test MPI=1` tests programs with MPI, and includes runs of several processes.
+FEATURES = $(if $(MPI),--features cd-solve/mpi)
 MDBOOK_VERSION := 0.5.4
 MDBOOK := $(TARGET)/mdbook-$(MDBOOK_VERSION)/bin/mdbook
 MANUAL := $(TARGET)/manual
@@ -86,13 +88,14 @@ performance-page: ## draws docs/explanation/performance.md from bench/results, f
 	mv docs/explanation/performance.md.part docs/explanation/performance.md
 
 test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1 and CD_REQUIRE_VALGRIND=1 missing tools are errors
-	$(CARGO) test --workspace --no-fail-fast
+	$(CARGO) test --workspace $(FEATURES) --no-fail-fast
 	$(MAKE) --no-print-directory vtk
 	$(MAKE) --no-print-directory browser
 
-# Apart from the programs of the other tests, which are built without MPI.
+# With all packages as in `make test`: only those with the feature are built again.
+ranks: MPI = 1
 ranks: ## runs small scenes on several processes of MPI; with CD_REQUIRE_MPI=1 a missing mpirun is an error
-	$(CARGO) test --package cd-solve --features mpi --target-dir $(TARGET)/ranks --test cases -- ranks
+	$(CARGO) test --workspace $(FEATURES) --test cases -- ranks
 
 # The programs are those of `make build`, with symbols; with CD_BIN those of another folder.
 python: ## installs the Python package in target/python-venv and runs its tests and mypy there
