@@ -17,7 +17,7 @@ import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOHDF import vtkHDFReader
-from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLPPolyDataReader
 
 NO_CONTACT = 0
 DRIVEN_ALL, PLANE, POLYHEDRON = 63, 1, 2
@@ -41,16 +41,18 @@ def check(where, found, expected, scale=None):
 
 
 class DisplayData:
-    """The data of one kind at one time: a .vtp file, or a time of a .vtkhdf file."""
+    """The data of one kind at one time: a .vtp file, a .pvtp file with its pieces, or a time of a .vtkhdf file."""
 
     def __init__(self, path, time, snapshot):
         self.path, self.time, self.snapshot = path, time, snapshot
-        self.name = path.name if path.suffix == ".vtp" else f"{path.name} at {time} s"
+        self.name = path.name if path.suffix != ".vtkhdf" else f"{path.name} at {time} s"
         self.parent = path.parent
 
     def output(self):
         if self.path.suffix == ".vtp":
             return read(vtkXMLPolyDataReader(), self.path)
+        if self.path.suffix == ".pvtp":
+            return read(vtkXMLPPolyDataReader(), self.path)
         return read(vtkHDFReader(), self.path, self.time)
 
 

@@ -104,6 +104,9 @@ pub struct SeriesOptions {
     /// Format of the ParaView files
     #[arg(long, value_enum, default_value_t = VtkFormat::Vtp, value_name = "FORMAT", conflicts_with = "no_vtk")]
     pub vtk_format: VtkFormat,
+    /// Write ParaView files in pieces of at most this number of cells, which kind-NNNNNN.pvtp names
+    #[arg(long, value_name = "CELLS", conflicts_with = "no_vtk", value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
+    pub piece_cells: Option<usize>,
     /// Compute the potential energy by the sum over all pairs, for any number of grains
     #[arg(long)]
     pub direct_gravity: bool,
@@ -119,7 +122,7 @@ impl Default for SeriesOptions {
         let dir = PathBuf::new();
         let (every, no_plots, no_vtk, direct_gravity) = (1, false, false, false);
         let (vtk_format, measures, threads) = (VtkFormat::Vtp, MeasurementFlags::default(), ThreadCount::default());
-        SeriesOptions { dir, every, no_plots, no_vtk, vtk_format, direct_gravity, measures, threads }
+        SeriesOptions { dir, every, no_plots, no_vtk, vtk_format, piece_cells: None, direct_gravity, measures, threads }
     }
 }
 

@@ -82,8 +82,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     let start = Instant::now();
     let last = scene.last_step();
     let communicator = ranks::communicator();
-    let (mut results, estimator) =
-        RunOutput::open(communicator.rank() == 0, case, scene, &state, mode.part_bodies)?;
+    let (mut results, estimator) = RunOutput::open(communicator.rank() == 0, case, scene, &state, mode.part_bodies)?;
     let mut statistics = RunStatistics {
         threads: rayon::current_num_threads(),
         bonds: state.bond_count(),

@@ -21,6 +21,7 @@ use crate::snapshots::{is_evenly_chosen, progress_bar, select_snapshots};
 use crate::write;
 use crate::write::display;
 use crate::write::picture::PictureColouring;
+use crate::write::pieces::{pvtp_text, split_piece};
 use crate::write::series::{Column, csv_with_counts};
 use crate::write::vtkhdf::VtkhdfFile;
 
@@ -28,6 +29,10 @@ use crate::write::vtkhdf::VtkhdfFile;
 ///
 /// The files that name others (`series.csv`, `*.pvd`) are written last: if a snapshot is rejected, the earlier ones remain.
 pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
+    if options.piece_cells.is_some() && options.vtk_format == VtkFormat::Vtkhdf {
+        let (found, expected) = ("is given with --vtk-format vtkhdf", "expected one of the two");
+        return Err(Fault::new("options".as_ref(), None, "--piece-cells", found, expected).into());
+    }
     let (rows, frames) =
         measure_series(options, |k, count, frame| is_evenly_chosen(k, count, PICTURE_COUNT).then_some(frame))?;
     let last = frames.last().expect("the last snapshot is taken");
@@ -178,12 +183,39 @@ fn display_pieces(options: &SeriesOptions, frame: &Frame) -> Result<Vec<NamedPie
     match options.vtk_format {
         VtkFormat::Vtkhdf => Ok(pieces.collect()),
         VtkFormat::Vtp => pieces
-            .try_for_each(|(kind, piece)| {
-                let name = display::file_name(kind, frame.meta.step);
-                atomic::write(&options.dir.join("DISPLAY").join(name), &display::vtp_bytes(piece))
+            .try_for_each(|(kind, piece)| match options.piece_cells {
+                Some(max_cells) => {
+                    write_in_pieces(&options.dir.join("DISPLAY"), kind, frame.meta.step, &piece, max_cells)
+                }
+                None => {
+                    let name = display::file_name(kind, frame.meta.step);
+                    atomic::write(&options.dir.join("DISPLAY").join(name), &display::vtp_bytes(piece))
+                }
             })
             .map(|()| vec![]),
     }
+}
+
+/// Writes data in pieces of at most `max_cells` cells, then the file that names them, and removes further pieces of an
+/// earlier run.
+fn write_in_pieces(
+    folder: &Path,
+    kind: &str,
+    step: u64,
+    piece: &PolyDataPiece,
+    max_cells: usize,
+) -> Result<(), Faults> {
+    let mut names = Vec::new();
+    for (number, part) in split_piece(piece, max_cells).enumerate() {
+        names.push(display::part_name(kind, step, number));
+        atomic::write(&folder.join(&names[number]), &display::vtp_bytes(part))?;
+    }
+    atomic::write(&folder.join(display::index_name(kind, step)), pvtp_text(piece, &names).as_bytes())?;
+    let further = (names.len()..).map(|number| folder.join(display::part_name(kind, step, number)));
+    for path in further.take_while(|path| atomic::path_exists(path)) {
+        fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;
+    }
+    Ok(())
 }
 
 /// Appends the data at `time`, s, to the file of each kind, which the first data start.
@@ -219,13 +251,17 @@ fn finish_display(options: &SeriesOptions, rows: &[Row], last: &Frame) -> Result
             continue;
         }
         let name = format!("{kind}.pvd");
-        atomic::write(&display.join(&name), display::pvd_collection(kind, &times).as_bytes())?;
+        let file_name = if options.piece_cells.is_some() { display::index_name } else { display::file_name };
+        let files: Vec<(String, f64)> = times.iter().map(|&(step, time)| (file_name(kind, step), time)).collect();
+        atomic::write(&display.join(&name), display::pvd_collection(&files).as_bytes())?;
         current.insert(name);
-        current.extend(times.iter().map(|(step, _)| display::file_name(kind, *step)));
+        current.extend(files.into_iter().map(|(name, _)| name));
     }
     for path in atomic::folder_entries(&display)? {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if display::is_display_file(&name) && !current.contains(&name) {
+        // A piece belongs to the file that names it.
+        let named = name.split_once("-part-").map_or_else(|| name.clone(), |(of, _)| format!("{of}.pvtp"));
+        if display::is_display_file(&name) && !current.contains(&named) {
             fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;
         }
     }

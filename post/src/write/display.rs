@@ -1,6 +1,8 @@
 //! `DISPLAY/`: VTK files of polygonal data for ParaView, and the collections that give their times; or a VTKHDF file for
 //! each kind, `KIND.vtkhdf`, with the same data at all times.
 //!
+//! Large files may be in pieces, `KIND-NNNNNN-part-KKKKKK.vtp`, which `KIND-NNNNNN.pvtp` names.
+//!
 //! | file | cells |
 //! |---|---|
 //! | `grains-NNNNNN.vtp` | a vertex a grain |
@@ -37,6 +39,16 @@ pub fn file_name(kind: &str, step: u64) -> String {
     format!("{kind}-{step:06}.vtp")
 }
 
+/// `grains-000012.pvtp`
+pub fn index_name(kind: &str, step: u64) -> String {
+    format!("{kind}-{step:06}.pvtp")
+}
+
+/// `grains-000012-part-000003.vtp`; `number` counts from 0.
+pub fn part_name(kind: &str, step: u64, number: usize) -> String {
+    format!("{kind}-{step:06}-part-{number:06}.vtp")
+}
+
 /// `grains.vtkhdf`
 pub fn vtkhdf_name(kind: &str) -> String {
     format!("{kind}.vtkhdf")
@@ -46,9 +58,14 @@ pub fn vtkhdf_name(kind: &str) -> String {
 pub fn is_display_file(name: &str) -> bool {
     FILE_KINDS.iter().any(|kind| {
         let rest = name.strip_prefix(kind).unwrap_or_default();
-        let step = rest.strip_prefix('-').and_then(|rest| rest.strip_suffix(".vtp"));
+        let is_number = |digits: &str| digits.len() >= 6 && digits.bytes().all(|b| b.is_ascii_digit());
+        let numbered = rest.strip_prefix('-').and_then(|rest| rest.split_once('.'));
         [".pvd", ".vtkhdf"].contains(&rest)
-            || step.is_some_and(|step| step.len() >= 6 && step.bytes().all(|b| b.is_ascii_digit()))
+            || numbered.is_some_and(|(step, end)| match (step.split_once("-part-"), end) {
+                (None, "vtp" | "pvtp") => is_number(step),
+                (Some((step, part)), "vtp") => is_number(step) && is_number(part),
+                _ => false,
+            })
     })
 }
 
@@ -266,13 +283,12 @@ pub fn view_script(folder: &Path) -> String {
     include_str!("view.py").replace("\"@FOLDER@\"", &path)
 }
 
-/// A ParaView collection: the files of one kind with their times, s.
-pub fn pvd_collection(kind: &str, snapshots: &[(u64, f64)]) -> String {
+/// A ParaView collection: the files of one kind, by name, with their times, s.
+pub fn pvd_collection(files: &[(String, f64)]) -> String {
     let mut text = String::from(
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n<Collection>\n",
     );
-    for (step, time) in snapshots {
-        let file = file_name(kind, *step);
+    for (file, time) in files {
         writeln!(text, "<DataSet timestep=\"{time:?}\" part=\"0\" file=\"{file}\"/>").expect("writing to a string");
     }
     text + "</Collection>\n</VTKFile>\n"
@@ -361,13 +377,22 @@ mod tests {
 
     #[test]
     fn only_files_of_this_program_are_its_own() {
-        let ours = ["grains-000012.vtp", "walls-1234567.vtp", "contacts.pvd", "walls.vtkhdf"];
+        let ours = [
+            "grains-000012.vtp",
+            "walls-1234567.vtp",
+            "contacts.pvd",
+            "walls.vtkhdf",
+            "grains-000012.pvtp",
+            "grains-000012-part-000003.vtp",
+        ];
         let others = [
             "grains.vtp",
             "grains-12.vtp",
             "grains-a00012.vtp",
             "view.pvsm",
             "grains-000012.vtu",
+            "grains-000012-part-3.vtp",
+            "grains-000012-part-000003.pvtp",
             "my.pvd",
             "my.vtkhdf",
         ];

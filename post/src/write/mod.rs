@@ -7,6 +7,7 @@
 //! | [`figure`] | none: curves in a plot, as SVG |
 //! | [`picture`] | `POSTPRO/aggregate.svg`, `aggregate_energy.svg`, the last state; `snapshots.svg`, four |
 //! | [`display`] | `DISPLAY/*.vtp` and `*.pvd` |
+//! | [`pieces`] | `DISPLAY/*.pvtp`, and their pieces |
 //! | [`vtkhdf`], [`hdf5`] | `DISPLAY/*.vtkhdf`, and the format that it is based on |
 //! | [`map`] | `POSTPRO/state-NNNNNN/surface_*.svg` |
 //! | [`scale`] | none: units and round numbers for the eye |
@@ -16,6 +17,7 @@ pub mod figure;
 pub mod hdf5;
 pub mod map;
 pub mod picture;
+pub mod pieces;
 pub mod plots;
 pub mod scale;
 pub mod series;
