@@ -294,6 +294,8 @@ pub struct ContactLoad {
     pub area: f64,
     /// Whether a bond or a liquid bridge holds.
     pub bonded: bool,
+    /// Soundness β of an elastic interface, 0 to 1; 0 without an interface.
+    pub soundness: f64,
 }
 
 /// Row of [`LAW_TABLE`].
@@ -492,7 +494,8 @@ macro_rules! contact_laws {
 }
 
 // A row: lines of TACT_BEHAV.DAT, `field: parameter` where the field has the name of the parameter, behind `;` one that is
-// not used; then the friction, cohesion and rolling friction, made of the fields, and memory of its own.
+// not used; then the friction, cohesion and rolling friction, made of the fields; memory of its own (`remembers`), and the
+// elastic interface, made of the fields, next to which the contact acts (`interface`).
 contact_laws! {
     computed {
         /// inelastic quasi-shock with Coulomb friction
@@ -732,18 +735,21 @@ impl LawModel {
     }
 
     /// Largest tangential force, N, of a contact that does not slide yet: μ f_n, with a liquid μ (f_n + cohesion) while it
-    /// attracts, of a bond (c_t/c_n) (f_n + c_n S).
+    /// attracts, of a bond (c_t/c_n) (f_n + c_n S), next to an elastic interface (1 - β) μ f_n.
+    ///
+    /// Next to an interface both forces are those of the contact alone, without that of the interface.
     ///
     /// ```
     /// use cd_formats::law_table::{ContactLoad, LawModel};
     /// let law = LawModel::from_values("IQS_WET_DS_CLB", &[4.0, 0.0, 0.1, 0.4, 0.5]).unwrap();
-    /// let load = ContactLoad { gap: 0.1, normal_force: 2.0, area: 1.0, bonded: false };
+    /// let load = ContactLoad { gap: 0.1, normal_force: 2.0, area: 1.0, bonded: false, soundness: 0.0 };
     /// assert_eq!(law.friction_limit(&load), 0.5 * (2.0 + 4.0));
     /// assert_eq!(law.friction_limit(&ContactLoad { gap: 0.2, ..load }), 0.5 * 2.0);
     /// ```
     pub fn friction_limit(&self, load: &ContactLoad) -> f64 {
-        let &ContactLoad { gap, normal_force, area, bonded } = load;
-        let plain = self.friction().static_friction * normal_force;
+        let &ContactLoad { gap, normal_force, area, bonded, soundness } = load;
+        let broken_share = if self.interface().is_some() { 1.0 - soundness } else { 1.0 };
+        let plain = self.friction().static_friction * broken_share * normal_force;
         match self.cohesion() {
             None => plain,
             Some(LawCohesion::Liquid { force, range, remembers }) => {

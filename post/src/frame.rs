@@ -200,6 +200,8 @@ pub struct Contact {
     pub active: bool,
     /// Whether a bond or a liquid bridge is intact at the end of the step.
     pub bonded: bool,
+    /// Soundness β of its elastic interface at the end of the step; 0 without an interface.
+    pub soundness: f64,
     /// Area on which a bond's stresses act, m^2: the shared area of faces, else pi R^2, 1/R = 1/R_a + 1/R_b.
     pub area: f64,
 }
@@ -253,7 +255,7 @@ impl Frame {
     /// the snapshot.
     pub fn with_solids(snapshot: Snapshot, mut solids: Vec<Option<Arc<SolidShape>>>, laws: Vec<LawModel>) -> Frame {
         solids.resize(snapshot.bodies.body_id.len(), None);
-        let Snapshot { meta, bodies, contacts, memory, shapes, interval, .. } = snapshot;
+        let Snapshot { meta, bodies, contacts, memory, laws: law_memory, shapes, interval, .. } = snapshot;
         let to_contact = -meta.parameters.theta * meta.h;
         let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let is_wall = wall_rows(&bodies);
@@ -303,6 +305,7 @@ impl Frame {
                     law: contacts.contact_law[row],
                     active: contacts.contact_impulse[row].iter().any(|&r| r != 0.0),
                     bonded: memory.as_ref().is_some_and(|memory| memory.contact_bonded[row] != 0),
+                    soundness: law_memory.as_ref().map_or(0.0, |memory| memory.contact_soundness[row]),
                     area: if shared > 0.0 { shared } else { std::f64::consts::PI / (a + b).powi(2) },
                 })
             })

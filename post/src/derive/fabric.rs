@@ -8,7 +8,7 @@ use crate::derive::coordination::touching_contacts;
 use crate::frame::{Contact, Frame};
 use crate::math::Mat3;
 
-/// Fabric tensor of the normals: F = (1/N) sum n (x) n over the N contacts that touch with force, walls too; trace 1.
+/// Fabric tensor of the normals: F = (1/N) sum n ⊗ n over the N contacts that touch with force, walls too; trace 1.
 ///
 /// Directions without preference give 1/3 of the unit tensor. NaN without contacts. Source: Satake (1982).
 pub fn fabric_tensor(frame: &Frame) -> Mat3 {
@@ -40,16 +40,20 @@ pub fn anisotropy(fabric: &Mat3) -> f64 {
 /// A contact that slides under a law with bonds is at its limit, that of the bond if it has just broken: returns its
 /// tangential force.
 pub fn tangential_limit(contact: &Contact, law: &LawModel) -> f64 {
-    let &Contact { gap, normal_force, area, bonded, .. } = contact;
+    let &Contact { gap, normal_force, area, bonded, soundness, .. } = contact;
     let breaks_by_sliding = matches!(law.cohesion(), Some(LawCohesion::Bond { .. }));
     if breaks_by_sliding && !bonded && contact.status == STATUS_SLIDE {
         return contact.tangential_force;
     }
-    law.friction_limit(&ContactLoad { gap, normal_force, area, bonded })
+    law.friction_limit(&ContactLoad { gap, normal_force, area, bonded, soundness })
 }
 
-/// Mobilised share of the available friction: f_t over its [`tangential_limit`], 0 to 1; None if no friction is available.
+/// Mobilised share of the available friction: f_t over its [`tangential_limit`], 0 to 1; None if no friction is available, and
+/// for contacts with a sound interface, whose force in the snapshot contains that of the interface.
 pub fn mobilised_share(contact: &Contact, laws: &[LawModel]) -> Option<f64> {
+    if contact.soundness > 0.0 {
+        return None;
+    }
     let most = tangential_limit(contact, laws.get(contact.law as usize)?);
     (most > 0.0).then(|| contact.tangential_force / most)
 }
@@ -82,7 +86,7 @@ pub fn probability_density(values: impl Iterator<Item = f64>, width: f64) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cd_formats::snapshot::{STATUS_STICK, ShapeArrays};
+    use cd_formats::snapshot::{LawArrays, STATUS_STICK, ShapeArrays};
 
     use crate::math::Vec3;
     use crate::samples::Scene;
@@ -152,6 +156,26 @@ mod tests {
             let (mean, _) = mean_mobilisation(&scene.frame());
             assert!((mean - expected).abs() < 1e-15, "{bonded:?} {mean}");
         }
+    }
+
+    #[test]
+    fn mobilised_friction_leaves_out_sound_interfaces() {
+        let mut scene = Scene::default();
+        for k in 0..3 {
+            scene.grain([2.0 * k as f64, 0.0, 0.0], 1.0);
+        }
+        let law = &mut scene.snapshot.meta.laws[0];
+        (law.kind, law.parameters) = ("IQS_MAC_CZM".into(), vec![0.5, 0.5, 1e9, 1e9, 0.0, 1.0]);
+        scene.contact(1, 0, Vec3::new(4.0, 1.0, 0.0)); // 1 of at most 0.5 * 4, once broken
+        scene.contact(2, 1, Vec3::new(4.0, 2.0, 0.0)); // all of it
+        let mut share = |contact_soundness: [f64; 2]| {
+            scene.snapshot.laws =
+                Some(LawArrays { contact_soundness: contact_soundness.to_vec(), ..LawArrays::default() });
+            mean_mobilisation(&scene.frame()).0
+        };
+        assert_eq!(share([0.0, 0.0]), 0.75);
+        assert_eq!(share([0.0, 0.25]), 0.5);
+        assert!(share([1.0, 0.25]).is_nan());
     }
 
     #[test]

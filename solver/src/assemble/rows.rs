@@ -358,9 +358,6 @@ impl AssemblyContext<'_> {
         let shift = shift.unwrap_or_default();
         let shift = LawShift { normal: shift.normal - curve, ..shift };
 
-        // The sound part of an interface does not rub.
-        let sound_share = if law.interface.is_some() && radius > 0.0 { memory.soundness } else { 0.0 };
-
         let on_plate = self.on_plate(contact);
         // The arms end in one point: it divides the distance in the ratio of the radii, and is the middle of the gap on flat
         // surfaces.
@@ -383,7 +380,7 @@ impl AssemblyContext<'_> {
             shift: n * shift.normal + (turning - n * turning.dot(&n)) + u_tangent * shift.tangential - plate,
             w_n,
             w_t,
-            friction: shift.friction * (1.0 - sound_share),
+            friction: shift.friction * law.friction_share(memory.soundness, radius),
             impulse_shift: shift.impulse,
             acts,
             can_close: is_coupled
