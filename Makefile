@@ -43,7 +43,7 @@ paper: build ## runs the studies, one run on each core, and writes docs/explanat
 	        && mv docs/paper/$$page.part docs/explanation/paper/$${page%.in} || exit 1; \
 	done
 
-# What runs longest begins first. Figures, which may show runs of two studies, come after all runs.
+# The longest studies start first. Figures, which may show runs of two studies, come after all runs.
 STUDIES := accretion-polyhedra spin-up accretion regolith triaxial shape-model
 STUDY = $(MAKE) --no-print-directory -C examples/$*
 .PHONY: $(STUDIES:%=study-of-%)

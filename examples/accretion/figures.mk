@@ -7,7 +7,7 @@
 
 ifneq ($(filter study,$(MAKECMDGOALS)),)
 STUDY := study.ron
-POST_FLAGS := --no-vtk
+POST_FLAGS ?= --no-vtk
 # With `make -j` what takes longest begins first: many grains, and much friction.
 ORDER = $(call reversed,$(RUNS)) $(STILLED)
 reversed = $(if $(1),$(call reversed,$(wordlist 2,$(words $(1)),$(1))) $(firstword $(1)))

@@ -1,11 +1,11 @@
 # The orbit of an aggregate past a planet at the origin, in the plane z = 0 with the pericentre on the x axis, and its outcome.
 #
-#   awk -v start=1 -v mass=5.972e24 -v radius=6.371e6 -v speed=0 -v before=12000 -v q=1.5 -f orbit.awk
+#   awk -v start=1 -v mass=5.972e24 -v radius=6.371e6 -v speed=0 -v before=10000 -v q=1.5 -f orbit.awk
 #
 # prints centre (m) and velocity (m/s) at the time -before (s), for study.ron; q is the pericentre in radii of the planet, `speed`
 # that at infinity, 0 for a parabola.
 #
-#   awk -v mass=... -v radius=... -v speed=0 -v before=12000 -v csv=outcome.csv -f orbit.awk q1.5/POSTPRO/series.csv q1.5/.../fragments.csv ...
+#   awk -v mass=... -v radius=... -v speed=0 -v before=10000 -v csv=outcome.csv -f orbit.awk q1.5/POSTPRO/series.csv q1.5/.../fragments.csv ...
 #
 # makes the tables of the outcomes and of the orbits. Columns are found by their names; SI units.
 #
