@@ -751,7 +751,7 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
         }
         let pair = sorted(a, b);
         let between = format!("{path}.between");
-        report.require(!known.contains(&pair), &between, format!("'{a}' and '{b}' are there twice"), "each pair once");
+        report.require(!known.contains(&pair), &between, format!("'{a}' and '{b}' are listed twice"), "each pair once");
         known.push(pair);
         let law = contact.law.as_ref().map(|name| (name, scene.laws.iter().find(|law| law.name == *name)));
         if let Some((name, None)) = law {
@@ -770,7 +770,7 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
         report.require(!idle, &path, format!("a law between '{a}' and '{b}'"), NO_IMPOSED_LAW);
         if let Some(alert) = contact.alert {
             let path = format!("{path}.alert");
-            report.require(contact.law.is_some(), &path, "given without a law", "none, or a law");
+            report.require(contact.law.is_some(), &path, "alert without a law", "no alert, or a law");
             check_positive(report, &path, alert, "a distance > 0 m");
             if let Some((name, Some(law))) = law
                 && is_positive(alert)

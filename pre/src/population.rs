@@ -52,7 +52,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
         let shapes = shapes.map_err(|wrong| match wrong {
             ShapeError::File(faults) => report_file_faults(faults, &format!("grains.{group}.shape"), report),
             ShapeError::Shape(misfit) => {
-                report.add_fault(&format!("grains.{group}.shape"), misfit.to_string(), "a shape that can be made");
+                report.add_fault(&format!("grains.{group}.shape"), misfit.to_string(), "a non-degenerate convex solid");
             }
         });
         let region = grains.placement.envelope().map(|envelope| envelope.to_region(folder)).transpose();
@@ -189,7 +189,8 @@ pub(crate) fn check_extent(
         let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
         if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING_TOLERANCE)) {
             let found = format!("{}, but the grains extend over {} m", number_text(period), rounded_number(high - low));
-            report.add_fault(&format!("compute.{name}"), found, "at least that");
+            let expected = format!("a period of at least {} m", rounded_number(high - low));
+            report.add_fault(&format!("compute.{name}"), found, expected);
         }
     }
 }

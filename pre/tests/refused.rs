@@ -89,13 +89,13 @@ fn materials_laws_and_colours() {
         (
             "(\"BLUEx\", \"BLUEx\")",
             "(\"WALLx\", \"BLUEx\")",
-            "5:71: contact 2, between: 'BLUEx' and 'WALLx' are there twice; expected each pair once\nscene.ron:5:15: contacts: no law between 'BLUEx' and 'BLUEx'; expected one for each pair that can meet (law: None for none)",
+            "5:71: contact 2, between: 'BLUEx' and 'WALLx' are listed twice; expected each pair once\nscene.ron:5:15: contacts: no law between 'BLUEx' and 'BLUEx'; expected one for each pair that can meet (law: None for none)",
         ),
         ("\"iqsc0\"),", "\"iqsc0\", alert: 0.0),", "5:67: contact 1, alert: 0.0; expected a distance > 0 m"),
         (
             "\"WALLx\"), law: \"iqsc0\")",
             "\"WALLx\"), law: None, alert: 0.1)",
-            "5:109: contact 2, alert: given without a law; expected none, or a law",
+            "5:109: contact 2, alert: alert without a law; expected no alert, or a law",
         ),
         (
             "\"WALLx\"), law: \"iqsc0\")",
@@ -315,7 +315,7 @@ fn shapes_and_how_they_stand() {
     at(
         shape,
         "shape: Vertices([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]),",
-        "9:16: grains 1, shape: the points lie in a plane; expected a shape that can be made",
+        "9:16: grains 1, shape: the points lie in a plane; expected a non-degenerate convex solid",
     );
     at(
         shape,

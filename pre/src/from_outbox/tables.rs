@@ -67,8 +67,13 @@ fn merge_materials(changes: &Changes, parts: &[SourcePart], records: &Bodies, re
                 None => all.push(material.clone()),
                 Some(known) if known.density != material.density && !changed(&known.name) => report.add_fault(
                     &format!("bodies.{k}"),
-                    format!("material '{}' has the density {}, before {}", known.name, material.density, known.density),
-                    "one density of a name (kg/m^3), or one under materials",
+                    format!(
+                        "material '{}' has the density {}, but {} in an earlier case",
+                        known.name,
+                        number_text(material.density),
+                        number_text(known.density)
+                    ),
+                    "the same density in all cases (kg/m^3), or an entry for the material under materials",
                 ),
                 Some(_) => {}
             }
@@ -139,7 +144,7 @@ fn candidate_order(contactor: &str) -> usize {
     }
 }
 
-/// Order of walls, which do not touch each other.
+/// Order of walls, which are always antagonists of grains.
 const WALL_ORDER: usize = 2;
 
 /// Pairs of colour and contactor in use.
@@ -150,14 +155,14 @@ fn coloured_contactors(records: &[Body]) -> ColouredContactors<'_> {
 }
 
 /// Candidate and antagonist of each pair of contactors that can touch, one of colour `a`, the other of `b`.
-fn contact_pairs(worn: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[VisibilitySide; 2]> {
+fn contact_pairs(used_contactors: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[VisibilitySide; 2]> {
     let of = |colour: &str| -> Vec<VisibilitySide> {
         let side = |&(colour, contactor): &(&str, &str)| VisibilitySide {
             body: "RBDY3".into(),
             contactor: contactor.into(),
             colour: colour.into(),
         };
-        worn.iter().filter(|(known, _)| *known == colour).map(side).collect()
+        used_contactors.iter().filter(|(known, _)| *known == colour).map(side).collect()
     };
     let mut all = Vec::new();
     for x in of(a) {
@@ -174,15 +179,15 @@ fn contact_pairs(worn: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[Visibi
 }
 
 /// Pairs like [`contact_pairs`] of walls, whose contacts are computed if one of them moves by forces.
-fn wall_pairs(worn: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[VisibilitySide; 2]> {
+fn wall_pairs(used_contactors: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[VisibilitySide; 2]> {
     let side = |&(colour, contactor): &(&str, &str)| VisibilitySide {
         body: "RBDY3".into(),
         contactor: contactor.into(),
         colour: colour.into(),
     };
     let mut all: Vec<[VisibilitySide; 2]> = Vec::new();
-    for x in worn.iter().filter(|(colour, _)| *colour == a) {
-        for y in worn.iter().filter(|(colour, _)| *colour == b) {
+    for x in used_contactors.iter().filter(|(colour, _)| *colour == a) {
+        for y in used_contactors.iter().filter(|(colour, _)| *colour == b) {
             // LMGC90 has a cylinder before a plate.
             let sides = if x.1 == "PLANx" { [side(y), side(x)] } else { [side(x), side(y)] };
             if check::is_computed_wall_pair([x.1, y.1]) && !all.contains(&sides) {
@@ -215,11 +220,11 @@ fn merge_visibility(
 ) -> Vec<VisibilityRow> {
     let all = coloured_contactors(&records.0);
     let named: Vec<(&str, &str)> = changes.contacts.iter().map(|c| ordered_pair(&c.between.0, &c.between.1)).collect();
-    let newcomers = &records.0[parts.iter().map(|part| part.records.len()).sum()..];
-    let newcomers: BTreeSet<&str> = coloured_contactors(newcomers).into_iter().map(|(colour, _)| colour).collect();
+    let new_records = &records.0[parts.iter().map(|part| part.records.len()).sum()..];
+    let new_colours: BTreeSet<&str> = coloured_contactors(new_records).into_iter().map(|(colour, _)| colour).collect();
     let mut rows: Vec<VisibilityRow> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
-        for mut row in part.rows_of_table(&newcomers) {
+        for mut row in part.rows_of_table(&new_colours) {
             row.alert = row.alert.max(laws.iter().find(|law| law.nickname == row.law).map_or(0.0, attraction_range));
             let sides = |row: &VisibilityRow| (row.candidate.clone(), row.antagonist.clone());
             let known = rows.iter_mut().find(|known| {
@@ -231,8 +236,13 @@ fn merge_visibility(
                 Some(known) if known.law == row.law => known.alert = known.alert.max(row.alert),
                 Some(known) if !named.contains(&row_colours(known)) => {
                     let (a, b) = row_colours(known);
-                    let found = format!("law '{}' between '{a}' and '{b}', before '{}'", row.law, known.law);
-                    report.add_fault(&format!("bodies.{k}"), found, "one law for a pair, or one under contacts");
+                    let found =
+                        format!("law '{}' between '{a}' and '{b}', but '{}' in an earlier case", row.law, known.law);
+                    report.add_fault(
+                        &format!("bodies.{k}"),
+                        found,
+                        "the same law in all cases, or an entry for the pair under contacts",
+                    );
                 }
                 Some(_) => {}
             }
@@ -240,9 +250,9 @@ fn merge_visibility(
     }
     rows.retain(|row| !named.contains(&row_colours(row)));
     rows.extend(rows_of_new_shapes(parts, &all, &rows, report));
-    let is_worn = |side: &VisibilitySide| all.contains(&(&side.colour[..], &side.contactor[..]));
-    rows.retain(|row| is_worn(&row.candidate) && is_worn(&row.antagonist));
-    let groups = GroupColours::of_all(changes, parts);
+    let is_used = |side: &VisibilitySide| all.contains(&(&side.colour[..], &side.contactor[..]));
+    rows.retain(|row| is_used(&row.candidate) && is_used(&row.antagonist));
+    let groups = GroupColours::from_changes_and_parts(changes, parts);
     for (k, contact) in changes.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
         let (a, b) = named[k];
@@ -255,11 +265,11 @@ fn merge_visibility(
             }
         }
         if named[..k].contains(&named[k]) {
-            report.add_fault(&format!("{path}.between"), format!("'{a}' and '{b}' are there twice"), "each pair once");
+            report.add_fault(&format!("{path}.between"), format!("'{a}' and '{b}' are listed twice"), "each pair once");
         }
         let Some(name) = &contact.law else {
-            let found = "given without a law";
-            report.require(contact.alert.is_none(), &format!("{path}.alert"), found, "none, or a law");
+            let found = "alert without a law";
+            report.require(contact.alert.is_none(), &format!("{path}.alert"), found, "no alert, or a law");
             continue;
         };
         let alert_path = format!("{path}.alert");
@@ -313,7 +323,11 @@ fn rows_of_new_shapes(
             contact_pairs(all, pair).into_iter().filter(|sides| !have_met(sides)).collect();
         if let (false, Some(other)) = (sides.is_empty(), theirs.clone().find(|row| row.law != first.law)) {
             let found = format!("laws '{}' and '{}' between '{}' and '{}'", first.law, other.law, pair.0, pair.1);
-            report.add_fault("contacts", found, "one, for they have new shapes");
+            report.add_fault(
+                "contacts",
+                found,
+                "one law for this pair under contacts: these shapes meet for the first time",
+            );
         }
         let alert = theirs.map(|row| row.alert).fold(first.alert, f64::max);
         new.extend(sides.into_iter().map(|sides| visibility_row(sides, &first.law, alert)));
@@ -339,7 +353,7 @@ impl<'a> GroupColours<'a> {
     }
 
     /// Colours of each part, then of the new grains of each group and of the new walls.
-    fn of_all(changes: &'a Changes, parts: &'a [SourcePart]) -> Vec<Self> {
+    fn from_changes_and_parts(changes: &'a Changes, parts: &'a [SourcePart]) -> Vec<Self> {
         let mut groups = Vec::new();
         for part in parts {
             let mut group = GroupColours::default();
@@ -406,7 +420,7 @@ fn default_alert(parts: &[SourcePart], grains: &[Grain]) -> f64 {
 
 impl SourcePart<'_> {
     /// Rows of the source's table between colours of this part, under their new names, or of new bodies.
-    fn rows_of_table(&self, newcomers: &BTreeSet<&str>) -> Vec<VisibilityRow> {
+    fn rows_of_table(&self, new_colours: &BTreeSet<&str>) -> Vec<VisibilityRow> {
         let old = |k: usize| &self.source.bodies.0[self.source_bodies[k].index()].contactors;
         let renamed: BTreeSet<(&str, &str, &str)> = (0..self.source_bodies.len())
             .flat_map(|k| {
@@ -418,7 +432,7 @@ impl SourcePart<'_> {
         for row in &self.source.tact.visibility {
             let news = |side: &VisibilitySide| -> BTreeSet<String> {
                 let mine = renamed.iter().filter(|(old, _, shape)| *old == side.colour && *shape == side.contactor);
-                let own = newcomers.get(side.colour.as_str());
+                let own = new_colours.get(side.colour.as_str());
                 mine.map(|(_, new, _)| new).chain(own).map(|colour| colour.to_string()).collect()
             };
             for a in &news(&row.candidate) {

@@ -30,7 +30,7 @@ pub enum FragmentError {
 impl std::fmt::Display for FragmentError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            FragmentError::NoSeed => write!(f, "a body in which {MAX_ATTEMPTS} random points found no position"),
+            FragmentError::NoSeed => write!(f, "no point inside the solid in {MAX_ATTEMPTS} random trials"),
             FragmentError::NoBody(faults) => write!(f, "an invalid fragment: {faults}"),
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! | module | |
 //! |---|---|
-//! | `region` | ball, ellipsoid, box: volume, containment |
+//! | `region` | ball, ellipsoid, box, cylinder, surface: volume, containment |
 //! | [`inside`] | interior of a closed surface as a region |
 //! | [`lattice`] | sites of a face-centred cubic lattice |
 //! | [`sequential`] | random sequential placement |
@@ -58,15 +58,13 @@ impl std::error::Error for PlacementError {}
 
 impl PlacementError {
     fn from_shape(error: impl std::error::Error) -> PlacementError {
-        PlacementError { found: error.to_string(), expected: "a shape that can be made" }
+        PlacementError { found: error.to_string(), expected: "a non-degenerate convex solid" }
     }
 
     /// Same error with the margin, m, by which grains are kept apart for the rounding of positions in the files.
     fn with_margin(self, margin: f64) -> PlacementError {
-        let found = format!(
-            "{}, kept {margin:.1e} m apart, because files have 8 digits of positions so far from the origin",
-            self.found
-        );
+        let found =
+            format!("{}, kept {margin:.1e} m apart, because the text files have 8 digits of a position", self.found);
         PlacementError {
             found,
             expected: "a position closer to the origin; cd-pre from-outbox moves bodies to a `centre` with all digits",
@@ -79,7 +77,7 @@ impl PlacementError {
 /// `region` is that of the envelope, if there is one. Polyhedra are placed as their bounding balls. Grains in an envelope
 /// are returned in Z-order, so that neighbours in space have near numbers.
 ///
-/// Errors: grains that do not fit into the envelope.
+/// Errors: grains that do not fit into the envelope, no grain or too many, a degenerate shape, no envelope.
 pub fn place_grains(
     grains: &Grains,
     shapes: &mut GrainSampler,
