@@ -425,8 +425,8 @@ impl Compute {
         self.sphere_orientation || self.text
     }
 
-    /// Name and value of every option that results depend on: all except the length of the run, the number of threads and
-    /// additional output.
+    /// Name and value of every option that results depend on: all except `steps`, `end_time`, `threads` and
+    /// `text`.
     pub fn result_options(&self) -> BTreeMap<String, String> {
         const OPTIONS_WITHOUT_EFFECT: [&str; 4] = ["steps", "end_time", "threads", "text"];
         let values = self.option_values().into_iter().filter(|(name, _)| !OPTIONS_WITHOUT_EFFECT.contains(name));

@@ -37,13 +37,10 @@ pub const SHAPE_PLANE: u8 = 1;
 /// Value of [`BodyArrays::body_shape`] of one or more polyhedra; BODIES.DAT has the vertices.
 pub const SHAPE_PARTS: u8 = 2;
 
-/// [`BodyArrays::body_driven`] of a body with all six components of its velocity imposed: a wall.
+/// [`BodyArrays::body_driven`] of a body with all six components of its velocity imposed.
 pub const DRIVEN_ALL: u8 = 0b11_1111;
 /// Components of the translation in [`BodyArrays::body_driven`].
 pub const DRIVEN_TRANSLATION: u8 = 0b00_0111;
-
-/// Components of the translation in [`BodyArrays::body_driven`].
-const TRANSLATION: u8 = 0b111;
 
 /// Whether each body is a wall, from its imposed components, as in [`BodyArrays::body_driven`], and whether it is a plane.
 ///
@@ -53,7 +50,7 @@ const TRANSLATION: u8 = 0b111;
 pub fn are_walls(bodies: &[(u8, bool)]) -> Vec<bool> {
     let with_free_axes = |fewest: u32| -> Vec<bool> {
         let is_wall = |&(driven, is_plane): &(u8, bool)| {
-            (driven & TRANSLATION).count_ones() > 3 - fewest || is_plane && driven != 0
+            (driven & DRIVEN_TRANSLATION).count_ones() > 3 - fewest || is_plane && driven != 0
         };
         bodies.iter().map(is_wall).collect()
     };
