@@ -78,150 +78,220 @@ pub fn missing_fields_fault(at: usize, path: String, fields: &[String], kind: &s
 
 /// Describes the library's error in words.
 pub fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &SpannedError) -> TextFault {
-    let site = ErrorSite::new(text, nodes, error);
-    let ErrorSite { raw, at, value, named } = site;
-    let text_of = |node: &ValueNode| display_text(&text[node.span.clone()]);
-    let of = |node: Option<&ValueNode>, found: String, expected: String| {
-        let (at, path) = node.map_or((at, String::new()), |node| (node.span.start, node.path.clone()));
+    let faulty = FaultyText { text, nodes, site: ErrorSite::new(text, nodes, error) };
+    faulty
+        .named_fault(error)
+        .or_else(|| faulty.stray_name())
+        .or_else(|| faulty.number_fault(&error.code))
+        .or_else(|| faulty.bare_variant::<T>())
+        .or_else(|| faulty.fault_by_probe::<T>())
+        .or_else(|| faulty.surplus_values::<T>())
+        .unwrap_or_else(|| faulty.fault_of_kind(&error.code))
+}
+
+/// Text with an error of the library, for the descriptions that [`describe_error`] tries in turn.
+struct FaultyText<'a> {
+    text: &'a str,
+    nodes: &'a [ValueNode],
+    site: ErrorSite<'a>,
+}
+
+/// Path of the record that holds a value.
+fn holder_path(node: Option<&ValueNode>) -> String {
+    node.and_then(|node| node.path.rsplit_once('.')).map_or(String::new(), |(holder, _)| holder.to_string())
+}
+
+impl FaultyText<'_> {
+    /// Text of a value, as written.
+    fn source_of(&self, node: &ValueNode) -> &str {
+        &self.text[node.span.clone()]
+    }
+
+    /// Text of a value for messages.
+    fn text_of(&self, node: &ValueNode) -> String {
+        display_text(self.source_of(node))
+    }
+
+    /// Fault of a value, or of the site if there is none.
+    fn fault_at(&self, node: Option<&ValueNode>, found: String, expected: String) -> TextFault {
+        let (at, path) = node.map_or((self.site.at, String::new()), |node| (node.span.start, node.path.clone()));
         TextFault { at, path, found, expected }
-    };
-    let wrong = |expected: &str| of(value, value.map_or("no value".into(), text_of), format!("expected {expected}"));
-    let holder = |node: Option<&ValueNode>| {
-        node.and_then(|node| node.path.rsplit_once('.')).map_or(String::new(), |(holder, _)| holder.to_string())
-    };
-    match &error.code {
-        Error::NoSuchStructField { expected, found, .. } => {
-            let path = holder(named.or(value));
-            return TextFault {
+    }
+
+    /// Fault of the value at the site, of which another one is expected.
+    fn wrong_value(&self, expected: &str) -> TextFault {
+        let value = self.site.value;
+        let found = value.map_or("no value".into(), |node| self.text_of(node));
+        self.fault_at(value, found, format!("expected {expected}"))
+    }
+
+    /// Errors that the library names: unknown, missing and repeated names, and values of one kind.
+    fn named_fault(&self, error: &SpannedError) -> Option<TextFault> {
+        let ErrorSite { at, value, named, .. } = self.site;
+        Some(match &error.code {
+            Error::NoSuchStructField { expected, found, .. } => TextFault {
                 at,
-                path,
+                path: holder_path(named.or(value)),
                 found: format!("unknown field '{found}'"),
                 expected: known_names(found, expected),
-            };
-        }
-        Error::DuplicateStructField { field, .. } => {
-            let found = format!("'{field}' occurs twice");
-            return TextFault { at, path: holder(named), found, expected: "expected it once".into() };
-        }
-        Error::MissingStructField { field, .. } => {
-            let (at, path) = value.map_or((at, String::new()), |node| (node.span.start, node.path.clone()));
-            return missing_fields_fault(at, path, &[field.to_string()], &site.kind_of_record(text, error));
-        }
-        Error::NoSuchEnumVariant { expected, found, .. } => {
-            return of(value, format!("unknown '{found}'"), known_names(found, expected));
-        }
-        Error::ExpectedBoolean => return wrong("true or false"),
-        Error::ExpectedArray | Error::ExpectedArrayEnd => return wrong("a list in [ ]"),
-        Error::ExceededRecursionLimit => {
-            return of(value, "brackets nested too deeply".into(), format!("expected at most {MAX_DEPTH} levels"));
-        }
-        Error::ExpectedString | Error::ExpectedStringEnd => {
-            let word = value.map(text_of).filter(|word| word.starts_with(char::is_alphabetic));
-            return wrong(&word.map_or("a text in quotes".into(), |word| format!("a text in quotes, \"{word}\"")));
-        }
-        Error::ExpectedDifferentLength { expected, found } => {
-            let count = if *found == 1 { "one value".to_string() } else { format!("{found} values") };
-            let found = format!("{count} in {}", value.map_or(String::new(), text_of));
-            return of(value, found, format!("expected {}", expectation_in_words(expected)));
-        }
-        Error::IntegerOutOfBounds => {
-            let negative = value.is_some_and(|node| text_of(node).starts_with('-'));
-            return wrong(if negative { "an integer of 0 or more" } else { "a smaller integer" });
-        }
-        _ => {}
+            },
+            Error::DuplicateStructField { field, .. } => TextFault {
+                at,
+                path: holder_path(named),
+                found: format!("'{field}' occurs twice"),
+                expected: "expected it once".into(),
+            },
+            Error::MissingStructField { field, .. } => {
+                let (at, path) = value.map_or((at, String::new()), |node| (node.span.start, node.path.clone()));
+                missing_fields_fault(at, path, &[field.to_string()], &self.site.kind_of_record(self.text, error))
+            }
+            Error::NoSuchEnumVariant { expected, found, .. } => {
+                self.fault_at(value, format!("unknown '{found}'"), known_names(found, expected))
+            }
+            Error::ExpectedBoolean => self.wrong_value("true or false"),
+            Error::ExpectedArray | Error::ExpectedArrayEnd => self.wrong_value("a list in [ ]"),
+            Error::ExceededRecursionLimit => {
+                let expected = format!("expected at most {MAX_DEPTH} levels");
+                self.fault_at(value, "brackets nested too deeply".into(), expected)
+            }
+            Error::ExpectedString | Error::ExpectedStringEnd => {
+                let word = value.map(|node| self.text_of(node)).filter(|word| word.starts_with(char::is_alphabetic));
+                let expected = word.map_or("a text in quotes".into(), |word| format!("a text in quotes, \"{word}\""));
+                self.wrong_value(&expected)
+            }
+            Error::ExpectedDifferentLength { expected, found } => {
+                let count = if *found == 1 { "one value".to_string() } else { format!("{found} values") };
+                let found = format!("{count} in {}", value.map_or(String::new(), |node| self.text_of(node)));
+                self.fault_at(value, found, format!("expected {}", expectation_in_words(expected)))
+            }
+            Error::IntegerOutOfBounds => {
+                let negative = value.is_some_and(|node| self.text_of(node).starts_with('-'));
+                self.wrong_value(if negative { "an integer of 0 or more" } else { "a smaller integer" })
+            }
+            _ => return None,
+        })
     }
-    // A name where values have no names.
-    if let Some(node) = named.filter(|node| value.is_none_or(|value| value.span.start < node.span.start)) {
-        let name = &text[node.name.clone().unwrap_or_default()];
-        return TextFault {
+
+    /// A name where values have no names.
+    fn stray_name(&self) -> Option<TextFault> {
+        let ErrorSite { at, value, named, .. } = self.site;
+        let node = named.filter(|node| value.is_none_or(|value| value.span.start < node.span.start))?;
+        let name = &self.text[node.name.clone().unwrap_or_default()];
+        Some(TextFault {
             at,
-            path: holder(Some(node)),
+            path: holder_path(Some(node)),
             found: format!("'{name}:'"),
             expected: "expected a value without a name".into(),
-        };
+        })
     }
-    match &error.code {
-        Error::ExpectedFloat | Error::FloatUnderscore => return wrong("a number"),
-        Error::ExpectedInteger | Error::InvalidIntegerDigit { .. } | Error::UnderscoreAtBeginning => {
-            return wrong("an integer");
-        }
-        _ => {}
-    }
-    // A number that the library has read partly.
-    if value.is_some_and(|node| node.span.start < at && text[node.span.clone()].parse::<f64>().is_ok()) {
-        return wrong("an integer");
-    }
-    // A number followed by other characters.
-    if let Some(node) = value.filter(|node| begins_with_number(&text[node.span.clone()])) {
-        let word = &text[node.span.clone()];
-        let plain = word.replace(['d', 'D'], "e");
-        match plain.parse::<f64>() {
-            Ok(_) if plain != word => return wrong(&format!("a number, {plain}")),
-            Err(_) if word.ends_with(char::is_alphabetic) && !word.ends_with(['e', 'E']) => {
-                return wrong("a number without unit");
+
+    /// A number that is missing, that the library has read partly, or that other characters follow.
+    fn number_fault(&self, code: &Error) -> Option<TextFault> {
+        let ErrorSite { at, value, .. } = self.site;
+        match code {
+            Error::ExpectedFloat | Error::FloatUnderscore => return Some(self.wrong_value("a number")),
+            Error::ExpectedInteger | Error::InvalidIntegerDigit { .. } | Error::UnderscoreAtBeginning => {
+                return Some(self.wrong_value("an integer"));
             }
             _ => {}
         }
+        let node = value?;
+        let word = self.source_of(node);
+        if node.span.start < at && word.parse::<f64>().is_ok() {
+            return Some(self.wrong_value("an integer"));
+        }
+        if !begins_with_number(word) {
+            return None;
+        }
+        let plain = word.replace(['d', 'D'], "e");
+        match plain.parse::<f64>() {
+            Ok(_) if plain != word => Some(self.wrong_value(&format!("a number, {plain}"))),
+            Err(_) if word.ends_with(char::is_alphabetic) && !word.ends_with(['e', 'E']) => {
+                Some(self.wrong_value("a number without unit"))
+            }
+            _ => None,
+        }
     }
-    // A variant whose fields were left out.
-    let bare =
-        innermost(nodes, |node| node.span.end == raw && text[node.span.clone()].starts_with(char::is_alphabetic));
-    if let Some(node) = bare.filter(|node| !text[node.span.clone()].contains('(')) {
-        let kind = text_of(node);
-        let fields = match probe_error::<T>(text, node, &format!("{kind}({UNKNOWN_NAME}: 0)")) {
+
+    /// A variant whose fields were left out.
+    fn bare_variant<T: DeserializeOwned>(&self) -> Option<TextFault> {
+        let ends_here =
+            |node: &ValueNode| node.span.end == self.site.raw && self.source_of(node).starts_with(char::is_alphabetic);
+        let node = innermost(self.nodes, ends_here).filter(|node| !self.source_of(node).contains('('))?;
+        let kind = self.text_of(node);
+        let fields = match probe_error::<T>(self.text, node, &format!("{kind}({UNKNOWN_NAME}: 0)")) {
             Some(Error::NoSuchStructField { expected, .. }) => format!("{kind}(...) with {}", field_list(expected)),
             _ => format!("{kind}(...) with its values"),
         };
-        return of(bare, kind, format!("expected {fields}"));
+        Some(self.fault_at(Some(node), kind, format!("expected {fields}")))
     }
-    let Some(node) = value else { return wrong("another value") };
-    // The library lists the expected names only for an unknown name.
-    match probe_error::<T>(text, node, UNKNOWN_NAME) {
-        Some(Error::NoSuchEnumVariant { expected, .. }) if expected.contains(&"Constant") => {
-            let found = text_of(node);
-            let example = found.parse::<f64>().map_or(String::new(), |_| format!(", such as Constant({found})"));
-            return wrong(&format!("a function, one of {}{example}", expected.join(", ")));
+
+    /// Names and fields that the library expects, which it lists only for an unknown name; digits that are no decimal
+    /// number; another value if there is none.
+    fn fault_by_probe<T: DeserializeOwned>(&self) -> Option<TextFault> {
+        let ErrorSite { raw, value, .. } = self.site;
+        let Some(node) = value else { return Some(self.wrong_value("another value")) };
+        let probe = |other: &str| probe_error::<T>(self.text, node, other);
+        match probe(UNKNOWN_NAME) {
+            Some(Error::NoSuchEnumVariant { expected, .. }) if expected.contains(&"Constant") => {
+                let found = self.text_of(node);
+                let example = found.parse::<f64>().map_or(String::new(), |_| format!(", such as Constant({found})"));
+                return Some(self.wrong_value(&format!("a function, one of {}{example}", expected.join(", "))));
+            }
+            Some(Error::NoSuchEnumVariant { expected, .. }) => {
+                return Some(self.wrong_value(&format!("one of {}", expected.join(", "))));
+            }
+            _ => {}
         }
-        Some(Error::NoSuchEnumVariant { expected, .. }) => return wrong(&format!("one of {}", expected.join(", "))),
-        _ => {}
-    }
-    if let Some(Error::NoSuchStructField { expected, .. }) = probe_error::<T>(text, node, &format!("{UNKNOWN_NAME}: 0"))
-    {
-        return wrong(&format!("name: value, with {}", field_list(expected)));
-    }
-    if let Some(Error::NoSuchStructField { expected, .. }) =
-        probe_error::<T>(text, node, &format!("({UNKNOWN_NAME}: 0)"))
-    {
-        return wrong(&format!("( ) around {}", field_list(expected)));
-    }
-    // Digits that are no decimal number.
-    if begins_with_number(&text[node.span.clone()]) && node.span.start < raw && raw < node.span.end {
-        let word = &text[node.span.clone()];
-        let digits =
-            |prefix: &str, base| word.strip_prefix(prefix).and_then(|rest| u64::from_str_radix(rest, base).ok());
-        let decimal = digits("0x", 16).or_else(|| digits("0b", 2)).or_else(|| digits("0o", 8));
-        return wrong(&decimal.map_or("a number".into(), |decimal| format!("a decimal number, {decimal}")));
-    }
-    // Too many values in the enclosing bracket.
-    let around = innermost(nodes, |node| node.span.start < raw && raw < node.span.end && Some(node) != value);
-    for (node, found) in
-        [(value, value.map(text_of)), (around, around.map(|list| format!("too many values in {}", text_of(list))))]
-    {
-        let (Some(node), Some(found)) = (node, found) else { continue };
-        if let Some(Error::ExpectedDifferentLength { expected, .. }) = probe_error::<T>(text, node, "()") {
-            return of(Some(node), found, format!("expected {}", expectation_in_words(&expected)));
+        if let Some(Error::NoSuchStructField { expected, .. }) = probe(&format!("{UNKNOWN_NAME}: 0")) {
+            return Some(self.wrong_value(&format!("name: value, with {}", field_list(expected))));
         }
+        if let Some(Error::NoSuchStructField { expected, .. }) = probe(&format!("({UNKNOWN_NAME}: 0)")) {
+            return Some(self.wrong_value(&format!("( ) around {}", field_list(expected))));
+        }
+        let word = self.source_of(node);
+        (begins_with_number(word) && node.span.start < raw && raw < node.span.end).then(|| {
+            let digits =
+                |prefix: &str, base| word.strip_prefix(prefix).and_then(|rest| u64::from_str_radix(rest, base).ok());
+            let decimal = digits("0x", 16).or_else(|| digits("0b", 2)).or_else(|| digits("0o", 8));
+            let expected = decimal.map_or("a number".into(), |decimal| format!("a decimal number, {decimal}"));
+            self.wrong_value(&expected)
+        })
     }
-    match &error.code {
-        Error::ExpectedStructLikeEnd | Error::ExpectedOptionEnd => {
-            let found = around.map_or(String::new(), |list| format!("too many values in {}", text_of(list)));
-            of(around, found, "expected one value".into())
+
+    /// Bracket around the site, and its fault if it holds too many values.
+    fn surrounding_list(&self) -> Option<(&ValueNode, String)> {
+        let ErrorSite { raw, value, .. } = self.site;
+        let around = innermost(self.nodes, |node| node.span.start < raw && raw < node.span.end && Some(node) != value);
+        around.map(|list| (list, format!("too many values in {}", self.text_of(list))))
+    }
+
+    /// A value, or the bracket around it, of which the library expects another number of values.
+    fn surplus_values<T: DeserializeOwned>(&self) -> Option<TextFault> {
+        let value = self.site.value.map(|node| (node, self.text_of(node)));
+        value.into_iter().chain(self.surrounding_list()).find_map(|(node, found)| {
+            match probe_error::<T>(self.text, node, "()") {
+                Some(Error::ExpectedDifferentLength { expected, .. }) => {
+                    Some(self.fault_at(Some(node), found, format!("expected {}", expectation_in_words(&expected))))
+                }
+                _ => None,
+            }
+        })
+    }
+
+    /// Fault of which only the kind of the expected value is known.
+    fn fault_of_kind(&self, code: &Error) -> TextFault {
+        match code {
+            Error::ExpectedStructLikeEnd | Error::ExpectedOptionEnd => {
+                let (around, found) = self.surrounding_list().unzip();
+                self.fault_at(around, found.unwrap_or_default(), "expected one value".into())
+            }
+            Error::InvalidValueForType { expected, .. } => self.wrong_value(&expectation_in_words(expected)),
+            Error::ExpectedStructLike
+            | Error::ExpectedNamedStructLike(_)
+            | Error::ExpectedDifferentStructName { .. } => self.wrong_value("values in ( )"),
+            _ => self.wrong_value("another value"),
         }
-        Error::InvalidValueForType { expected, .. } => wrong(&expectation_in_words(expected)),
-        Error::ExpectedStructLike | Error::ExpectedNamedStructLike(_) | Error::ExpectedDifferentStructName { .. } => {
-            wrong("values in ( )")
-        }
-        _ => wrong("another value"),
     }
 }
 

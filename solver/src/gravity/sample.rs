@@ -4,7 +4,7 @@ use super::direct;
 use crate::math::Vec3;
 use crate::math::random::splitmix64;
 
-/// Number of sampled bodies.
+/// Largest number of sampled bodies.
 const SAMPLED_BODIES: u64 = 64;
 
 /// Errors relative to the direct sum.
@@ -16,6 +16,8 @@ pub struct SampledError {
     pub largest: f64,
     /// Error of the virial, which the pressure balances: sum m x·da / |sum m x·a|, x from the centre of mass.
     pub virial: f64,
+    /// Number of sampled bodies.
+    pub bodies: usize,
 }
 
 /// Compares accelerations with the direct sum on bodies selected by `seed`, the same ones on every machine.
@@ -27,7 +29,7 @@ pub fn sampled_error(
     seed: u64,
 ) -> SampledError {
     if positions.is_empty() {
-        return SampledError { rms: 0.0, largest: 0.0, virial: 0.0 };
+        return SampledError { rms: 0.0, largest: 0.0, virial: 0.0, bodies: 0 };
     }
     let picked: Vec<usize> = (0..SAMPLED_BODIES.min(positions.len() as u64))
         .map(|k| (splitmix64(seed.wrapping_mul(SAMPLED_BODIES).wrapping_add(k)) % positions.len() as u64) as usize)
@@ -50,7 +52,12 @@ pub fn sampled_error(
         }
     }
     let ratio = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
-    SampledError { rms: ratio(error, scale).sqrt(), largest, virial: ratio(virial_error, virial.abs()) }
+    SampledError {
+        rms: ratio(error, scale).sqrt(),
+        largest,
+        virial: ratio(virial_error, virial.abs()),
+        bodies: picked.len(),
+    }
 }
 
 #[cfg(test)]
@@ -70,7 +77,7 @@ mod tests {
             assert!((found.rms - 1e-3).abs() < 1e-12 && (found.largest - 1e-3).abs() < 1e-12, "{found:?}");
             assert_eq!(
                 sampled_error(&positions, &masses, 2.0, &exact, seed),
-                SampledError { rms: 0.0, largest: 0.0, virial: 0.0 }
+                SampledError { rms: 0.0, largest: 0.0, virial: 0.0, bodies: SAMPLED_BODIES as usize }
             );
         }
     }

@@ -34,45 +34,60 @@ use crate::math::Vec3;
 use crate::read::contactors::ContactorTable;
 use crate::read::lenient::FolderReader;
 use crate::scene::{BodyId, Scene};
-use crate::state::{BondingMode, DetectionCache, OutputInterval, State};
+use crate::state::{BondingMode, DetectionCache, LawMemory, OutputInterval, SolvedContact, State};
 
 /// Name of the options file in DATBOX.
 pub const COMPUTE_FILE: &str = "COMPUTE.RON";
 
+/// Contents of the files of a DATBOX.
+struct DatboxFiles {
+    options: Compute,
+    bodies: Bodies,
+    bulk: BulkBehav,
+    tact: TactBehav,
+    driven: DrvDof,
+    dof: Dof,
+    history: VlocRloc,
+    /// Notices for the user.
+    notices: Vec<String>,
+}
+
+impl DatboxFiles {
+    /// Reads the files; the second value has the faults with which all of them can still be used.
+    fn read(datbox: &Path, flags: &ComputeFlags) -> Result<(DatboxFiles, Faults), Faults> {
+        let mut faults = Faults::default();
+        let options = faults.gather_result(read_options(datbox, flags));
+        let mut files = FolderReader::new(datbox)?;
+        let bodies = files.read("BODIES.DAT", Bodies::parse_with_notices);
+        let bulk = files.read("BULK_BEHAV.DAT", BulkBehav::parse_with_notices);
+        let tact = files.read("TACT_BEHAV.DAT", TactBehav::parse_with_notices);
+        let driven = files.read_optional("DRV_DOF.DAT", DrvDof::parse_with_notices, None);
+        let at_rest = Some("all bodies are at rest at step 0, time 0, with the positions and axes of BODIES.DAT");
+        let dof = files.read_optional("DOF.INI", Dof::parse_with_notices, at_rest);
+        let history = files.read_optional("Vloc_Rloc.INI", VlocRloc::parse_with_notices, None);
+        faults.0.append(&mut files.faults.0);
+        let notices = files.notices;
+        match (options, bulk, tact, bodies, driven, dof, history) {
+            (Some(options), Some(bulk), Some(tact), Some(bodies), Some(driven), Some(dof), Some(history)) => {
+                Ok((DatboxFiles { options, bodies, bulk, tact, driven, dof, history, notices }, faults))
+            }
+            _ => Err(faults),
+        }
+    }
+}
+
 /// Reads `case/DATBOX`; `flags` take precedence over COMPUTE.RON. Returns all faults of all files at once.
 pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Faults> {
     let datbox = case.join("DATBOX");
-    let mut faults = Faults::default();
-    let options = faults.gather_result(read_options(&datbox, flags));
-    let mut files = FolderReader::new(&datbox)?;
-    let bodies = files.read("BODIES.DAT", Bodies::parse_with_notices);
-    let bulk = files.read("BULK_BEHAV.DAT", BulkBehav::parse_with_notices);
-    let tact = files.read("TACT_BEHAV.DAT", TactBehav::parse_with_notices);
-    let driven = files.read_optional("DRV_DOF.DAT", DrvDof::parse_with_notices, None);
-    let at_rest = Some("all bodies are at rest at step 0, time 0, with the positions and axes of BODIES.DAT");
-    let dof = files.read_optional("DOF.INI", Dof::parse_with_notices, at_rest);
-    let history = files.read_optional("Vloc_Rloc.INI", VlocRloc::parse_with_notices, None);
-    faults.0.append(&mut files.faults.0);
-    let (Some(options), Some(bulk), Some(tact), Some(bodies), Some(driven), Some(dof), Some(history)) =
-        (options, bulk, tact, bodies, driven, dof, history)
-    else {
-        return Err(faults);
-    };
+    let (files, mut faults) = DatboxFiles::read(&datbox, flags)?;
+    let DatboxFiles { options, bodies, bulk, tact, driven, dof, history, notices } = files;
     lenient::check_absent_axes(&datbox, &bodies, &mut faults);
 
     let with_links = (&bodies, links::has_links(&bodies, &tact));
     let mut scene = bodies::scene_without_laws(&datbox, with_links, &bulk, &driven, &dof, options, &mut faults);
     (scene.start, scene.from) = ((dof.step, dof.time), (dof.step, dof.time));
-    let requests = datbox.join("POSTPRO.DAT");
-    if path_exists(&requests)
-        && let Some(postpro) = faults.gather_result(Postpro::read(&requests, bodies.0.len()))
-    {
-        scene.postpro = postpro.commands;
-        // Their columns have components along the axes of bodies, which turn in LMGC90.
-        scene.oriented.iter_mut().for_each(|oriented| *oriented |= !scene.postpro.is_empty());
-        scene.notes.extend(postpro.notices);
-    }
-    scene.notes.splice(0..0, files.notices);
+    set_requests(&datbox, bodies.0.len(), &mut scene, &mut faults);
+    scene.notes.splice(0..0, notices);
     let contactors = ContactorTable::new(&bodies, &scene);
     behaviour::set_laws_and_visibility(&datbox, &tact, &contactors, &mut scene, &mut faults);
     links::set_links(&datbox, (&bodies, &tact), &mut scene, &mut faults);
@@ -81,40 +96,12 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     behaviour::check_events(&scene, &mut of_events);
     behaviour::check_text(&mut scene);
     let motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
-    let bodies::InitialMotion { x, q, v, w } = motion;
-    scene.notes.extend(bodies::period_gap_notes(&scene, &q));
-    bodies::check_level(&datbox, &bodies, &scene, &q, &mut faults);
-    bodies::check_within(&datbox, &bodies, &scene, &x, &q, &mut faults);
-    let (contacts, memories) =
-        behaviour::initial_contacts(&datbox, (&bodies, &history), &mut scene, (&x, &q), &mut faults);
-    let of_body = |i: &BodyId| scene.bodies[i.index()].angular_momentum(&q[i.index()], &w[i.index()]);
-    let angular_momentum = scene.turning.iter().map(of_body).collect();
-    let mut state = State {
-        step: dof.step,
-        time: dof.time,
-        h: scene.options.dt,
-        x,
-        q,
-        v,
-        w,
-        angular_momentum,
-        order: Vec::new(),
-        detection_cache: DetectionCache::default(),
-        contacts,
-        memories,
-        interval: OutputInterval { start: dof.time, ..OutputInterval::default() },
-        gravity: Vec3::from(bulk.gravity),
-        quench: scene.options.quench,
-        torque: Vec3::zeros(),
-        laws: scene.laws.clone(),
-        loads: Vec::new(),
-        bonding: BondingMode::New,
-        events_done: 0,
-        attraction: None,
-        fallback: FallbackState::default(),
-        ledger: Ledger::default(),
-        postpro: PostproSums::default(),
-    };
+    scene.notes.extend(bodies::period_gap_notes(&scene, &motion.q));
+    bodies::check_level(&datbox, &bodies, &scene, &motion.q, &mut faults);
+    bodies::check_within(&datbox, &bodies, &scene, &motion.x, &motion.q, &mut faults);
+    let contacts =
+        behaviour::initial_contacts(&datbox, (&bodies, &history), &mut scene, (&motion.x, &motion.q), &mut faults);
+    let mut state = initial_state(&scene, &dof, motion, contacts, Vec3::from(bulk.gravity));
     let start = datbox.join(START_FILE);
     let started = path_exists(&start) && faults.0.is_empty();
     if started {
@@ -141,6 +128,57 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
         scene.notes.extend(passed_events_note(&scene, &state));
     }
     faults.into_result((scene, state))
+}
+
+/// Sets the requests of POSTPRO.DAT, if there is one; `count` bodies are in BODIES.DAT.
+fn set_requests(datbox: &Path, count: usize, scene: &mut Scene, faults: &mut Faults) {
+    let requests = datbox.join("POSTPRO.DAT");
+    if path_exists(&requests)
+        && let Some(postpro) = faults.gather_result(Postpro::read(&requests, count))
+    {
+        scene.postpro = postpro.commands;
+        // Their columns have components along the axes of bodies, which turn in LMGC90.
+        scene.oriented.iter_mut().for_each(|oriented| *oriented |= !scene.postpro.is_empty());
+        scene.notes.extend(postpro.notices);
+    }
+}
+
+/// State at the start, at the step and time of DOF.INI, with the uniform gravity (m/s²) of BULK_BEHAV.DAT.
+fn initial_state(
+    scene: &Scene,
+    dof: &Dof,
+    bodies::InitialMotion { x, q, v, w }: bodies::InitialMotion,
+    (contacts, memories): (Vec<SolvedContact>, Vec<LawMemory>),
+    gravity: Vec3,
+) -> State {
+    let of_body = |i: &BodyId| scene.bodies[i.index()].angular_momentum(&q[i.index()], &w[i.index()]);
+    let angular_momentum = scene.turning.iter().map(of_body).collect();
+    State {
+        step: dof.step,
+        time: dof.time,
+        h: scene.options.dt,
+        x,
+        q,
+        v,
+        w,
+        angular_momentum,
+        order: Vec::new(),
+        detection_cache: DetectionCache::default(),
+        contacts,
+        memories,
+        interval: OutputInterval { start: dof.time, ..OutputInterval::default() },
+        gravity,
+        quench: scene.options.quench,
+        torque: Vec3::zeros(),
+        laws: scene.laws.clone(),
+        loads: Vec::new(),
+        bonding: BondingMode::New,
+        events_done: 0,
+        attraction: None,
+        fallback: FallbackState::default(),
+        ledger: Ledger::default(),
+        postpro: PostproSums::default(),
+    }
 }
 
 /// Replaces the uniform gravity of BULK_BEHAV.DAT (m/s²), unless an event before the start has set it.

@@ -96,45 +96,66 @@ pub const INERT_REASON: &str = "along the normal of their contact the motion of 
 
 /// Returns the text of the summary.
 pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, sources: &[ErrorSource]) -> String {
-    let mut text = String::new();
-    let mut line = |name: &str, value: String| {
-        let _ = writeln!(text, "  {name:<22} {value}");
-    };
-    let ledger = &state.ledger;
-    let active = state.contacts.iter().filter(|c| c.impulse != Vec3::zeros()).count();
-    let balance = BalanceErrors::new(scene, state);
-    line("models", scene.model_names().join("; "));
-    line(
+    let mut summary = SummaryLines::default();
+    summary.add("models", scene.model_names().join("; "));
+    add_steps(&mut summary, scene, state, statistics);
+    add_penetration(&mut summary, scene, state, statistics);
+    add_warnings(&mut summary, statistics);
+    add_balances(&mut summary, scene, state);
+    add_errors(&mut summary, scene, statistics, sources);
+    add_cost(&mut summary, statistics);
+    summary.text
+}
+
+/// Lines of a summary, each with a name and a value.
+#[derive(Default)]
+struct SummaryLines {
+    text: String,
+}
+
+impl SummaryLines {
+    fn add(&mut self, name: &str, value: impl std::fmt::Display) {
+        let _ = writeln!(self.text, "  {name:<22} {value}");
+    }
+}
+
+/// Numbers of steps, contacts and bonds, and how the steps converged.
+fn add_steps(summary: &mut SummaryLines, scene: &Scene, state: &State, statistics: &RunStatistics) {
+    summary.add(
         "steps",
         format!("{} in this run, to step {}, t = {} s", statistics.steps, state.step, rounded_number(state.time)),
     );
     let dt = scene.options.dt;
     if scene.options.adaptive().is_on() {
         let mean = (statistics.dt_count as f64 / statistics.steps.max(1) as f64) * dt;
-        line("step length", format!("min {dt:.3e} s, mean {mean:.3e} s, max {:.3e} s", statistics.longest_step));
+        summary.add("step length", format!("min {dt:.3e} s, mean {mean:.3e} s, max {:.3e} s", statistics.longest_step));
     }
-    line("contacts", format!("{} listed, {active} carry force", state.contacts.len()));
+    let active = state.contacts.iter().filter(|c| c.impulse != Vec3::zeros()).count();
+    summary.add("contacts", format!("{} listed, {active} carry force", state.contacts.len()));
     if scene.has_bonds() {
-        line("bonds", format!("{} at the end, largest number in this run {}", state.bond_count(), statistics.bonds));
+        summary.add(
+            "bonds",
+            format!("{} at the end, largest number in this run {}", state.bond_count(), statistics.bonds),
+        );
     }
     let single = if statistics.single_precision_steps > 0 {
         format!(", in single precision in {} steps", statistics.single_precision_steps)
     } else {
         String::new()
     };
-    line("sweeps per step", format!("{:.1}{single}", statistics.sweeps as f64 / statistics.steps.max(1) as f64));
-    let last = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
-    line(
+    summary.add("sweeps per step", format!("{:.1}{single}", statistics.sweeps as f64 / statistics.steps.max(1) as f64));
+    let last = state.ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
+    summary.add(
         "unconverged steps",
-        format!("{} in this run, {} in total{last}", statistics.unconverged, ledger.steps_unconverged),
+        format!("{} in this run, {} in total{last}", statistics.unconverged, state.ledger.steps_unconverged),
     );
     if statistics.fallback_steps > 0 {
         let name = if scene.options.solver == ContactSolver::Auto { "fallback solver" } else { "stored solver" };
         let steps = count_text(statistics.fallback_steps as usize, "step");
-        line(name, format!("converged in {steps}"));
+        summary.add(name, format!("converged in {steps}"));
     }
     if statistics.steps_without_fallback > 0 {
-        line(
+        summary.add(
             "fallback skipped",
             format!(
                 "{} ended after one round of sweeps, because the fallback had failed before",
@@ -142,10 +163,15 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
             ),
         );
     }
+}
+
+/// Largest and mean penetration.
+fn add_penetration(summary: &mut SummaryLines, scene: &Scene, state: &State, statistics: &RunStatistics) {
+    let ledger = &state.ledger;
     // Over all steps in which contacts were detected, including those of the start, and the last state.
     let ended = statistics.penetration_end / scene.mean_radius.max(f64::MIN_POSITIVE);
     let largest = ledger.penetration_largest.max(ended);
-    line(
+    summary.add(
         "largest penetration",
         format!(
             "{largest:.2e} of the mean radius, {:.3e} m; mean residual penetration {:.1e} of the mean radius",
@@ -153,41 +179,65 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
             ledger.penetration_left
         ),
     );
+}
+
+/// Warnings of the run, and bodies that overlap.
+fn add_warnings(summary: &mut SummaryLines, statistics: &RunStatistics) {
     for warning in &statistics.warnings {
-        line("warning", warning.clone());
+        summary.add("warning", warning);
     }
     if let Some(overlap) = statistics.overlap {
         let deep = 100.0 * OVERLAP_WARNING_SHARE;
-        line(
+        summary.add(
             "warning",
             format!("{}: more than {deep} %; volumes and stresses have errors of that order", overlap.message_text()),
         );
     }
     if let Some(overlap) = statistics.inert_overlap {
-        line("warning", format!("{}: {INERT_REASON}", overlap.message_text()));
+        summary.add("warning", format!("{}: {INERT_REASON}", overlap.message_text()));
     }
+}
+
+/// Drifts of energy and momenta.
+fn add_balances(summary: &mut SummaryLines, scene: &Scene, state: &State) {
+    let balance = BalanceErrors::new(scene, state);
     if scene.walls.contains(&false) {
-        line("energy drift", format!("{:.2e}", balance.energy));
+        summary.add("energy drift", format!("{:.2e}", balance.energy));
     }
     // Momenta and estimates of errors count the bodies without imposed components.
     if !scene.free.is_empty() {
-        line("momentum drift", format!("{:.2e} linear, {:.2e} angular", balance.momentum, balance.angular_momentum));
+        summary.add(
+            "momentum drift",
+            format!("{:.2e} linear, {:.2e} angular", balance.momentum, balance.angular_momentum),
+        );
     }
-    if let Some(SampledError { rms, largest, .. }) = statistics.gravity {
+}
+
+/// Errors measured in the run, and estimates of its error by source and of the cost by stage.
+fn add_errors(summary: &mut SummaryLines, scene: &Scene, statistics: &RunStatistics, sources: &[ErrorSource]) {
+    if let Some(SampledError { rms, largest, bodies, .. }) = statistics.gravity {
         let target = scene.options.gravity_error();
-        line("gravity error", format!("RMS {rms:.1e}, largest {largest:.1e} of 64 bodies; gravity_error {target:.0e}"));
+        let sample = count_text(bodies, "body");
+        summary.add(
+            "gravity error",
+            format!("RMS {rms:.1e}, largest {largest:.1e} of {sample}; gravity_error {target:.0e}"),
+        );
     }
     if let Some(NarrowPhaseError { mean, largest }) = statistics.narrow_phase_error {
         let [mean, largest] = [mean, largest].map(|miss| miss / scene.mean_radius);
-        line(
+        summary.add(
             "narrow phase error",
             format!("mean {mean:.1e} of the mean radius over touching pairs, largest {largest:.1e}"),
         );
     }
     let [(error, estimate), (cost, of_stages)] = errors::summary_lines(sources, statistics.force_noise());
     let unknown = || "not known: components of the velocities of all bodies are imposed".into();
-    line(error, if scene.free.is_empty() { unknown() } else { estimate });
-    line(cost, of_stages);
+    summary.add(error, if scene.free.is_empty() { unknown() } else { estimate });
+    summary.add(cost, of_stages);
+}
+
+/// Traffic of the ranks and seconds of the stages.
+fn add_cost(summary: &mut SummaryLines, statistics: &RunStatistics) {
     let &StageTimes { gravity, detection, assembly, solve, integration, writing } = &statistics.stage_times;
     let stages = [
         ("gravity", gravity),
@@ -199,11 +249,10 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
     ];
     let stages: Vec<String> = stages.iter().map(|(name, time)| format!("{name} {:.2}", time.as_secs_f64())).collect();
     if !statistics.traffic.is_empty() {
-        line("ranks", traffic_text(&statistics.traffic));
+        summary.add("ranks", traffic_text(&statistics.traffic));
     }
     let threads = count_text(statistics.threads, "thread");
-    line("seconds", format!("{:.2} on {threads}: {}", statistics.wall_time.as_secs_f64(), stages.join(", ")));
-    text
+    summary.add("seconds", format!("{:.2} on {threads}: {}", statistics.wall_time.as_secs_f64(), stages.join(", ")));
 }
 
 /// Number of ranks, of sweeps that they have divided, and the largest traffic of a rank over the number of these
