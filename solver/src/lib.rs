@@ -21,7 +21,8 @@
 //! A time step is the function [`step::step`]; it lists the stages that the data pass through:
 //!
 //! ```text
-//! integrate::predict → assemble (forces) → detect → assemble (contacts) → solve → integrate::advance
+//! integrate::predict_configuration → assemble (forces) → detect → assemble (contacts) → solve
+//! → integrate::advance_state
 //! ```
 //!
 //! Stages define the order, kernels the mathematics: `detect`, `assemble`, `solve`, `integrate`, `read` and `write` are

@@ -96,7 +96,7 @@ pub struct BodyPart {
     pub offset: Vec3,
     pub axes: Quat,
     /// Radius of the bounding ball about its centre, m.
-    pub radius: f64,
+    pub bounding_radius: f64,
     /// Index into `Scene::colours`.
     pub colour: u16,
     /// Row and column in the visibility table.
@@ -473,7 +473,7 @@ impl Scene {
         let curvatures = [a, b].map(|contactor| self.contactor_curvature(contactor));
         radius_of_curvatures(curvatures, || {
             let extent = |(body, part_number): (BodyId, u16)| {
-                self.find_part(body, part_number).map_or(f64::INFINITY, |part| part.radius)
+                self.find_part(body, part_number).map_or(f64::INFINITY, |part| part.bounding_radius)
             };
             extent(a).min(extent(b))
         })

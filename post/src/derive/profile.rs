@@ -27,17 +27,31 @@ pub struct RadialShell {
     pub tangential: f64,
 }
 
+/// Sums over the grains of a shell; of those with a share of their volume in it, with this share.
+#[derive(Debug, Clone, Copy, Default)]
+struct ShellSums {
+    /// Volume of the grains in the shell, m^3.
+    filled: f64,
+    /// Grains with their centre in the shell, and their neighbours.
+    grains: u64,
+    neighbours: f64,
+    /// Volume times the pressure, and times the radial and the mean tangential stress, J.
+    pressure: f64,
+    radial: f64,
+    tangential: f64,
+}
+
 /// Shells of equal width about `centre` out to the farthest surface of these grains.
 ///
 /// Stresses are those of each grain ([`grain_stresses`]): the shells' stresses add up to V times the stress of the
-/// whole. Of a polyhedron the sphere of equal volume counts.
+/// whole. A polyhedron counts as the sphere of equal volume.
 pub fn radial_shells(frame: &Frame, members: &[GrainId], centre: Vec3, count: usize) -> Vec<RadialShell> {
     let (stresses, neighbours) = (grain_stresses(frame), neighbour_counts(frame));
     let far = |g: &Grain| (g.x - centre).norm() + g.radius;
     let radius = members.iter().map(|&i| far(&frame.grains[i])).fold(0.0, f64::max);
     let width = radius / count as f64;
     let edges: Vec<f64> = (0..=count).map(|k| if k == count { radius } else { k as f64 * width }).collect();
-    let mut sums = vec![[0.0; 6]; count]; // volume, grains, neighbours, V p, V radial, V tangential
+    let mut sums = vec![ShellSums::default(); count];
     for &i in members {
         let grain = &frame.grains[i];
         let arm = grain.x - centre;
@@ -46,34 +60,34 @@ pub fn radial_shells(frame: &Frame, members: &[GrainId], centre: Vec3, count: us
         let mean = pressure(&stresses[i.index()]);
         let radial = if distance > 0.0 { arm.dot(&(stresses[i.index()] * arm)) / (distance * distance) } else { mean };
         let home = ((distance / width) as usize).min(count - 1);
-        sums[home][1] += 1.0;
-        sums[home][2] += f64::from(neighbours[i.index()]);
+        sums[home].grains += 1;
+        sums[home].neighbours += f64::from(neighbours[i.index()]);
         let first = (((distance - grain.radius) / width).max(0.0) as usize).min(count - 1);
         let mut below = shared_volume(edges[first], grain.radius, distance);
         for k in first..count {
             let up_to = shared_volume(edges[k + 1], grain.radius, distance);
             let part = up_to - below;
             below = up_to;
-            for (sum, value) in [(0, 1.0), (3, mean), (4, radial), (5, 0.5 * (3.0 * mean - radial))] {
-                sums[k][sum] += part * value;
-            }
+            sums[k].filled += part;
+            sums[k].pressure += part * mean;
+            sums[k].radial += part * radial;
+            sums[k].tangential += part * (0.5 * (3.0 * mean - radial));
             if edges[k + 1] >= distance + grain.radius {
                 break;
             }
         }
     }
-    let shell = |(k, sum): (usize, &[f64; 6])| {
-        let [filled, grains, neighbours, p, radial, tangential] = *sum;
+    let shell = |(k, sum): (usize, &ShellSums)| {
         let volume = ball_volume(edges[k + 1]) - ball_volume(edges[k]);
         RadialShell {
             inner: edges[k],
             outer: edges[k + 1],
-            nu: filled / volume,
-            grains: grains as u64,
-            z: neighbours / grains,
-            pressure: p / volume,
-            radial: radial / volume,
-            tangential: tangential / volume,
+            nu: sum.filled / volume,
+            grains: sum.grains,
+            z: sum.neighbours / sum.grains as f64,
+            pressure: sum.pressure / volume,
+            radial: sum.radial / volume,
+            tangential: sum.tangential / volume,
         }
     };
     sums.iter().enumerate().map(shell).collect()

@@ -1,4 +1,4 @@
-//! The region of the means of solid fraction, stress and neighbours, and its contents.
+//! Region over which solid fraction, stress and coordination are averaged, and its contents.
 //!
 //! | scene | region |
 //! |---|---|
@@ -108,7 +108,7 @@ impl Region {
             / self.volume
     }
 
-    /// Mean stress, Pa: (1/V) sum f (x) l over the contacts of its grains, walls too; > 0 in compression.
+    /// Mean stress, Pa: (1/V) sum f ⊗ l over the contacts of its grains, walls too; > 0 in compression.
     ///
     /// f is the force on the candidate, l the branch from the antagonist's centre to the candidate's, at a wall to or from
     /// the point of contact. Over grains between plates at rest, the stress is the force on a plate over its area. In a
@@ -161,7 +161,7 @@ impl Region {
         shares.iter().map(moment).sum::<Vec3>() / shares.iter().map(mass).sum::<f64>()
     }
 
-    /// Kinetic stress, Pa: (1/V) sum m v' (x) v', v' = v - v_com of the region's contents.
+    /// Kinetic stress, Pa: (1/V) sum m v' ⊗ v', v' = v - v_com of the region's contents.
     ///
     /// It is not included in [`Region::stress`]; a third of its trace is the pressure of the motion.
     pub fn kinetic_stress(&self, frame: &Frame) -> Mat3 {
@@ -251,12 +251,12 @@ fn aggregate_region(frame: &Frame, fragments: &[Fragment]) -> Region {
     let mut touched = vec![false; frame.grains.len()];
     let walls = frame.active_contacts().filter(|contact| contact.grain_pair().is_none());
     walls.flat_map(|contact| contact.on_grains()).for_each(|(i, ..)| touched[i.index()] = true);
-    let borne = fragments.iter().find(|fragment| fragment.grains.iter().any(|&i| touched[i.index()]));
-    let largest = borne.or(fragments.first());
+    let touching_wall = fragments.iter().find(|fragment| fragment.grains.iter().any(|&i| touched[i.index()]));
+    let largest = touching_wall.or(fragments.first());
     let remnant = |fragment: &&Fragment| {
-        let alone = fragment.grains.len() == 1 && frame.grains.len() > 1;
+        let is_single = fragment.grains.len() == 1 && frame.grains.len() > 1;
         let share = fragment.grains.len() as f64 / frame.grains.len() as f64;
-        !alone && (fragment.whole.mass >= MIN_REMNANT_SHARE * frame.total_mass() || share >= MIN_REMNANT_SHARE)
+        !is_single && (fragment.whole.mass >= MIN_REMNANT_SHARE * frame.total_mass() || share >= MIN_REMNANT_SHARE)
     };
     let (kind, members) = match largest.filter(remnant) {
         Some(fragment) => (RegionKind::LargestGroup, fragment.grains.clone()),

@@ -20,7 +20,7 @@ pub fn series_text(rows: &[Row]) -> String {
 /// Name, unit and meaning of a column.
 pub type Column = (&'static str, &'static str, &'static str);
 
-/// A table of these columns.
+/// CSV text with the names of `columns`.
 pub fn csv_table<const N: usize>(columns: &[Column; N], rows: impl IntoIterator<Item = [f64; N]>) -> String {
     csv_text(&columns.map(|(name, _, _)| name), rows)
 }

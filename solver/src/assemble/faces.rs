@@ -76,8 +76,8 @@ const ROWS_PER_TASK: usize = 256;
 pub(super) struct FaceRows<'a, L, S> {
     pub contacts: &'a [Contact],
     pub rows: &'a [ContactConstraint],
-    pub records: &'a [SolverBody],
-    pub full: &'a BlockData,
+    pub solver_bodies: &'a [SolverBody],
+    pub block_data: &'a BlockData,
     pub load: L,
     pub sticks: S,
 }
@@ -92,6 +92,16 @@ pub(super) struct LastLoad {
     pub load: f64,
     /// Whether a contact of this step has the same features.
     pub stays: bool,
+}
+
+/// Face of which the friction is computed.
+#[derive(Clone, Copy)]
+enum FaceKind<'a> {
+    /// Contacts of the same two contactors along one normal.
+    Single,
+    /// Contacts that may belong to several adjacent contactors. `last_loads`: points and loads of the last step, world frame, if
+    /// its contacts are not those of this step, else empty.
+    Joined { last_loads: &'a [(Vec3, f64)] },
 }
 
 /// Friction of one face.
@@ -120,8 +130,8 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         let set_offsets = |((start, offsets), faces): ((usize, &mut [Vec3]), &Vec<Range<usize>>)| {
             let mut has_offsets = false;
             for face in faces {
-                let of: SmallVec<[usize; 8]> = face.clone().collect();
-                let found = self.friction_points(&of, None).unwrap_or_default().offsets;
+                let face_rows: SmallVec<[usize; 8]> = face.clone().collect();
+                let found = self.friction_points(&face_rows, FaceKind::Single).unwrap_or_default().offsets;
                 if !found.is_empty() {
                     offsets[face.start - start..face.end - start].copy_from_slice(&found);
                     has_offsets = true;
@@ -196,13 +206,15 @@ where
     /// Friction offsets of the rows, and the initial impulses of those in joined faces that are new or spin. The
     /// distribution of the load over a joined face is not determined: sweeps from a uniform pressure stay near it.
     pub fn joined_faces(&self) -> JoinedFaces {
-        let FaceRows { rows, full, .. } = self.faces;
-        let (mut offsets, mut warm_starts) = (full.friction_offsets.clone(), Vec::new());
-        let faces = self.face_ranges();
+        let FaceRows { rows, block_data, .. } = self.faces;
+        let (mut offsets, mut warm_starts) = (block_data.friction_offsets.clone(), Vec::new());
+        let faces = self.joined_face_rows();
         let last_loads = if faces.is_empty() { Vec::new() } else { (self.last_loads)() };
         for face in faces {
             let last = self.loads_of_changed_face(&face, &last_loads);
-            let Some(found) = self.faces.friction_points(&face, Some(&last)) else { continue };
+            let Some(found) = self.faces.friction_points(&face, FaceKind::Joined { last_loads: &last }) else {
+                continue;
+            };
             if offsets.is_empty() && !found.offsets.is_empty() {
                 offsets = vec![Vec3::zeros(); rows.len()];
             }
@@ -251,23 +263,23 @@ where
     /// Normal impulse that stops the approach of the two bodies of a face, at the mean of its rows by these shares of the
     /// load, N s; 0 if they do not approach.
     fn stopping_impulse(&self, acting: &[usize], shares: &[f64]) -> f64 {
-        let FaceRows { rows, records, full, .. } = self.faces;
+        let FaceRows { rows, solver_bodies, block_data, .. } = self.faces;
         let approach = |k: usize| {
-            let (row, arms) = (&rows[k], &full.arms[k]);
+            let (row, arms) = (&rows[k], &block_data.arms[k]);
             let [a, b] = [0, 1].map(|side| {
-                let record = &records[row.bodies[side].index()];
+                let record = &solver_bodies[row.bodies[side].index()];
                 record.v + record.w.cross(&arms[side])
             });
             -row.normal.dot(&(a - b + row.shift))
         };
         let speed: f64 = acting.iter().zip(shares).map(|(&k, share)| share * approach(k)).sum();
-        let inverse: f64 = rows[acting[0]].bodies.map(|body| records[body.index()].inverse_mass).iter().sum();
+        let inverse: f64 = rows[acting[0]].bodies.map(|body| solver_bodies[body.index()].inverse_mass).iter().sum();
         if inverse > 0.0 { speed.max(0.0) / inverse } else { 0.0 }
     }
 
     /// Rows of each face that lies on several contactors in one plane.
-    fn face_ranges(&self) -> Vec<Vec<usize>> {
-        let mut sides = self.polygon_sides();
+    fn joined_face_rows(&self) -> Vec<Vec<usize>> {
+        let mut sides = self.candidate_sides();
         sides.sort_by_key(|side| (side.bodies, side.rows.start));
         let mut faces = Vec::new();
         for of_two in sides.chunk_by(|a, b| a.bodies == b.bodies).filter(|of_two| of_two.len() > 1) {
@@ -288,7 +300,7 @@ where
     }
 
     /// Contacts of two contactors that may have adjacent contacts in the same plane.
-    fn polygon_sides(&self) -> Vec<Side> {
+    fn candidate_sides(&self) -> Vec<Side> {
         let Joints { faces: FaceRows { contacts, rows, .. }, scene, .. } = self;
         let is_fixed = |body: BodyId| scene.bodies[body.index()].is_imposed();
         let has_several = |body: BodyId| scene.parts_of(body).len() > 1;
@@ -310,7 +322,7 @@ where
 
     /// Whether two sides of the same bodies lie in one plane, on bodies that move as one.
     fn is_flush(&self, one: &Side, other: &Side) -> bool {
-        let FaceRows { contacts, records, full, .. } = self.faces;
+        let FaceRows { contacts, solver_bodies, block_data, .. } = self.faces;
         if one.normal.dot(&other.normal) < 1.0 - MAX_NORMAL_DEVIATION {
             return false;
         }
@@ -328,8 +340,8 @@ where
         let of_fixed = |k: usize| {
             let pair = [contacts[k].candidate, contacts[k].antagonist];
             let side = usize::from(!self.scene.bodies[pair[0].index()].is_imposed());
-            let record = &records[pair[side].index()];
-            (record.v + record.w.cross(&(full.arms[k][side] - from_origin(k))), record.w)
+            let record = &solver_bodies[pair[side].index()];
+            (record.v + record.w.cross(&(block_data.arms[k][side] - from_origin(k))), record.w)
         };
         let [(v, w), (u, spin)] = [first, second].map(of_fixed);
         w == spin && (v - u).norm() <= MAX_SPEED_DIFFERENCE * (v.norm() + u.norm())
@@ -342,14 +354,11 @@ fn is_same_face(a: &Contact, b: &Contact) -> bool {
 }
 
 impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S> {
-    /// Friction of the face of the rows `of`.
-    ///
-    /// * `joined`: given if the rows may belong to several adjacent contactors; the result is then `None` if these leave
-    ///   gaps. Points and loads of the last step, world frame, if its contacts are not those of this step, else empty.
-    fn friction_points(&self, of: &[usize], joined: Option<&[(Vec3, f64)]>) -> Option<FaceFrictionPoints> {
-        let FaceRows { contacts, rows, full, .. } = self;
+    /// Friction of the face of the rows `face_rows`; `None` if it is joined and its contactors leave gaps.
+    fn friction_points(&self, face_rows: &[usize], kind: FaceKind) -> Option<FaceFrictionPoints> {
+        let FaceRows { contacts, rows, block_data, .. } = self;
         // Other listed contacts depend on the alert distance and must not change a bit of the result.
-        let acting: SmallVec<[usize; 8]> = of.iter().copied().filter(|&k| rows[k].can_close).collect();
+        let acting: SmallVec<[usize; 8]> = face_rows.iter().copied().filter(|&k| rows[k].can_close).collect();
         let first = acting[0];
         let frame = contacts[first].frame();
         let [_, t, s] = frame;
@@ -359,38 +368,40 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         let size = points.iter().map(|p| vector_length(difference_of(*p, points[0]))).fold(0.0, f64::max);
         let mut loads: SmallVec<[f64; 8]> = acting.iter().map(|&k| (self.load)(k).max(0.0)).collect();
         let gap = |k: &usize| contacts[*k].gap;
-        let area = of.iter().map(|&k| contacts[k].area).sum();
-        let outline = if joined.is_some() {
+        let area = face_rows.iter().map(|&k| contacts[k].area).sum();
+        let is_joined = matches!(kind, FaceKind::Joined { .. });
+        let outline = if is_joined {
             FrictionFace::of_hull(&points, size, area)?
         } else {
             FrictionFace::new(&points, size, area)
         };
         let deepest = acting.iter().map(gap).fold(f64::INFINITY, f64::min);
-        let mut pressed_to = deepest + FLUSH_GAP * size;
+        let mut pressed_gap = deepest + FLUSH_GAP * size;
         let is_new = loads.iter().all(|load| *load == 0.0);
         if is_new {
             // The load of a face that is not flush is unknown.
-            if !acting.iter().all(|k| gap(k) <= pressed_to) {
+            if !acting.iter().all(|k| gap(k) <= pressed_gap) {
                 return Some(FaceFrictionPoints::default());
             }
-            let from_origin = full.arms[first].map(|arm| tangent_components(&-arm, &frame));
-            let rest = steady_centre(&rows[first], full, from_origin, &frame);
+            let from_origin = block_data.arms[first].map(|arm| tangent_components(&-arm, &frame));
+            let rest = steady_centre(&rows[first], block_data, from_origin, &frame);
             loads =
                 outline.load_shares(rest.filter(|p| outline.ray_intersection(*p).0 < 1.0).unwrap_or(outline.centroid));
         } else {
             let loaded = acting.iter().zip(&loads).filter(|(_, load)| **load > 0.0).map(|(k, _)| gap(k));
-            pressed_to = loaded.fold(pressed_to, f64::max);
+            pressed_gap = loaded.fold(pressed_gap, f64::max);
         }
         let total: f64 = loads.iter().sum();
         // The rows do not know the loads of lost contacts, and those that inherit from one lie elsewhere. Attraction and
         // bonds are loads of the rows only.
         let known = |k: &usize| rows[*k].impulse_shift == 0.0 && rows[*k].bond.is_none();
-        let last = joined.filter(|last| !is_new && !last.is_empty() && acting.iter().all(known));
-        let (centre, carried) = match last {
-            Some(last) => centre_of_load(|| last.iter().map(|(point, load)| (position(point), *load))),
-            None => centre_of_load(|| points.iter().copied().zip(loads.iter().copied())),
+        let (centre, carried) = match kind {
+            FaceKind::Joined { last_loads } if !is_new && !last_loads.is_empty() && acting.iter().all(known) => {
+                centre_of_load(|| last_loads.iter().map(|(point, load)| (position(point), *load)))
+            }
+            _ => centre_of_load(|| points.iter().copied().zip(loads.iter().copied())),
         };
-        let pressed = outline.mean_distance(centre);
+        let tau = outline.mean_distance(centre);
         let motion = match acting.iter().all(|k| (self.sticks)(*k)) {
             true => FaceMotion::default(),
             false => {
@@ -404,14 +415,14 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
                     tangent_components(&(to_world(&contacts[*k].frame(), u) * side), &frame)
                 };
                 let velocities: SmallVec<[TangentVector; 8]> = acting.iter().map(velocity).collect();
-                FaceMotion::new(&points, &velocities, centre, pressed)
+                FaceMotion::new(&points, &velocities, centre, tau)
             }
         };
         let across = motion.across_sliding();
-        let mobility: f64 = rows[first].bodies.map(|body| self.records[body.index()].inverse_mass).iter().sum();
+        let mobility: f64 = rows[first].bodies.map(|body| self.solver_bodies[body.index()].inverse_mass).iter().sum();
         let stopped = if is_new { 0.0 } else { rows[first].friction * carried * mobility };
-        let spins = motion.spin > vector_length(motion.u).max(stopped);
-        let starts_uniform = joined.is_some()
+        let spins = motion.spin_speed > vector_length(motion.u).max(stopped);
+        let starts_uniform = is_joined
             && (is_new || spins)
             && outline.corners.len() > 2
             && acting.iter().all(|&k| rows[k].impulse_shift == 0.0 && gap(&k) <= deepest + FLUSH_GAP * size);
@@ -424,17 +435,17 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         // A bond yields about the point with the least sum of distances; a sliding face turns about any point.
         let is_bonded = acting.iter().all(|k| rows[*k].bond.is_some());
         let distance = if is_bonded { least_distance(&points, &loads, centre) / total } else { distance };
-        let scale = (pressed / distance).min(MAX_OFFSET_SCALE);
+        let scale = (tau / distance).min(MAX_OFFSET_SCALE);
         let at_distance = match starts_uniform && spins {
             true => part_middles(&acting, &points, contacts),
             false => SmallVec::new(),
         };
-        let mut offsets = SmallVec::from_elem(Vec3::zeros(), of.len());
-        let rows_of_points = of.iter().enumerate().filter(|(_, k)| rows[**k].can_close);
-        for (i, (at, _)) in rows_of_points.enumerate().filter(|(_, (_, k))| gap(k) <= pressed_to) {
+        let mut offsets = SmallVec::from_elem(Vec3::zeros(), face_rows.len());
+        let rows_of_points = face_rows.iter().enumerate().filter(|(_, k)| rows[**k].can_close);
+        for (i, (at, _)) in rows_of_points.enumerate().filter(|(_, (_, k))| gap(k) <= pressed_gap) {
             let arm = difference_of(points[i], centre);
             let (vector, factor) = match at_distance.get(i) {
-                Some(middle) => (offset_to_distance(pressed, arm, difference_of(*middle, centre)), 1.0),
+                Some(middle) => (offset_to_distance(tau, arm, difference_of(*middle, centre)), 1.0),
                 None => (arm, scale - 1.0),
             };
             let across_part = vector[0] * across[0] + vector[1] * across[1];
@@ -477,12 +488,12 @@ struct FaceMotion {
     /// Velocity at the centre of pressure, m/s.
     u: TangentVector,
     /// |ω| τ, m/s.
-    spin: f64,
+    spin_speed: f64,
 }
 
 impl FaceMotion {
-    /// * `velocities`: velocities of the points, m/s; `centre`: point at which u is taken; `pressed`: τ, m.
-    fn new(points: &[TangentVector], velocities: &[TangentVector], centre: TangentVector, pressed: f64) -> Self {
+    /// * `velocities`: velocities of the points, m/s; `centre`: point at which u is taken; `tau`: τ, m.
+    fn new(points: &[TangentVector], velocities: &[TangentVector], centre: TangentVector, tau: f64) -> Self {
         let mean = |values: &[TangentVector]| {
             let sum = values.iter().fold([0.0; 2], |sum, v| [sum[0] + v[0], sum[1] + v[1]]);
             sum.map(|sum| sum / values.len() as f64)
@@ -496,12 +507,12 @@ impl FaceMotion {
         }
         let spin = turning / inertia;
         let arm = difference_of(centre, middle);
-        FaceMotion { u: [u[0] - spin * arm[1], u[1] + spin * arm[0]], spin: (spin * pressed).abs() }
+        FaceMotion { u: [u[0] - spin * arm[1], u[1] + spin * arm[0]], spin_speed: (spin * tau).abs() }
     }
 
     /// Unit vector across the direction of sliding, times the square root of the sliding share |u|²/(|u|² + (ω τ)²).
     fn across_sliding(&self) -> TangentVector {
-        let all = vector_length([vector_length(self.u), self.spin]);
+        let all = vector_length([vector_length(self.u), self.spin_speed]);
         // A face at rest has no direction of sliding.
         if all > 0.0 { [-self.u[1] / all, self.u[0] / all] } else { [0.0; 2] }
     }
@@ -513,20 +524,21 @@ impl FaceMotion {
 /// * `centres`: centres of candidate and antagonist.
 fn steady_centre(
     row: &ContactConstraint,
-    full: &BlockData,
+    block_data: &BlockData,
     centres: [TangentVector; 2],
     [_, t, s]: &[Vec3; 3],
 ) -> Option<TangentVector> {
-    // For both bodies: the moment x×n of a unit impulse along n at x turns the point back by -m (x - centre).
-    let (mut m, mut right) = ([0.0; 3], [0.0; 2]);
+    // For both bodies: the moment x×n of a unit impulse along n at x turns the point back by -C (x - centre), C the compliance.
+    let (mut compliance, mut right) = ([0.0; 3], [0.0; 2]);
     for (body, [x, y]) in row.bodies.into_iter().zip(centres) {
-        let inverse = &full.inverse_inertia[body.index()];
+        let inverse = &block_data.inverse_inertia[body.index()];
         let [xx, xy, yy] = [s.dot(&(inverse * s)), -s.dot(&(inverse * t)), t.dot(&(inverse * t))];
-        m = [m[0] + xx, m[1] + xy, m[2] + yy];
+        compliance = [compliance[0] + xx, compliance[1] + xy, compliance[2] + yy];
         right = [right[0] + xx * x + xy * y, right[1] + xy * x + yy * y];
     }
-    let det = m[0] * m[2] - m[1] * m[1];
-    let centre = [(m[2] * right[0] - m[1] * right[1]) / det, (m[0] * right[1] - m[1] * right[0]) / det];
+    let [xx, xy, yy] = compliance;
+    let det = xx * yy - xy * xy;
+    let centre = [(yy * right[0] - xy * right[1]) / det, (xx * right[1] - xy * right[0]) / det];
     centre.iter().all(|x| x.is_finite()).then_some(centre)
 }
 
@@ -564,7 +576,7 @@ fn least_distance(points: &[TangentVector], weights: &[f64], start: TangentVecto
         }
         let next = pull.map(|x| x / all);
         let found = sum(next);
-        // NaN, which occurs if a point is at a corner, is rejected.
+        // NaN, which occurs if the centre is at one of the points, is rejected.
         if found.is_nan() || found >= least {
             break;
         }
@@ -583,7 +595,7 @@ struct FrictionFace {
     weights: SmallVec<[f64; 8]>,
     centroid: TangentVector,
     /// Mean distance of the area from its centroid, m; not used for an edge.
-    mean_distance: f64,
+    uniform_mean_distance: f64,
 }
 
 impl FrictionFace {
@@ -623,7 +635,7 @@ impl FrictionFace {
         // the area are rounded to single precision, which gives the same result for any number of them.
         let ratio = f64::from((2.0 * area / whole) as f32);
         let larger = if (1.0..=LARGEST_AREA_RATIO).contains(&ratio) { ratio.sqrt() } else { 1.0 };
-        FrictionFace { corners, order, weights, centroid, mean_distance: larger * 2.0 / 3.0 * sum / whole }
+        FrictionFace { corners, order, weights, centroid, uniform_mean_distance: larger * 2.0 / 3.0 * sum / whole }
     }
 
     /// Outline of the convex hull of the points, if the contacts fill its area.
@@ -674,7 +686,13 @@ impl FrictionFace {
         let weights = SmallVec::from_elem(1.0 / points.len() as f64, points.len());
         let centroid = [0, 1].map(|i| 0.5 * (one[i] + other[i]));
         let order = SmallVec::new(); // not used for an edge
-        FrictionFace { corners: SmallVec::from_slice(&[one, other]), order, weights, centroid, mean_distance: 0.0 }
+        FrictionFace {
+            corners: SmallVec::from_slice(&[one, other]),
+            order,
+            weights,
+            centroid,
+            uniform_mean_distance: 0.0,
+        }
     }
 
     /// Relative distance of a point from the centroid along its ray, 1 on the side that the ray meets; the index of the first
@@ -709,7 +727,7 @@ impl FrictionFace {
         }
         let (reach, side, share) = self.ray_intersection(p);
         let ends = [side, (side + 1) % self.corners.len()].map(|k| self.corners[k]);
-        (1.0 - reach) * self.mean_distance + reach * of_edge(ends, share)
+        (1.0 - reach) * self.uniform_mean_distance + reach * of_edge(ends, share)
     }
 
     /// Shares of the points in a pressure with centre `p`: a combination of a uniform pressure and that of an edge, as for τ.
@@ -807,7 +825,7 @@ mod tests {
             assert!(
                 (found.mean_distance(found.centroid) - expected).abs() < 5e-3,
                 "{expected} {}",
-                found.mean_distance
+                found.uniform_mean_distance
             );
             let centre =
                 corners.iter().zip(&found.weights).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w, c[1] + p[1] * w]);

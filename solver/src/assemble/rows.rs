@@ -241,9 +241,9 @@ impl AssemblyContext<'_> {
         };
         let sticks = |k: usize| self.previous_end(history[k]).is_some_and(|old| old.status == ContactStatus::Stick);
         block_data.friction_offsets =
-            FaceRows { contacts, rows, records, full: block_data, load, sticks }.friction_offsets();
+            FaceRows { contacts, rows, solver_bodies: records, block_data, load, sticks }.friction_offsets();
         if has_joints(self.scene) {
-            let faces = FaceRows { contacts, rows, records, full: block_data, load, sticks };
+            let faces = FaceRows { contacts, rows, solver_bodies: records, block_data, load, sticks };
             let last_loads = || self.last_loads(contacts, history);
             let joined = Joints { faces: &faces, scene: self.scene, last_loads }.joined_faces();
             block_data.friction_offsets = joined.offsets;

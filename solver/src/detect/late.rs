@@ -64,16 +64,16 @@ pub fn late_contacts(
         return left;
     }
     let ball = |&i: &BodyId| {
-        let (i, reach) = (i.index(), scene.bodies[i.index()].radius);
-        SweptBall { centre: q_c.x[i], path: bounds.centre_path(i), reach, searched: searched[i] }
+        let (i, radius) = (i.index(), scene.bodies[i.index()].radius);
+        SweptBall { centre: q_c.x[i], path: bounds.centre_path(i), radius, searched: searched[i] }
     };
     let balls: Vec<SweptBall> = scene.spheres.iter().map(ball).collect();
-    let reach: Vec<f64> = balls.iter().map(|ball| ball.reach + ball.path.norm()).collect();
+    let reach: Vec<f64> = balls.iter().map(|ball| ball.radius + ball.path.norm()).collect();
     let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
     let spheres = near.into_iter().filter_map(|near| visible_spheres(scene, near)).filter_map(|([i, j], rule)| {
         let [a, b] = [i, j].map(|k| &balls[k.index()]);
         let between = a.centre - b.centre - scene.nearest_image_shift(&a.centre, &b.centre);
-        let closes = least_distance(&between, &(a.path - b.path)) < a.reach + b.reach;
+        let closes = least_distance(&between, &(a.path - b.path)) < a.radius + b.radius;
         closes.then_some(([i, j].map(|k| scene.spheres[k.index()]), rule.law))
     });
     let mut pairs: Vec<ListedPair> = spheres.collect();
@@ -127,7 +127,7 @@ fn rotating_extents(scene: &Scene) -> Vec<f64> {
     let mut extents = vec![0.0f64; scene.bodies.len()];
     for part in &scene.parts {
         let extent = &mut extents[part.body.index()];
-        *extent = extent.max(part.offset.norm() + part.radius);
+        *extent = extent.max(part.offset.norm() + part.bounding_radius);
     }
     extents
 }

@@ -52,8 +52,8 @@ impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
     /// Pairs of balls whose paths come near each other.
     fn swept_pairs(&self, periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
         let ball = |k: usize| {
-            let reach = self.reach[k] - self.travel[k];
-            SweptBall { centre: self.centres[k], path: (self.path)(k), reach, searched: true }
+            let radius = self.reach[k] - self.travel[k];
+            SweptBall { centre: self.centres[k], path: (self.path)(k), radius, searched: true }
         };
         let balls: Vec<SweptBall> =
             (0..self.centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(ball).collect();

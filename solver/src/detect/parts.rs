@@ -38,17 +38,17 @@ impl DetectionCache {
         let last = self.last.par_iter_mut().zip(&mut self.accumulated_travel);
         let moved = contactors.par_iter_mut().zip(&scene.parts).zip(last).with_min_len(CONTACTORS_PER_TASK);
         moved.for_each(|((now, part), ((x, q), travel))| {
-            // Twice the sine of half an angle is less than four times that of a quarter.
+            // |q - q'| = 2 sin(θ/4), and a surface point moves by 2 R sin(θ/2) <= 2 R |q - q'|.
             let turned = (now.axes.coords - q.coords).norm().min((now.axes.coords + q.coords).norm());
-            *travel += (now.centre - *x).norm() + 2.0 * part.radius * turned;
+            *travel += (now.centre - *x).norm() + 2.0 * part.bounding_radius * turned;
             (*x, *q, now.accumulated_travel) = (now.centre, now.axes, *travel);
         });
         let all = contactors.par_iter().with_min_len(CONTACTORS_PER_TASK);
         let centres: Vec<Vec3> = all.clone().map(|contactor| contactor.centre).collect();
-        let reach: Vec<f64> = all.clone().map(|contactor| contactor.reach).collect();
+        let listing_radius: Vec<f64> = all.clone().map(|contactor| contactor.listing_radius).collect();
         let travel: Vec<f64> = all.map(|contactor| contactor.travel).collect();
         let path = |k: usize| contactors[k].path;
-        let balls = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
+        let balls = BoundingBalls { centres: &centres, reach: &listing_radius, path, travel: &travel };
         if !self.neighbours.rebuild_if_stale(&balls, scene.periods(), scene.mean_radius) {
             return;
         }
@@ -133,12 +133,12 @@ pub fn swept_contacts(
     let ball = |contactor: &PosedContactor| SweptBall {
         centre: contactor.centre,
         path: contactor.path,
-        reach: contactor.radius + contactor.bend,
+        radius: contactor.radius + contactor.bend,
         searched: searched(contactor.body),
     };
     let balls: Vec<SweptBall> = contactors.iter().map(ball).collect();
-    let reach: Vec<f64> = contactors.iter().map(|contactor| contactor.reach).collect();
-    let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
+    let listing_radius: Vec<f64> = contactors.iter().map(|contactor| contactor.listing_radius).collect();
+    let near = periodic::periodic_swept_pairs(&balls, &listing_radius, scene.periods());
     let mut pairs: Vec<VisiblePair> = near.into_iter().filter_map(|ij| visible_parts(scene, &contactors, ij)).collect();
     pairs.sort_unstable_by_key(|(parts, _)| *parts);
     let width = SimdWidth::detect();
@@ -180,7 +180,8 @@ struct NarrowPhaseScratch<'a> {
     prefetcher: Prefetcher<'a>,
 }
 
-/// Applies the narrow phase to the pairs that are not known to be apart.
+/// Applies the narrow phase to the pairs that are not known to be apart. `nearby`: gap over the smaller radius, up to which
+/// points are listed in any direction, as in [`TravelBounds`].
 fn narrow_phase_chunk<'a>(
     scene: &Scene,
     contactors: &'a [PosedContactor<'a>],
@@ -208,7 +209,7 @@ fn narrow_phase_chunk<'a>(
             prefetcher.prefetch(pairs[later].0);
         }
         let pair = CandidatePair::new(scene, contactors, nearby, k, &pairs[k]);
-        // Trajectories that pass each other shorten the range.
+        // `new` may find a shorter listing range than `listing_reach`, so test again.
         if separations[k].valid_travel > pair.accumulated_travel() + pair.range.alert {
             continue;
         }
@@ -260,8 +261,8 @@ impl ListedContacts {
                 // No separation is known of another image; an image is nearest only up to half a period.
                 let of_image =
                     self.periods.iter().zip(c.as_slice()).filter_map(|(period, c)| Some((*period)? / 2.0 - c.abs()));
-                let until =
-                    of_image.fold(s, f64::min) + pair.accumulated_travel() - ROUNDING_MARGIN * (a.reach + b.reach);
+                let until = of_image.fold(s, f64::min) + pair.accumulated_travel()
+                    - ROUNDING_MARGIN * (a.listing_radius + b.listing_radius);
                 separations[*index] =
                     SeparatingAxis { n: Some([n.x, n.y, n.z].map(|x| x as f32)), valid_travel: until };
                 return;
@@ -460,7 +461,7 @@ fn narrow_phase_pair<'a>(
             PosedShape::Cylinder { half_height: h, radius: r, hollow: false },
             PosedShape::Cylinder { half_height, radius, hollow: false },
         ) => cylinder_cylinder(&a.axes, [*h, *r], &c, &b.axes, [*half_height, *radius], range).into_iter().collect(),
-        // Rows between plates, or with hollow cylinders, of which one can move are rejected on input.
+        // Pairs of two plates, or of a hollow cylinder and a wall, are rejected on input if one can move.
         _ => SmallVec::new(),
     };
     let nearest = found.iter().min_by(|a, b| a.gap().total_cmp(&b.gap()));

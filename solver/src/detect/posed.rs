@@ -19,7 +19,7 @@ pub struct PosedContactor<'a> {
     /// Largest displacement of a point of it in the step, m.
     pub travel: f64,
     /// Radius of the bounding ball with travel and half of the listing distance, m.
-    pub reach: f64,
+    pub listing_radius: f64,
     /// Displacement of the centre in the step, m, and rotation, rad.
     pub path: Vec3,
     pub turn: Vec3,
@@ -70,17 +70,17 @@ fn posed_contactor<'a>(
     let q = &q_c.q[i];
     let arm = q * part.offset;
     let axes = q * part.axes;
-    let travel = bounds.surface_travel(i, arm.norm() + part.radius);
+    let travel = bounds.surface_travel(i, arm.norm() + part.bounding_radius);
     let turn = bounds.rotation_vector(i);
     PosedContactor {
         centre: q_c.x[i] + arm,
         axes,
         travel,
-        reach: part.radius + travel + 0.5 * scene.listing_range,
+        listing_radius: part.bounding_radius + travel + 0.5 * scene.listing_range,
         path: bounds.centre_path(i) + turn.cross(&arm),
         turn,
-        rim: if matches!(part.geometry, ContactorShape::Sphere { .. }) { 0.0 } else { part.radius },
-        radius: part.radius,
+        rim: if matches!(part.geometry, ContactorShape::Sphere { .. }) { 0.0 } else { part.bounding_radius },
+        radius: part.bounding_radius,
         bend: (0.5 * turn.norm_squared() * arm.norm()).min(travel),
         accumulated_travel: 0.0,
         curvature: scene.part_curvature(part),
@@ -181,7 +181,7 @@ impl<'a> CandidatePair<'a> {
     /// Whether the bounding balls come within the range in the step.
     pub fn is_near(&self) -> bool {
         let CandidatePair { a, b, c, .. } = self;
-        let reach = a.reach + b.reach;
+        let reach = a.listing_radius + b.listing_radius;
         let near = c.norm_squared() <= reach * reach;
         let rest = reach - (a.travel + b.travel);
         near && (self.always == f64::INFINITY || swept::least_distance(c, &(b.path - a.path)) <= rest + a.bend + b.bend)

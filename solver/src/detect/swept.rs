@@ -24,7 +24,7 @@ pub struct SweptBall {
     /// Displacement in the lookahead time, m.
     pub path: Vec3,
     /// Radius, m.
-    pub reach: f64,
+    pub radius: f64,
     /// Whether its pairs are searched; pairs of two balls without this flag are omitted.
     pub searched: bool,
 }
@@ -90,7 +90,7 @@ impl<'a> BoxTree<'a> {
         let widen = |range: &mut [f64; 2], low: f64, high: f64| *range = [range[0].min(low), range[1].max(high)];
         for &i in &*order {
             let ball = &balls[i as usize];
-            let reach = ball.reach * (1.0 + ROUNDING_MARGIN);
+            let reach = ball.radius * (1.0 + ROUNDING_MARGIN);
             for (k, extent) in extent[..3].iter_mut().enumerate() {
                 widen(&mut node.balls[k], ball.centre[k] - reach, ball.centre[k] + reach);
                 widen(&mut node.paths[k], ball.path[k], ball.path[k]);
@@ -153,7 +153,7 @@ impl<'a> BoxTree<'a> {
                     let searched = one.searched || other.searched;
                     if searched
                         && least_distance(&(one.centre - other.centre), &(one.path - other.path))
-                            <= one.reach + other.reach
+                            <= one.radius + other.radius
                     {
                         pairs.push([i.min(j), i.max(j)]);
                     }
@@ -219,7 +219,7 @@ mod tests {
                 SweptBall {
                     centre: Vec3::from(x) + Vec3::x() * away,
                     path: Vec3::from(u) * 0.3 + Vec3::x() * common,
-                    reach: size.exp2(),
+                    radius: size.exp2(),
                     searched,
                 }
             };
@@ -229,7 +229,7 @@ mod tests {
                 for i in 0..j {
                     let [a, b] = [&balls[i], &balls[j]];
                     let distance = least_distance(&(a.centre - b.centre), &(a.path - b.path));
-                    if (a.searched || b.searched) && distance <= a.reach + b.reach {
+                    if (a.searched || b.searched) && distance <= a.radius + b.radius {
                         expected.push([i as u32, j as u32]);
                     }
                 }
@@ -245,7 +245,7 @@ mod tests {
             .map(|k| {
                 let (side, k) = (f64::from(k / 1000), k % 1000);
                 let centre = Vec3::new(f64::from(k % 10) + side * 11.0, f64::from(k / 10 % 10), f64::from(k / 100));
-                SweptBall { centre, path: Vec3::x() * (1e4 * side), reach: 0.5, searched: true }
+                SweptBall { centre, path: Vec3::x() * (1e4 * side), radius: 0.5, searched: true }
             })
             .collect();
         assert_eq!(swept_pairs(&balls).len(), 2 * 3 * 900);

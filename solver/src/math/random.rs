@@ -1,4 +1,4 @@
-//! Random numbers that depend only on their purpose: the same on every machine, in every order of drawing.
+//! Random numbers that depend only on their seed: the same on every machine, in every order of drawing.
 
 use super::Vec3;
 

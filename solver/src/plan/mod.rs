@@ -130,7 +130,7 @@ fn floor_height(scene: &Scene, state: &State) -> f64 {
         };
         state.x[i].dot(&up) + reach
     };
-    let walls = (0..scene.bodies.len()).filter(|&i| scene.free.binary_search(&BodyId::new(i)).is_err());
+    let walls = (0..scene.bodies.len()).filter(|&i| scene.walls[i]);
     walls.map(top).fold(f64::INFINITY, f64::min)
 }
 
@@ -142,7 +142,7 @@ fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, mean_velocity: &Vec3,
         BodyShape::Plane { half_lengths } => half_lengths.norm(),
         BodyShape::Parts => {
             let parts = scene.parts_of(drive.body).iter();
-            parts.map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max)
+            parts.map(|part| part.offset.norm() + part.bounding_radius).fold(0.0, f64::max)
         }
     };
     let imposed =
@@ -177,7 +177,7 @@ pub fn unused_models(scene: &Scene) -> Vec<&'static str> {
     let laws = &scene.laws;
     let rolling = laws.iter().any(|law| law.rolling.is_some());
     let absent = [
-        (!scene.bodies.iter().any(|body| body.driven), "walls"),
+        (!scene.walls.contains(&true), "walls"),
         (!scene.needs_blocks(), "full 3x3 contact blocks of polyhedra (the diagonal suffices)"),
         (!scene.options.orients_spheres() && scene.postpro.is_empty(), "orientation of spheres"),
         (scene.turning.is_empty(), "change of angular velocity without torque (moments of inertia are equal)"),
@@ -300,7 +300,10 @@ fn run_estimate(scene: &Scene, left: u64, (max_multiple, constant): (u64, f64), 
             } else {
                 String::new()
             };
-            format!("{left} dt, up to {max_multiple} dt per step{when}, {:.1} in the trial", tried.mean_multiple())
+            format!(
+                "{left} dt, up to {max_multiple} dt per step{when}, {:.1} dt per step in the trial",
+                tried.mean_multiple()
+            )
         }
     };
     let seconds = |tried: &TrialRun| {

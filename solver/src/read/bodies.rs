@@ -180,7 +180,7 @@ fn check_extents(
     for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
         // A larger body would be met by more than its nearest image.
         let of_body = &parts[part_starts[index].index()..part_starts[index + 1].index()];
-        let extent = 2.0 * of_body.iter().map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max);
+        let extent = 2.0 * of_body.iter().map(|part| part.offset.norm() + part.bounding_radius).fold(0.0, f64::max);
         for period in
             [options.xperiode, options.yperiode].into_iter().flatten().filter(|period| 2.0 * extent >= *period)
         {

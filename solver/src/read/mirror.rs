@@ -30,7 +30,7 @@ fn is_symmetric(scene: &Scene, body: BodyId, axis: usize) -> bool {
         return true;
     }
     let parts = scene.parts_of(body);
-    let size = parts.iter().map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max);
+    let size = parts.iter().map(|part| part.offset.norm() + part.bounding_radius).fold(0.0, f64::max);
     parts.iter().all(|part| {
         let mirrored: Vec<Vec3> = corners(part)
             .into_iter()
@@ -47,7 +47,7 @@ fn is_symmetric(scene: &Scene, body: BodyId, axis: usize) -> bool {
 fn is_same_shape(a: &BodyPart, b: &BodyPart) -> bool {
     std::mem::discriminant(&a.geometry) == std::mem::discriminant(&b.geometry)
         && a.colour == b.colour
-        && (a.radius - b.radius).abs() <= MIRROR_TOLERANCE * a.radius
+        && (a.bounding_radius - b.bounding_radius).abs() <= MIRROR_TOLERANCE * a.bounding_radius
 }
 
 /// Whether each point has one of the others next to it.

@@ -103,7 +103,7 @@ pub fn body_from_record(
         geometry: piece.geometry,
         offset: axes.inverse_transform_vector(&piece.centre),
         axes: axes.inverse() * piece.axes,
-        radius: piece.radius,
+        bounding_radius: piece.radius,
         colour: piece.colour,
         class: 0,
     };

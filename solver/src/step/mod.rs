@@ -1,10 +1,10 @@
 //! One time step as the list of its stages; the equations are numbered as in `docs/explanation/method/`.
 
 mod admissible;
+mod bond_closing;
 mod clock;
 mod conflict;
 mod context;
-mod drift;
 mod ends;
 mod error_loads;
 mod ledger;
@@ -71,7 +71,7 @@ pub fn step(scene: &Scene, state: &mut State, times: &mut StageTimes) -> Option<
     integrate::advance_state(scene, state, &q_c, outcome.v, outcome.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.order) = (outcome.contacts, q_c.order);
     state.memories = ends::end_memories(&mut solved);
-    drift::close_bonds(scene, state, &solved.contact_problem);
+    bond_closing::close_bonds(scene, state, &solved.contact_problem);
     state.bonding = BondingMode::No;
     clock.add_lap(|times| &mut times.integration);
     Some(report)

@@ -13,8 +13,8 @@
 
 use rayon::prelude::*;
 
+use super::bond_closing::LARGEST_OPENING;
 use super::context::{SolvedProblem, StepContext};
-use super::drift::LARGEST_OPENING;
 use super::error_loads::largest_error_load;
 use crate::assemble::{ContactConstraint, ContactProblem, SolverBody, stored_problem};
 use crate::laws::{ContactLaw, ContactMotion};

@@ -96,7 +96,7 @@ impl<'a> DriverReader<'a> {
         for (line, module) in imports {
             let file = format!("{}.py", module.replace('.', "/"));
             if cd_formats::atomic::path_exists(&self.path.with_file_name(&file)) {
-                self.remark(*line, format!("{file} is not read: what it defines is not known here"));
+                self.remark(*line, format!("{file} is not read: its definitions are unknown"));
             }
         }
     }

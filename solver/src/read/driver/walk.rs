@@ -791,7 +791,7 @@ impl<'a> ScriptWalker<'a> {
             let next = |symbol: &str| tokens.get(end).is_some_and(|lexeme| lexeme.token.is(symbol));
             let of_command = |name: &str| self.command(name).is_some_and(|command| is_effective(&command)) && !is_alias;
             let found = if name.match_indices('.').any(|(point, _)| of_command(&name[..point])) {
-                "is an attribute of a command of LMGC90: what it does is not known"
+                "is an attribute of a command of LMGC90: its effect is unknown"
             } else if next("(") || next("=") {
                 continue;
             } else if self.definition(&name).is_some_and(|definition| self.has_effect(&definition.body)) {

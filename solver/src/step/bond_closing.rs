@@ -24,7 +24,7 @@ use crate::state::{Contact, SolvedContact, State};
 
 /// Opening of a bond over its effective radius above which positions are corrected. A bond is made at a gap of up to
 /// [`MAX_TOUCHING_GAP`] and acts up to twice that gap. One step opens a corner by up to three times the error that
-/// [`super::velocity_errors`] accepts, which is this opening as well.
+/// [`super::velocity_errors`] accepts, which is `LARGEST_OPENING` per step.
 pub const LARGEST_OPENING: f64 = 0.25 * MAX_TOUCHING_GAP;
 
 /// Sweeps of a correction: the four corners of a cube are then closed to a hundredth of their opening. The remaining opening
@@ -39,7 +39,7 @@ pub fn close_bonds(scene: &Scene, state: &mut State, contact_problem: &ContactPr
     }
     let opening = |solved: &SolvedContact| {
         let bond = solved.bond.filter(|_| state.laws[solved.contact.law as usize].has_stress());
-        bond.map(|bond| solved.contact.gap - bond)
+        bond.map(|bond_gap| solved.contact.gap - bond_gap)
     };
     let is_too_far = |solved: &SolvedContact| {
         let contact = &solved.contact;
@@ -83,9 +83,9 @@ fn corrections(contact_problem: &ContactProblem, openings: &[(usize, f64)], bodi
             let (w_n, _) = contact_problem.delassus_diagonal(k);
             let arms = [contact_problem.contact_arm(k, 0), contact_problem.contact_arm(k, 1)];
             let moved = |body: BodyId, arm: &Vec3| shifts[body.index()] + turns[body.index()].cross(arm);
-            let left = opening + row.normal.dot(&(moved(a, &arms[0]) - moved(b, &arms[1])));
+            let remaining = opening + row.normal.dot(&(moved(a, &arms[0]) - moved(b, &arms[1])));
             for ((body, arm), sign) in [a, b].into_iter().zip(&arms).zip([-1.0, 1.0]) {
-                let push = row.normal * (sign * left / w_n);
+                let push = row.normal * (sign * remaining / w_n);
                 shifts[body.index()] += contact_problem.velocity_change(body, &push);
                 turns[body.index()] += contact_problem.angular_velocity_change(body, &arm.cross(&push));
             }
