@@ -509,7 +509,7 @@ impl Compute {
         expect(self.max_sweeps() > 0, "max_sweeps", format!("{}", self.max_sweeps()), "at least 1");
         expect(self.check_every != Some(0), "check_every", to_ron(&self.check_every), "at least 1");
         expect(
-            self.gravity != GravityMethod::Fmm || error >= MIN_FMM_ERROR || !(error >= 1e-14),
+            self.gravity != GravityMethod::Fmm || error >= MIN_FMM_ERROR || error.is_nan() || error < 1e-14,
             "gravity_error",
             format!("{} with gravity: fmm", number_text(error)),
             "at least 1e-6, or gravity: direct",

@@ -287,5 +287,5 @@ fn what_is_shown_is_accepted() {
             shown += 1;
         }
     }
-    assert_eq!(shown, 5);
+    assert_eq!(shown, 6);
 }

@@ -480,8 +480,7 @@ fn all_values_of_wrong_type_and_all_missing_fields_are_reported_at_once() {
          dynamic_friction, rolling_friction, spinning_friction of IQS_DS_ROLL_CLB",
         "wall 1: no fields 'material', 'colour', 'centre', 'half_lengths'; expected the fields material, colour, centre, \
          half_lengths of Plate",
-        "compute, field 1: no fields 'position', 'radius', 'j2', 'axis'; expected the fields position, radius, j2, axis of \
-         Oblate",
+        "compute, field 1: no fields 'radius', 'j2', 'axis'; expected the fields radius, j2, axis of Oblate",
         "compute, event 1: no fields 'time', 'action'; expected the fields time, action",
     ] {
         assert!(said.contains(expected), "{expected}\n{said}");
