@@ -479,13 +479,25 @@ fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Eval
                 "-" => a - b,
                 "*" => a * b,
                 "/" => a / b,
-                "//" => (a / b).floor(),
-                "%" => a - b * (a / b).floor(),
+                "//" => floor_division(a, b).0,
+                "%" => floor_division(a, b).1,
                 _ => libm::pow(a, b),
             };
             if value.is_finite() { Ok(ScriptValue::Real(value)) } else { unknown() }
         }
     }
+}
+
+/// Quotient and remainder of Python's `a // b` and `a % b` of floats: from the exact remainder, with the sign of `b`. So
+/// 1.0 // 0.1 is 9, since 0.1 is a little more than a tenth.
+fn floor_division(a: f64, b: f64) -> (f64, f64) {
+    let mut remainder = a % b;
+    let mut quotient = (a - remainder) / b;
+    if remainder != 0.0 && (remainder < 0.0) != (b < 0.0) {
+        remainder += b;
+        quotient -= 1.0;
+    }
+    (quotient.round_ties_even(), remainder)
 }
 
 /// Result of a function of Python, math or numpy; none if it is not one of those that are known.
@@ -600,6 +612,12 @@ mod tests {
         real("2*np.pi/t", std::f64::consts::PI);
         real("math.sqrt(16.)", 4.0);
         real("7 // 2.", 3.0);
+        real("0.06//1e-3", 59.0);
+        real("1.0//0.1", 9.0);
+        real("7.5%0.1", 0.09999999999999959);
+        real("-7.5//2.", -4.0);
+        real("-7.5%2.", 0.5);
+        real("7.5%-2.", -0.5);
         int("1_000", 1000);
         int("int(1.0/1e-3) + 1", 1001);
         int("7//2*2 - -7 % 4", 6 - 1);
