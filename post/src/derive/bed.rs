@@ -69,7 +69,8 @@ impl Bed {
             walls.iter().map(|wall| bears[wall.index()]).sum::<f64>() * plane.normal.dot(&against)
         };
         // A lid may bear more than the floor, for an instant, but from above.
-        let below = |plane: &&WallPlane| plane.normal.dot(&against) > 0.0 && share(plane) > 0.0;
+        // The end of a drum that lies is upright up to rounding.
+        let below = |plane: &&WallPlane| plane.normal.dot(&against) > UPRIGHT_TOLERANCE && share(plane) > 0.0;
         let floor = planes.iter().filter(below).max_by(|a, b| share(a).total_cmp(&share(b)));
         let up = floor.map_or(if frame.cell().is_periodic() { Vec3::z() } else { against }, |floor| floor.normal);
         let lowest = || members().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);

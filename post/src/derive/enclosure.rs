@@ -204,7 +204,7 @@ impl<'a> GrainEnclosure<'a> {
             |_| true,
             |enclosure, space| {
                 let grains: Vec<&Grain> = enclosure.inner_grains().collect();
-                let surface = mean_plane(&grains, &enclosure.frame.cell(), up)?;
+                let surface = mean_plane(&grains, (&enclosure.planes, &enclosure.bores), &enclosure.frame.cell(), up)?;
                 let section = space.cut_below(&-surface.normal, -surface.normal.dot(&surface.point));
                 if !space.is_closed() {
                     let [lowest, _] = enclosure.height_range(up);

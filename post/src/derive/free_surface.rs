@@ -7,7 +7,7 @@ use crate::derive::fragments::Fragment;
 use crate::derive::heights::height_range;
 use crate::derive::plane_fit::{FittedPlane, NoiseDensity, PlaneFit, without_noise};
 use crate::derive::walls::{CylinderBore, WallPlane, bounding_bore, bounding_planes, supported_grains};
-use crate::frame::{Frame, Grain, GrainId, PeriodicCell};
+use crate::frame::{Frame, Grain, PeriodicCell};
 use crate::math::Vec3;
 
 /// Largest number of columns along one direction; distant grains make the columns wider.
@@ -101,7 +101,9 @@ impl FreeSurface {
         let grid = ColumnGrid::covering(&grains, &frame.cell(), up);
         let mut heights = grid.column_heights(&grains);
         let lowest = grains.iter().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
-        grid.remove_sides(&mut heights, lowest, &LeaningSide::of_walls(frame, &members, &up));
+        let planes = bounding_planes(frame, &members);
+        let bores: Vec<CylinderBore> = frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &members)).collect();
+        grid.remove_sides(&mut heights, lowest, &LeaningSide::among(&planes, &bores, &up));
         let whole = grid.whole_plane(&heights)?;
         let fits: Vec<Option<FittedPlane>> =
             (0..heights.len()).into_par_iter().map(|k| grid.plane_at(&heights, k, reach * grid.width)).collect();
@@ -176,18 +178,16 @@ impl FreeSurface {
 }
 
 /// Inner side of a wall that bounds the grains, of which a part leans over them.
-enum LeaningSide {
-    Plane(WallPlane),
-    Bore(CylinderBore),
+enum LeaningSide<'a> {
+    Plane(&'a WallPlane),
+    Bore(&'a CylinderBore),
 }
 
-impl LeaningSide {
-    /// Sides that lean over grains.
-    fn of_walls(frame: &Frame, grains: &[GrainId], up: &Vec3) -> Vec<LeaningSide> {
-        let leans = |plane: &WallPlane| plane.normal.dot(up) < 0.0;
-        let planes = bounding_planes(frame, grains).into_iter().filter(leans).map(LeaningSide::Plane);
-        let bores = frame.wall_ids().filter_map(|k| bounding_bore(frame, k, grains));
-        planes.chain(bores.map(LeaningSide::Bore)).collect()
+impl<'a> LeaningSide<'a> {
+    /// Sides that lean over grains, among the walls that bound them.
+    fn among(planes: &'a [WallPlane], bores: &'a [CylinderBore], up: &Vec3) -> Vec<LeaningSide<'a>> {
+        let leaning = planes.iter().filter(|plane| plane.normal.dot(up) < 0.0).map(LeaningSide::Plane);
+        leaning.chain(bores.iter().map(LeaningSide::Bore)).collect()
     }
 
     /// Distance of a point from the side, m, and the sine of the angle from the vertical by which the side there leans over
@@ -227,15 +227,23 @@ pub struct SurfacePlane {
     pub area: f64,
 }
 
-/// Least-squares plane through the heights of the columns over some grains; None without grains. The plane is level along
-/// a period.
-pub fn mean_plane(grains: &[&Grain], cell: &PeriodicCell, up: &Vec3) -> Option<SurfacePlane> {
+/// Least-squares plane through the heights of the columns over some grains between walls; None without grains. The plane is
+/// level along a period, and leaves out columns on the side of the grains along a wall that leans over them.
+pub fn mean_plane(
+    grains: &[&Grain],
+    (planes, bores): (&[WallPlane], &[CylinderBore]),
+    cell: &PeriodicCell,
+    up: &Vec3,
+) -> Option<SurfacePlane> {
     if grains.is_empty() {
         return None;
     }
     let grid = ColumnGrid::covering(grains, cell, *up);
     let heights = grid.column_heights(grains);
-    let whole = grid.whole_plane(&heights)?;
+    let mut of_surface = heights.clone();
+    let lowest = grains.iter().map(|g| height_range(g, up)[0]).fold(f64::INFINITY, f64::min);
+    grid.remove_sides(&mut of_surface, lowest, &LeaningSide::among(planes, bores, up));
+    let whole = grid.whole_plane(&of_surface)?;
     let ([first, second], [x, y], [along, across]) = (grid.axes, whole.middle, whole.plane.gradient);
     Some(SurfacePlane {
         point: first * x + second * y + up * whole.plane.height,

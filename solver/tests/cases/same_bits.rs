@@ -226,7 +226,7 @@ fn a_width_that_the_machine_lacks_is_rejected() {
     let run = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).args(["--vector-width", "x"]).output();
     let run = run.unwrap();
     let message =
-        format!("'--vector-width <NAME>': expected a width of this machine: {}\n", vector_widths().join(", "));
+        format!("'--vector-width <NAME>': expected a width of this machine: {}; see", vector_widths().join(", "));
     assert_eq!(run.status.code(), Some(2));
     assert!(String::from_utf8(run.stderr).unwrap().contains(&message));
 }
