@@ -7,6 +7,7 @@
 
 ifneq ($(filter study,$(MAKECMDGOALS)),)
 STUDY := study.ron
+## Flags of cd-post in the study.
 POST_FLAGS ?= --no-vtk
 # With `make -j` what takes longest begins first: many grains, and much friction.
 ORDER = $(call reversed,$(RUNS)) $(STILLED)

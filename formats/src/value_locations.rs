@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use crate::former_names::{self, FormerName, FormerNameUse};
 use crate::names::path_in_words;
-use crate::ron_text;
+use crate::ron_text::syntax::line_and_column;
 
 /// Values of a RON text by their paths: field names and 0-based positions in lists and tuples, joined by points; the path
 /// of the whole is empty.
@@ -79,7 +79,7 @@ impl<'a> ValueLocations<'a> {
         let mut path = path;
         loop {
             match (self.values.get(path), path.rfind('.')) {
-                (Some(value), _) => return Some(ron_text::line_and_column(self.text, value.span.start)),
+                (Some(value), _) => return Some(line_and_column(self.text, value.span.start)),
                 (None, Some(end)) => path = &path[..end],
                 (None, None) => return None,
             }

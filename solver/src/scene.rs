@@ -5,7 +5,6 @@ pub use cd_formats::doubts::EVENT_SLACK;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::field::FieldModel;
 pub use cd_formats::ids::BodyId;
-use cd_formats::names::number_text;
 use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::snapshot::{LawName, MaterialName};
 
@@ -682,7 +681,7 @@ impl Scene {
             });
         }
         for (axis, period) in ["x", "y"].into_iter().zip(self.periods()) {
-            models.extend(period.map(|period| format!("period {} m along {axis}", number_text(period))));
+            models.extend(period.map(|period| format!("period {period} m along {axis}")));
         }
         if self.has_self_gravity() {
             let gravity = self.gravity_solver();

@@ -36,6 +36,7 @@ const OUTSIDE: [&str; 7] = ["run", "plan", "cli", "thread_pool", "progress", "ag
 fn is_shared_type(path: &str) -> bool {
     [
         "cd_formats::compute::",
+        "cd_formats::doubts::EVENT_SLACK",
         "cd_formats::drv_dof::Evolution",
         "cd_formats::field::FieldModel",
         "cd_formats::groups::DisjointSets",

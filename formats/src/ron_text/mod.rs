@@ -6,7 +6,7 @@
 
 mod parse;
 mod recovery;
-mod syntax;
+pub(crate) mod syntax;
 
 use std::path::Path;
 
@@ -16,7 +16,8 @@ use crate::error::{Fault, Faults};
 pub use crate::names::{known_names, nearest_name};
 use crate::value_locations::ValueLocations;
 
-pub(crate) use parse::{parse_ron, ron_options};
+pub(crate) use parse::ron_options;
+pub(crate) use recovery::parse_ron;
 pub(crate) use syntax::display_text;
 pub use syntax::{TextFault, line_and_column, syntax_faults};
 

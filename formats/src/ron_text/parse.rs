@@ -3,22 +3,12 @@
 use ron::error::{Error, SpannedError};
 use serde::de::DeserializeOwned;
 
-use super::recovery::type_faults;
-use super::syntax::{MAX_DEPTH, RonParser, TextFault, ValueNode, begins_with_number, display_text, syntax_faults};
+use super::syntax::{MAX_DEPTH, RonParser, TextFault, ValueNode, begins_with_number, display_text};
 use crate::names::known_names;
 
 /// RON options of our files: `field: x` is read as `field: Some(x)`.
 pub(crate) fn ron_options() -> ron::Options {
     ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
-}
-
-/// Parses a value. Errors: all mistakes of the text, with their positions.
-pub fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, Vec<TextFault>> {
-    // Only the library decides which texts are accepted.
-    ron_options().from_str(text).map_err(|error| {
-        let mistakes = syntax_faults(text);
-        if mistakes.is_empty() { type_faults::<T>(text, error) } else { mistakes }
-    })
 }
 
 /// Byte of a position of the library, and the next byte that is neither blank nor comment.

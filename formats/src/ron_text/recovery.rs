@@ -6,7 +6,7 @@ use ron::error::{Error, SpannedError};
 use serde::de::DeserializeOwned;
 
 use super::parse::{ErrorSite, UNKNOWN_NAME, describe_error, missing_fields_fault, ron_options};
-use super::syntax::{RonParser, TextFault, ValueNode};
+use super::syntax::{RonParser, TextFault, ValueNode, syntax_faults};
 use crate::names::nearest_name;
 
 /// Number of faults after which reading stops: more are not read.
@@ -24,6 +24,15 @@ const MAX_KINDS: usize = 4;
 
 /// Blanks behind a stand-in: an error at the next token is then not one at its end.
 const PADDING: &str = " ";
+
+/// Parses a value. Errors: all mistakes of the text, with their positions.
+pub fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, Vec<TextFault>> {
+    // Only the library decides which texts are accepted.
+    ron_options().from_str(text).map_err(|error| {
+        let mistakes = syntax_faults(text);
+        if mistakes.is_empty() { type_faults::<T>(text, error) } else { mistakes }
+    })
+}
 
 /// Returns the fault of `error`, the library's error for the syntactically right `text`, and the faults behind it.
 ///
