@@ -25,6 +25,8 @@ pub fn nearest_rotation(axes: &Matrix3<f64>) -> Rotation3<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
     use nalgebra::{Unit, Vector3};
 
@@ -32,7 +34,7 @@ mod tests {
     fn turns_by_any_angle_are_found_also_half_turns() {
         for axis in [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.3, -0.4, 0.5], [-1.0, 2.0, 3.0]] {
             let axis = Unit::new_normalize(Vector3::from(axis));
-            for angle in [0.0, 0.1, 1.0, 3.0, 3.14159, std::f64::consts::PI, -std::f64::consts::PI, 3.1416, 6.0] {
+            for angle in [0.0, 0.1, 1.0, 3.0, PI - 3e-6, PI, -PI, PI + 1e-5, 6.0] {
                 let turn = Rotation3::from_axis_angle(&axis, angle);
                 // Also with the seven digits of the files.
                 let written = turn.matrix().map(|x| (x * 1e7).round() / 1e7);
