@@ -50,7 +50,7 @@ pub fn friction(value: f64) -> Option<String> {
 ///
 /// ```
 /// use cd_formats::doubts::angle;
-/// assert!(angle(-45.0).unwrap().contains("-45.0 degrees are -0.785") && angle(6.2832).is_none());
+/// assert!(angle(-45.0).unwrap().contains("-45 degrees are -0.785") && angle(6.2832).is_none());
 /// ```
 pub fn angle(value: f64) -> Option<String> {
     // A full turn with four digits is longer than 2 pi.
