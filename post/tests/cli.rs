@@ -728,7 +728,7 @@ fn runs_are_measured_by_the_finest() {
     let expected = "time: 2 from 0 to 1 s; expected one at the time of --from or later\n";
     assert_eq!(printed.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&printed.stderr).ends_with(expected), "{printed:?}");
-    // Of two realisations, here one twice, there are errors of both together, and what is asked of runs is rejected.
+    // Two realisations, here one twice, have errors together; a request that needs single runs is rejected.
     let [once, both] = [output.path().to_path_buf(), output.path().join("both")];
     let of_both = |more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));

@@ -280,7 +280,7 @@ fn number() -> impl Strategy<Value = f64> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 96, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever the numbers: done, rejected, or stopped before anything that is not finite is written.
+    /// A run ends, is rejected or stops before it writes a number that is not finite, whatever its input.
     #[test]
     fn any_numbers_end_in_an_answer(
         spheres in prop::collection::vec((number(), number(), prop::array::uniform3(number()), prop::array::uniform3(number())), 1..8),

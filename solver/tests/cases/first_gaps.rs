@@ -129,7 +129,7 @@ fn a_keystone_rests_in_joints_that_are_wedges() {
     }
     let keystone = case.block([0.25; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
     let end = case.run(20);
-    // Of the fall of 8 (20/1024)²/2 = 1.5e-3 m, what the residual of 1e-12 of the impulses leaves.
+    // The residual of 1e-12 of the impulses leaves that part of the fall of 8 (20/1024)²/2 = 1.5e-3 m.
     near(end.x(keystone), [0.0; 3], 1e-11);
     let mut gaps = end.laws.unwrap().contact_reference_gap;
     gaps.sort_by(f64::total_cmp);

@@ -160,7 +160,7 @@ fn threads_and_resume_change_nothing() {
     }
 }
 
-/// What does not repeat, and what is too long to, is rejected.
+/// Bodies that do not repeat with the period, or are too long for it, are rejected.
 #[test]
 fn what_cannot_repeat_is_rejected() {
     let refused = |change: &dyn Fn(&mut Compute)| {

@@ -111,7 +111,7 @@ fn snapshots_in_parts_are_those_in_one_file() {
         let path = snapshot_path(&case.path().join("OUTBOX"), step);
         let name = path.file_name().unwrap().to_str().unwrap();
         assert!(Snapshot::read(&path).unwrap().to_bytes() == whole[name], "{name}");
-        // Of 64 spheres and the plates.
+        // Bodies: 64 spheres and the plates.
         let parts = (0..).take_while(|&number| part_path(&path, number).exists()).count();
         assert_eq!(parts, 4);
     }
@@ -574,7 +574,7 @@ fn what_continues_from_a_snapshot_knows_how_far_it_has_sunk_in() {
             case.sphere(radius, [x, y, z + 1.7]);
         }
         case.tub(1.7);
-        // So loose that overlap adds up, and then needs more.
+        // The tolerance is so loose that overlap adds up, which then needs more sweeps.
         (case.options.dt, case.options.tol) = (0.01, Some(0.1));
         case.options.penetration_tol = Some(1e-6);
         (case.options.steps, case.options.output_every, case.options.text) = (Some(200), 100, true);
