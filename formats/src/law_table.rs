@@ -17,6 +17,7 @@
 
 mod error;
 mod interface;
+mod pair;
 mod refused;
 
 use serde::Deserialize;
@@ -26,6 +27,7 @@ use crate::ron_text::known_names;
 
 pub use error::LawError;
 pub use interface::{DamageLaw, InterfaceParameter, LawInterface, ModePair};
+pub use pair::{PairCohesion, PairStrength};
 pub use refused::refusal_reason;
 
 /// Physical quantity of a parameter.
@@ -41,6 +43,7 @@ pub enum ParameterQuantity {
     Viscosity,
     StiffnessPerArea,
     SurfaceEnergy,
+    Energy,
     DamageViscosity,
     /// Force over rate of strain.
     StrainViscosity,
@@ -58,6 +61,7 @@ impl ParameterQuantity {
             ParameterQuantity::Viscosity => "N s/m",
             ParameterQuantity::StiffnessPerArea => "Pa/m",
             ParameterQuantity::SurfaceEnergy => "J/m²",
+            ParameterQuantity::Energy => "J",
             ParameterQuantity::DamageViscosity => "J s/m²",
             ParameterQuantity::StrainViscosity => "N s",
         }
@@ -142,6 +146,14 @@ law_parameters! {
     UnusedCohesion: "coht", "unused", "not used", Number, Finite, Finite;
     /// Largest gap at which a liquid attracts.
     LiquidRange: "Wthk", "range", "range", Length, NonNegative, NonNegative;
+    /// Cohesive stress on the area π R² of a pair.
+    CohesiveStress: "strs", "cohesive_stress", "c", Stress, NonNegative, NonNegative;
+    /// Hamaker constant of the material.
+    HamakerConstant: "hmkr", "hamaker_constant", "A", Energy, NonNegative, NonNegative;
+    /// Distance of the surfaces of bodies that touch, by their roughness.
+    SurfaceDistance: "dist", "surface_distance", "ζ", Length, Positive, NonNegative;
+    /// Largest gap at which the whole force of a pair acts.
+    FullRange: "full", "full_range", "full range", Length, NonNegative, NonNegative;
     /// Largest traction of a bond.
     NormalCohesion: "cohn", "normal_cohesion", "c_n", Stress, NonNegative, NonNegative;
     /// Largest shear of a bond without normal force.
@@ -217,7 +229,7 @@ impl LawParameter {
                 "viscosity"
             }
             ParameterQuantity::StiffnessPerArea => "stiffness",
-            ParameterQuantity::SurfaceEnergy => "energy",
+            ParameterQuantity::SurfaceEnergy | ParameterQuantity::Energy => "energy",
         };
         let text = match self.limit() {
             ParameterLimit::NonNegative => format!("a {noun} >= 0 {}", self.quantity().unit()),
@@ -254,6 +266,8 @@ pub enum LawCohesion {
     /// Constant attraction `force` (N) at each point of contact while the gap is at most `range` (m). If `remembers`, only
     /// through a liquid bridge, which breaks for good once the gap exceeds the range.
     Liquid { force: f64, range: f64, remembers: bool },
+    /// Attraction of the two bodies by a force that follows from their size.
+    Pair(PairCohesion),
     /// Bond that carries stresses (Pa) up to `normal` in traction and `tangential` in shear, and breaks for good.
     Bond { normal: f64, tangential: f64 },
 }
@@ -296,6 +310,8 @@ pub struct ContactLoad {
     pub bonded: bool,
     /// Soundness β of an elastic interface, 0 to 1; 0 without an interface.
     pub soundness: f64,
+    /// Attraction of a law with cohesion per pair at this contact, N; 0 for other laws.
+    pub attraction: f64,
 }
 
 /// Row of [`LAW_TABLE`].
@@ -558,6 +574,72 @@ contact_laws! {
             cohesion: LawCohesion::Liquid { force: cohesion, range, remembers: false },
             rolling: RollingFriction { rolling: rolling_friction, spinning: spinning_friction }
         }
+        /// attraction of each two bodies by `cohesive_stress` times π R²
+        IqsCohDsClb "IQS_COH_DS_CLB" {
+            lines: [
+                [cohesive_stress: CohesiveStress],
+                [full_range: FullRange, range: LiquidRange],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Pair(PairCohesion { strength: PairStrength::Stress(cohesive_stress), full_range, range })
+        }
+        /// as `IQS_COH_DS_CLB`, with moments against rolling and spinning
+        IqsCohDsRollClb "IQS_COH_DS_ROLL_CLB" {
+            lines: [
+                [cohesive_stress: CohesiveStress],
+                [full_range: FullRange, range: LiquidRange],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [rolling_friction: RollingFriction, spinning_friction: SpinningFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Pair(PairCohesion { strength: PairStrength::Stress(cohesive_stress), full_range, range }),
+            rolling: RollingFriction { rolling: rolling_friction, spinning: spinning_friction }
+        }
+        /// as `RST_DS_CLB`, with the attraction of `IQS_COH_DS_CLB`
+        RstCohDsClb "RST_COH_DS_CLB" {
+            lines: [
+                [cohesive_stress: CohesiveStress],
+                [normal_restitution: NormalRestitution, tangential_restitution: TangentialRestitution],
+                [full_range: FullRange, range: LiquidRange],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Pair(PairCohesion { strength: PairStrength::Stress(cohesive_stress), full_range, range })
+        }
+        /// attraction of each two bodies by the van der Waals force A R/(12 ζ²)
+        IqsVdwDsClb "IQS_VDW_DS_CLB" {
+            lines: [
+                [hamaker_constant: HamakerConstant, surface_distance: SurfaceDistance],
+                [full_range: FullRange, range: LiquidRange],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Pair(PairCohesion { strength: PairStrength::VanDerWaals { hamaker: hamaker_constant, distance: surface_distance }, full_range, range })
+        }
+        /// as `IQS_VDW_DS_CLB`, with moments against rolling and spinning
+        IqsVdwDsRollClb "IQS_VDW_DS_ROLL_CLB" {
+            lines: [
+                [hamaker_constant: HamakerConstant, surface_distance: SurfaceDistance],
+                [full_range: FullRange, range: LiquidRange],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [rolling_friction: RollingFriction, spinning_friction: SpinningFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Pair(PairCohesion { strength: PairStrength::VanDerWaals { hamaker: hamaker_constant, distance: surface_distance }, full_range, range }),
+            rolling: RollingFriction { rolling: rolling_friction, spinning: spinning_friction }
+        }
+        /// as `RST_DS_CLB`, with the attraction of `IQS_VDW_DS_CLB`
+        RstVdwDsClb "RST_VDW_DS_CLB" {
+            lines: [
+                [hamaker_constant: HamakerConstant, surface_distance: SurfaceDistance],
+                [normal_restitution: NormalRestitution, tangential_restitution: TangentialRestitution],
+                [full_range: FullRange, range: LiquidRange],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Pair(PairCohesion { strength: PairStrength::VanDerWaals { hamaker: hamaker_constant, distance: surface_distance }, full_range, range })
+        }
         /// Newton's restitution
         RstClb "RST_CLB" {
             lines: [
@@ -735,19 +817,19 @@ impl LawModel {
     }
 
     /// Largest tangential force, N, of a contact that does not slide yet: μ f_n, with a liquid μ (f_n + cohesion) while it
-    /// attracts, of a bond (c_t/c_n) (f_n + c_n S), next to an elastic interface (1 - β) μ f_n.
+    /// attracts, with cohesion per pair μ (f_n + attraction), of a bond (c_t/c_n) (f_n + c_n S), next to an elastic interface (1 - β) μ f_n.
     ///
     /// Next to an interface both forces are those of the contact alone, without that of the interface.
     ///
     /// ```
     /// use cd_formats::law_table::{ContactLoad, LawModel};
     /// let law = LawModel::from_values("IQS_WET_DS_CLB", &[4.0, 0.0, 0.1, 0.4, 0.5]).unwrap();
-    /// let load = ContactLoad { gap: 0.1, normal_force: 2.0, area: 1.0, bonded: false, soundness: 0.0 };
+    /// let load = ContactLoad { gap: 0.1, normal_force: 2.0, area: 1.0, bonded: false, soundness: 0.0, attraction: 0.0 };
     /// assert_eq!(law.friction_limit(&load), 0.5 * (2.0 + 4.0));
     /// assert_eq!(law.friction_limit(&ContactLoad { gap: 0.2, ..load }), 0.5 * 2.0);
     /// ```
     pub fn friction_limit(&self, load: &ContactLoad) -> f64 {
-        let &ContactLoad { gap, normal_force, area, bonded, soundness } = load;
+        let &ContactLoad { gap, normal_force, area, bonded, soundness, attraction } = load;
         let broken_share = if self.interface().is_some() { 1.0 - soundness } else { 1.0 };
         let plain = self.friction().static_friction * broken_share * normal_force;
         match self.cohesion() {
@@ -759,6 +841,7 @@ impl LawModel {
                     plain
                 }
             }
+            Some(LawCohesion::Pair(_)) => self.friction().static_friction * (normal_force + attraction),
             Some(LawCohesion::Bond { normal, tangential }) => {
                 if bonded {
                     tangential / normal * (normal_force + normal * area)
@@ -773,7 +856,7 @@ impl LawModel {
     pub fn memory(&self) -> Vec<ContactMemory> {
         let two_coefficients = law_parameters(self.label()).any(|parameter| parameter == LawParameter::DynamicFriction);
         let cohesion = match self.cohesion() {
-            None | Some(LawCohesion::Liquid { remembers: false, .. }) => None,
+            None | Some(LawCohesion::Liquid { remembers: false, .. } | LawCohesion::Pair(_)) => None,
             Some(LawCohesion::Liquid { remembers: true, .. }) => Some(ContactMemory::LiquidBridge),
             Some(LawCohesion::Bond { .. }) => Some(ContactMemory::Bond),
         };
@@ -782,10 +865,10 @@ impl LawModel {
         [sliding, cohesion, moment, self.named_memory()].into_iter().flatten().collect()
     }
 
-    /// Largest gap at which a liquid attracts, m; 0 for other laws.
+    /// Largest gap at which the two bodies attract each other, m; 0 for laws without attraction.
     pub fn attraction_range(&self) -> f64 {
         match self.cohesion() {
-            Some(LawCohesion::Liquid { range, .. }) => range,
+            Some(LawCohesion::Liquid { range, .. } | LawCohesion::Pair(PairCohesion { range, .. })) => range,
             None | Some(LawCohesion::Bond { .. }) => 0.0,
         }
     }
@@ -794,7 +877,7 @@ impl LawModel {
     pub fn point_attraction(&self) -> f64 {
         match self.cohesion() {
             Some(LawCohesion::Liquid { force, .. }) => force,
-            None | Some(LawCohesion::Bond { .. }) => 0.0,
+            None | Some(LawCohesion::Pair(_) | LawCohesion::Bond { .. }) => 0.0,
         }
     }
 
@@ -802,7 +885,7 @@ impl LawModel {
     pub fn has_settable_cohesion(&self) -> bool {
         match self.cohesion() {
             None => false,
-            Some(LawCohesion::Liquid { .. }) => true,
+            Some(LawCohesion::Liquid { .. } | LawCohesion::Pair(_)) => true,
             Some(LawCohesion::Bond { normal, .. }) => normal > 0.0,
         }
     }
@@ -838,7 +921,14 @@ impl LawModel {
                 found: format!("{} without normal_cohesion", number_text(tangential)),
                 expected: "both, or none".into(),
             }),
-            None | Some(LawCohesion::Liquid { .. } | LawCohesion::Bond { .. }) => {}
+            Some(LawCohesion::Pair(PairCohesion { full_range, range, .. })) if full_range > range => {
+                faults.push(ParameterFault {
+                    parameter: LawParameter::FullRange,
+                    found: format!("{} is larger than range {}", number_text(full_range), number_text(range)),
+                    expected: "full_range <= range".into(),
+                });
+            }
+            None | Some(LawCohesion::Liquid { .. } | LawCohesion::Pair(_) | LawCohesion::Bond { .. }) => {}
         }
         let contradictions = self.interface().map(|interface| interface.contradictions()).unwrap_or_default();
         faults.extend(contradictions.into_iter().map(|(parameter, found, expected)| ParameterFault {

@@ -7,12 +7,13 @@ use cd_formats::law_table::{
     ContactMemory, LAW_TABLE, LawCohesion, LawEntry, LawModel, LawParameter, is_law_of_points,
 };
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawArrays, LawName, MaterialName,
-    MemoryArrays, PairArrays, SnapshotMeta, TurningArrays,
+    AttractionArrays, BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawArrays, LawName,
+    MaterialName, MemoryArrays, PairArrays, SnapshotMeta, TurningArrays,
 };
 
 const OPTIONS: &str = "docs/reference/options.md";
 const LAWS: &str = "docs/reference/laws.md";
+const PAIR_LAWS: &str = "docs/reference/laws-pairs.md";
 const SPRING_LAWS: &str = "docs/reference/laws-springs.md";
 const SNAPSHOTS: &str = "docs/reference/files/snapshots.md";
 
@@ -90,6 +91,7 @@ fn arrays_are_those_of_snapshots() {
         .chain(ContactArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(MemoryArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(LawArrays::array_table().into_iter().map(|array| ("C", array)))
+        .chain(AttractionArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(GravityArrays::array_table().into_iter().map(|array| ("N", array)))
         .chain(TurningArrays::array_table().into_iter().map(|array| ("U", array)))
         .chain(ContactPartArrays::array_table().into_iter().map(|array| ("C", array)))
@@ -170,6 +172,7 @@ fn friction_limit(cohesion: Option<LawCohesion>) -> &'static str {
         None => "μ f_n",
         Some(LawCohesion::Liquid { remembers: false, .. }) => "μ (f_n + cohesion) while g ≤ range, else μ f_n",
         Some(LawCohesion::Liquid { remembers: true, .. }) => "μ (f_n + cohesion) while wet, else μ f_n",
+        Some(LawCohesion::Pair(_)) => "μ (f_n + attraction)",
         Some(LawCohesion::Bond { .. }) => "c_t S + (c_t/c_n) f_n with a bond, else μ f_n",
     }
 }
@@ -192,7 +195,7 @@ fn kept_state(model: &LawModel) -> String {
 #[test]
 fn laws_are_those_of_the_table() {
     let (path, text) = page_of(LAWS);
-    let text = text + &page_of(SPRING_LAWS).1;
+    let text = text + &page_of(PAIR_LAWS).1 + &page_of(SPRING_LAWS).1;
     let laws = computed_laws();
     let (mut documented, mut labels) = (names_of_sections(&text), laws.iter().map(|law| law.label).collect::<Vec<_>>());
     documented.sort_unstable();
@@ -260,6 +263,11 @@ fn other_pages_name_every_law() {
         let sentence = format!("If a law has {condition} ({}), also:", names.join(", "));
         assert!(in_one_line(&snapshots).contains(&sentence), "{SNAPSHOTS}: {sentence}");
     }
+    let of_pairs = |entry: &&LawEntry| matches!(example_of(entry).cohesion(), Some(LawCohesion::Pair(_)));
+    let names: Vec<String> =
+        computed_laws().into_iter().filter(of_pairs).map(|entry| format!("`{}`", entry.label)).collect();
+    let sentence = format!("If a law has [cohesion of pairs](../laws-pairs.md) ({}), also:", names.join(", "));
+    assert!(in_one_line(&snapshots).contains(&sentence), "{SNAPSHOTS}: {sentence}");
     let (_, method) = page_of("docs/explanation/method/laws.md");
     let (_, readme) = page_of("README.md");
     for entry in computed_laws() {

@@ -202,6 +202,8 @@ pub struct Contact {
     pub bonded: bool,
     /// Soundness β of its elastic interface at the end of the step; 0 without an interface.
     pub soundness: f64,
+    /// Attraction by a law with cohesion per pair, N; 0 for other laws.
+    pub attraction: f64,
     /// Area on which a bond's stresses act, m^2: the shared area of faces, else pi R^2, 1/R = 1/R_a + 1/R_b.
     pub area: f64,
 }
@@ -255,7 +257,7 @@ impl Frame {
     /// the snapshot.
     pub fn with_solids(snapshot: Snapshot, mut solids: Vec<Option<Arc<SolidShape>>>, laws: Vec<LawModel>) -> Frame {
         solids.resize(snapshot.bodies.body_id.len(), None);
-        let Snapshot { meta, bodies, contacts, memory, laws: law_memory, shapes, interval, .. } = snapshot;
+        let Snapshot { meta, bodies, contacts, memory, laws: law_memory, attractions, shapes, interval, .. } = snapshot;
         let to_contact = -meta.parameters.theta * meta.h;
         let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let is_wall = wall_rows(&bodies);
@@ -306,6 +308,7 @@ impl Frame {
                     active: contacts.contact_impulse[row].iter().any(|&r| r != 0.0),
                     bonded: memory.as_ref().is_some_and(|memory| memory.contact_bonded[row] != 0),
                     soundness: law_memory.as_ref().map_or(0.0, |memory| memory.contact_soundness[row]),
+                    attraction: attractions.as_ref().map_or(0.0, |attractions| attractions.contact_attraction[row]),
                     area: if shared > 0.0 { shared } else { std::f64::consts::PI / (a + b).powi(2) },
                 })
             })

@@ -96,6 +96,7 @@ pub fn packing(side: usize, friction: f64) -> ContactProblem {
         rolling_constraints: Vec::new(),
         regularised: Vec::new(),
         memories: Vec::new(),
+        pair_attractions: Vec::new(),
         block_data: None,
         bodies: records,
         order,

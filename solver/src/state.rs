@@ -317,6 +317,8 @@ pub struct State {
     pub contacts: Vec<SolvedContact>,
     /// Memory of the laws of these contacts; empty if no law of the scene has one.
     pub memories: Vec<LawMemory>,
+    /// Attraction at these contacts by laws with cohesion per pair, N; empty if no law has it.
+    pub pair_attractions: Vec<f64>,
     pub detection_cache: DetectionCache,
     pub interval: OutputInterval,
     /// Present uniform gravity, m/s^2.

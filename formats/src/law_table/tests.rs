@@ -61,7 +61,7 @@ fn friction_is_that_of_the_named_parameters() {
 fn a_bond_has_a_limit_of_its_own() {
     let law = LawModel::from_values("IQS_MOHR_DS_CLB", &[4.0, 2.0, 0.3, 0.4]).unwrap();
     // c_t S + (c_t/c_n) f_n, also under traction.
-    let load = ContactLoad { gap: 0.0, normal_force: -1.0, area: 3.0, bonded: true, soundness: 0.0 };
+    let load = ContactLoad { gap: 0.0, normal_force: -1.0, area: 3.0, bonded: true, soundness: 0.0, attraction: 0.0 };
     assert_eq!(law.friction_limit(&load), 2.0 * 3.0 - 0.5);
     assert_eq!(law.friction_limit(&ContactLoad { bonded: false, normal_force: 5.0, ..load }), 0.4 * 5.0);
     let bridge = LawModel::from_values("xQS_WET_DS_CLB", &[4.0, 0.0, 0.1, 0.4, 0.5]).unwrap();

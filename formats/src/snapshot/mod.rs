@@ -75,6 +75,8 @@ pub struct Snapshot {
     pub memory: Option<MemoryArrays>,
     /// Other state of the laws of contacts; only if a law has it.
     pub laws: Option<LawArrays>,
+    /// Attractions of contacts; only if a law has cohesion per pair.
+    pub attractions: Option<AttractionArrays>,
     /// Evaluations of self-gravity; only where it is not evaluated at every step.
     pub gravity: Option<GravityArrays>,
     /// Only in scenes with other bodies than spheres and plates.
@@ -485,6 +487,14 @@ arrays! {
 }
 
 arrays! {
+    /// One row for each contact; there only if a law has cohesion per pair.
+    AttractionArrays {
+        /// Attraction at the contact, N, of a law with cohesion per pair, else 0
+        contact_attraction: f64,
+    }
+}
+
+arrays! {
     /// One row a body; there only where self-gravity is not evaluated at every step.
     GravityArrays {
         /// Acceleration by self-gravity when it was last evaluated, m/s^2
@@ -581,6 +591,8 @@ impl Snapshot {
             self.contacts.write(&mut archive, of_contacts)?;
             self.memory.as_ref().map_or(Ok(()), |memory| memory.write(&mut archive, of_contacts))?;
             self.laws.as_ref().map_or(Ok(()), |laws| laws.write(&mut archive, of_contacts))?;
+            let attractions = self.attractions.as_ref();
+            attractions.map_or(Ok(()), |attractions| attractions.write(&mut archive, of_contacts))?;
             self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(&mut archive, of_bodies))?;
             self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(&mut archive, rows))?;
             let of_interval = rows.map(|rows| &rows.interval);
@@ -665,11 +677,12 @@ impl Snapshot {
                 (Some(_), None) => {}
             }
         }
-        let Snapshot { meta: _, bodies, contacts, memory, laws, gravity, shapes, interval } = part;
+        let Snapshot { meta: _, bodies, contacts, memory, laws, attractions, gravity, shapes, interval } = part;
         self.bodies.append(bodies);
         self.contacts.append(contacts);
         append_group(&mut self.memory, memory, |own, other| own.append(other));
         append_group(&mut self.laws, laws, |own, other| own.append(other));
+        append_group(&mut self.attractions, attractions, |own, other| own.append(other));
         append_group(&mut self.gravity, gravity, |own, other| own.append(other));
         append_group(&mut self.shapes, shapes, |own, other| own.append(other));
         append_group(&mut self.interval, interval, |own, other| own.append(other));
@@ -716,6 +729,7 @@ impl Snapshot {
             contacts: ContactArrays::read(entries),
             memory: entries.has_array("contact_bonded").then(|| MemoryArrays::read(entries)),
             laws: entries.has_array("contact_reference_gap").then(|| LawArrays::read(entries)),
+            attractions: entries.has_array("contact_attraction").then(|| AttractionArrays::read(entries)),
             gravity: entries.has_array("gravity_last").then(|| GravityArrays::read(entries)),
             shapes: entries.has_array("turning_body").then(|| ShapeArrays::read(entries)),
             interval: entries.has_array("interval_body").then(|| IntervalArrays::read(entries)),
@@ -737,10 +751,11 @@ impl Snapshot {
 
     /// Checks that arrays of the same rows have equal lengths and that indices are those of existing rows.
     fn check_indices(&self) -> Result<(), IndexError> {
-        let Snapshot { meta, bodies, contacts, memory, laws, gravity, shapes, interval } = self;
+        let Snapshot { meta, bodies, contacts, memory, laws, attractions, gravity, shapes, interval } = self;
         let bodies_count = bodies.body_id.len();
         let rows = memory.iter().map(|memory| memory.contact_bonded.len());
         let rows = rows.chain(laws.iter().map(|laws| laws.contact_reference_gap.len()));
+        let rows = rows.chain(attractions.iter().map(|attractions| attractions.contact_attraction.len()));
         if rows.into_iter().any(|rows| rows != contacts.contact_body.len()) {
             return Err(IndexError::ContactRows);
         }

@@ -40,12 +40,12 @@ pub fn anisotropy(fabric: &Mat3) -> f64 {
 /// A contact that slides under a law with bonds is at its limit, that of the bond if it has just broken: returns its
 /// tangential force.
 pub fn tangential_limit(contact: &Contact, law: &LawModel) -> f64 {
-    let &Contact { gap, normal_force, area, bonded, soundness, .. } = contact;
+    let &Contact { gap, normal_force, area, bonded, soundness, attraction, .. } = contact;
     let breaks_by_sliding = matches!(law.cohesion(), Some(LawCohesion::Bond { .. }));
     if breaks_by_sliding && !bonded && contact.status == STATUS_SLIDE {
         return contact.tangential_force;
     }
-    law.friction_limit(&ContactLoad { gap, normal_force, area, bonded, soundness })
+    law.friction_limit(&ContactLoad { gap, normal_force, area, bonded, soundness, attraction })
 }
 
 /// Mobilised share of the available friction: f_t over its [`tangential_limit`], 0 to 1; None if no friction is available, and

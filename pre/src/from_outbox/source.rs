@@ -15,8 +15,8 @@ use cd_formats::ids::BodyId;
 use cd_formats::law_table::is_law_of_points;
 use cd_formats::names::vector_text;
 use cd_formats::snapshot::{
-    self, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PairArrays, START_FILE, ShapeArrays,
-    Snapshot, TurningArrays,
+    self, AttractionArrays, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PairArrays, START_FILE,
+    ShapeArrays, Snapshot, TurningArrays,
 };
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::unchanged::ComputedSnapshot;
@@ -488,6 +488,11 @@ impl SourcePart<'_> {
         if start.laws.is_some() || self.state.laws.is_some() {
             let laws = self.state.laws.clone().unwrap_or_else(|| unchanged(count));
             start.laws.get_or_insert_with(|| unchanged(before)).append(laws);
+        }
+        let none = |count| AttractionArrays { contact_attraction: vec![0.0; count] };
+        if start.attractions.is_some() || self.state.attractions.is_some() {
+            let attractions = self.state.attractions.clone().unwrap_or_else(|| none(count));
+            start.attractions.get_or_insert_with(|| none(before)).append(attractions);
         }
         // Parts with spheres and plates only have contacts of first contactors, with area 0.
         let plain = |count| ShapeArrays {

@@ -8,6 +8,7 @@ mod forces;
 mod history;
 mod interface_row;
 mod kinematics;
+mod pair_cohesion;
 mod problem;
 mod rigid_motion;
 mod rows;

@@ -111,6 +111,8 @@ pub struct ContactProblem {
     pub regularised: Vec<RegularisedRow>,
     /// Memory of the law of each row at the start of the step; empty if no law has one.
     pub memories: Vec<LawMemory>,
+    /// Attraction at each row by a law with cohesion per pair, N; empty if no law has it.
+    pub pair_attractions: Vec<f64>,
     /// All bodies in spatial order, neighbours near each other.
     pub order: Vec<u32>,
     /// Velocities if every r̂ were 0.

@@ -59,7 +59,8 @@ pub fn contact_problem(
     };
     let history = context.previous_contacts(contacts);
     let memories = context.law_memories(contacts, &history);
-    let mut rows = context.contact_constraints(contacts, &history, &memories);
+    let pair_attractions = context.pair_attractions(contacts);
+    let mut rows = context.contact_constraints(contacts, &history, &memories, &pair_attractions);
     let mut rolling_constraints = context.rolling_constraints(contacts, &history, &rows);
     if let Some(block_data) = &mut block_data {
         block_data.arms = contacts.par_iter().with_min_len(256).map(|contact| contact_arms(contact, &q_c.x)).collect();
@@ -76,6 +77,7 @@ pub fn contact_problem(
         block_data,
         regularised,
         memories,
+        pair_attractions,
         bodies: solver_bodies,
         order: q_c.order.clone(),
     };
@@ -189,19 +191,22 @@ fn apply_cohesion(contact_problem: &mut ContactProblem, history: &[Option<Contac
 }
 
 impl AssemblyContext<'_> {
-    /// Rows of all contacts, with their `history` of the last step and the `memories` of their laws.
+    /// Rows of all contacts, with their `history` of the last step, the `memories` of their laws and their
+    /// `pair_attractions`, N.
     fn contact_constraints(
         &self,
         contacts: &[Contact],
         history: &[Option<ContactId>],
         memories: &[LawMemory],
+        pair_attractions: &[f64],
     ) -> Vec<ContactConstraint> {
         let bond_states = self.bond_states(contacts, history);
         let of_contact = |(k, old): (usize, &Option<ContactId>)| {
             self.prefetch(contacts.get(k + PREFETCH_CONTACTS));
             let memory = memories.get(k).copied().unwrap_or_default();
             let bond_state = bond_states.get(k).copied().unwrap_or_default();
-            self.contact_constraint(&contacts[k], self.previous_end(*old), bond_state, memory)
+            let attraction = pair_attractions.get(k).copied().unwrap_or_default();
+            self.contact_constraint(&contacts[k], self.previous_end(*old), bond_state, memory, attraction)
         };
         history.par_iter().enumerate().with_min_len(256).map(of_contact).collect()
     }
@@ -304,13 +309,15 @@ impl AssemblyContext<'_> {
         contacts.iter().enumerate().filter_map(of_row).collect()
     }
 
-    /// Row of a contact, with its history of the last step, the bond of its bodies and the memory of its law.
+    /// Row of a contact, with its history of the last step, the bond of its bodies, the memory of its law and its share in the
+    /// attraction of its pair, N.
     fn contact_constraint(
         &self,
         contact: &Contact,
         previous: Option<&SolvedContact>,
         bond_state: BondState,
         memory: LawMemory,
+        pair_attraction: f64,
     ) -> ContactConstraint {
         let &AssemblyContext { scene, state, q_c, solver_bodies, has_blocks, .. } = self;
         let h = q_c.h;
@@ -344,7 +351,7 @@ impl AssemblyContext<'_> {
         let bonded = bond_state.bond.is_some();
         let slid_before = previous.is_some_and(|old| old.status == ContactStatus::Slide);
         let gap = contact.gap - memory.reference_gap;
-        let at = LawInput { gap, h, closing_time, gap_forecast, u_n, radius, slid_before, bonded };
+        let at = LawInput { gap, h, closing_time, gap_forecast, u_n, radius, slid_before, bonded, pair_attraction };
         // Bodies are held together within the alert distance, as in LMGC90.
         let is_coupled = law.is_coupled() && self.alert_distance(contact).is_some_and(|alert| contact.gap <= alert);
         let shift = law.contact_shift(&at).filter(|_| is_coupled || !law.is_coupled());
@@ -441,6 +448,7 @@ impl AssemblyContext<'_> {
                 radius: self.contact_radius(contact),
                 slid_before: false,
                 bonded: row.bond.is_some(),
+                pair_attraction: -row.impulse_shift / self.q_c.h,
             };
             row.shift += change * law.contact_shift(&at).unwrap_or_default().tangential;
         };

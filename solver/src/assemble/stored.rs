@@ -119,6 +119,7 @@ mod tests {
             rows: (0..4).map(row).collect(),
             rolling_constraints: vec![],
             memories: vec![],
+            pair_attractions: vec![],
             regularised: vec![],
             block_data: None,
             bodies: records,

@@ -24,6 +24,8 @@
 //! | IQS_CLB_RGR otherwise | 0 | 0 | 2 (g_tol - g)/(W_nn h τ²), τ = T/(2π h) | mu |
 //! | IQS_WET_DS_CLB, cohesive force f while g <= range | max(0, g/h) | 0 | -h f | mu_d after sliding, else mu_s |
 //! | xQS_WET_DS_CLB, the same while the contact is wet | max(0, g/h) | 0 | -h f | the same |
+//! | IQS_COH_DS_CLB, IQS_VDW_DS_CLB, with the share f of the contact in the attraction of the pair | max(0, g/h) | 0 | -h f | the same |
+//! | RST_COH_DS_CLB, RST_VDW_DS_CLB, the same | as RST_DS_CLB | as RST_DS_CLB | -h f | the same |
 //! | IQS_MOHR_DS_CLB while bonded over the area S | 0 | 0 | -h c_n S | c_t/c_n |
 //! | the same without a bond | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //!
@@ -44,8 +46,8 @@
 //! The reference gap g_0 = max(0, g) of the laws `_g0` is that of contacts within the alert distance at these moments; of
 //! contacts that begin later it is 0. [`LawInput::gap`] is g - g_0.
 //!
-//! IQS_DS_ROLL_CLB and IQS_WET_DS_ROLL_CLB, which LMGC90 does not have, are IQS_DS_CLB and IQS_WET_DS_CLB with moments
-//! on top: up to mu_r R r̂_n against rolling and mu_s R r̂_n against spinning. Common models have such limits, e.g.
+//! IQS_DS_ROLL_CLB, IQS_WET_DS_ROLL_CLB, IQS_COH_DS_ROLL_CLB and IQS_VDW_DS_ROLL_CLB, which LMGC90 does not have, are the laws
+//! without ROLL with moments on top: up to mu_r R r̂_n against rolling and mu_s R r̂_n against spinning. Common models have such limits, e.g.
 //! J. Ai et al., Powder Technol. 206 (2011) 269-282; rigid here, without a spring.
 //!
 //! Restitution also applies to a contact that was parting: thrown back by its neighbours within the step, it may close at e_n
@@ -59,7 +61,7 @@
 
 pub mod interface;
 
-use cd_formats::law_table::{ContactMemory, FrictionPair, LawCohesion, LawModel};
+use cd_formats::law_table::{ContactMemory, FrictionPair, LawCohesion, LawModel, PairCohesion};
 pub use cd_formats::law_table::{LawInterface, RollingFriction};
 
 use crate::features::BARE;
@@ -126,6 +128,8 @@ pub enum Cohesion {
     /// A constant attraction `force` (N) while the gap is at most `range` (m); if `remembers`, only until the gap
     /// was larger once.
     Wet { force: f64, range: f64, remembers: bool },
+    /// An attraction by a force that follows from the size of the two bodies.
+    Pair(PairCohesion),
     /// A bond that carries stresses (Pa) up to `normal` in traction and `tangential` in shear, until it breaks; once an
     /// event has changed them, up to `now` in traction and as much more or less in shear.
     Bond { normal: f64, tangential: f64, now: f64 },
@@ -195,6 +199,8 @@ pub struct LawInput {
     pub slid_before: bool,
     /// Whether the contact has a bond or a liquid bridge.
     pub bonded: bool,
+    /// Share of this contact in the attraction of a pair, N; 0 for laws without cohesion per pair.
+    pub pair_attraction: f64,
 }
 
 /// Forecast of the open gap of a pair until the next contact configuration.
@@ -266,6 +272,10 @@ impl ContactLaw {
             | LawModel::IqsDsRollClb { .. }
             | LawModel::IqsWetDsClb { .. }
             | LawModel::IqsWetDsRollClb { .. }
+            | LawModel::IqsCohDsClb { .. }
+            | LawModel::IqsCohDsRollClb { .. }
+            | LawModel::IqsVdwDsClb { .. }
+            | LawModel::IqsVdwDsRollClb { .. }
             | LawModel::XqsWetDsClb { .. }
             | LawModel::IqsMohrDsClb { .. } => UnilateralLaw::InelasticShock { rescue: None },
             LawModel::IqsClbRgr { relaxation_steps: steps, relaxation_gap: gap, .. } => {
@@ -294,12 +304,15 @@ impl ContactLaw {
             LawModel::VelSgrClb { .. } => UnilateralLaw::Velocity,
             LawModel::RstClb { normal_restitution: normal, tangential_restitution: tangential, .. }
             | LawModel::RstDsClb { normal_restitution: normal, tangential_restitution: tangential, .. }
-            | LawModel::RstWetClb { normal_restitution: normal, tangential_restitution: tangential, .. } => {
+            | LawModel::RstWetClb { normal_restitution: normal, tangential_restitution: tangential, .. }
+            | LawModel::RstCohDsClb { normal_restitution: normal, tangential_restitution: tangential, .. }
+            | LawModel::RstVdwDsClb { normal_restitution: normal, tangential_restitution: tangential, .. } => {
                 UnilateralLaw::Restitution { normal, tangential }
             }
         };
         let cohesion = model.cohesion().map(|cohesion| match cohesion {
             LawCohesion::Liquid { force, range, remembers } => Cohesion::Wet { force, range, remembers },
+            LawCohesion::Pair(pair) => Cohesion::Pair(pair),
             LawCohesion::Bond { normal, tangential } => Cohesion::Bond { normal, tangential, now: normal },
         });
         let FrictionPair { static_friction, dynamic_friction } = model.friction();
@@ -357,6 +370,7 @@ impl ContactLaw {
         let friction = if at.slid_before { self.friction_dynamic } else { self.friction_static };
         let (attraction, friction) = match self.cohesion() {
             Some(Cohesion::Wet { force, .. }) if self.attracts(at) => (force, friction),
+            Some(Cohesion::Pair(_)) => (at.pair_attraction, friction),
             Some(Cohesion::Bond { normal, tangential, now }) if at.bonded && now > 0.0 => {
                 (now * std::f64::consts::PI * at.radius * at.radius, tangential / normal)
             }
@@ -366,10 +380,11 @@ impl ContactLaw {
         Some(LawShift { normal, tangential, impulse: 0.0 - h * attraction, friction, solved })
     }
 
-    /// Whether a liquid attracts the two bodies.
+    /// Whether the two bodies attract each other at a distance.
     fn attracts(&self, at: &LawInput) -> bool {
         match self.cohesion() {
             Some(Cohesion::Wet { range, remembers, .. }) => at.gap <= range && (at.bonded || !remembers),
+            Some(Cohesion::Pair(_)) => at.pair_attraction > 0.0,
             None | Some(Cohesion::Bond { .. }) => false,
         }
     }
@@ -432,15 +447,20 @@ impl ContactLaw {
         match self.cohesion() {
             Some(Cohesion::Wet { remembers, .. }) => remembers,
             Some(Cohesion::Bond { .. }) => true,
-            None => false,
+            None | Some(Cohesion::Pair(_)) => false,
         }
+    }
+
+    /// Attraction per pair of bodies, if the law has one.
+    pub fn pair_cohesion(&self) -> Option<PairCohesion> {
+        if let Some(Cohesion::Pair(pair)) = self.cohesion() { Some(pair) } else { None }
     }
 
     /// Whether bonds join their bodies rigidly: bodies joined by a liquid bridge or a bond without shear slide and roll.
     pub fn bonds_are_rigid(&self) -> bool {
         match self.cohesion() {
             Some(Cohesion::Bond { tangential, .. }) => tangential > 0.0,
-            None | Some(Cohesion::Wet { .. }) => false,
+            None | Some(Cohesion::Wet { .. } | Cohesion::Pair(_)) => false,
         }
     }
 
@@ -523,7 +543,7 @@ impl ContactLaw {
             Some(Cohesion::Bond { now, .. }) => {
                 (now > 0.0 && gap <= MAX_TOUCHING_GAP * radius).then(|| self.bonded_at(gap))
             }
-            None => None,
+            None | Some(Cohesion::Pair(_)) => None,
         }
     }
 
@@ -531,7 +551,7 @@ impl ContactLaw {
     pub fn bonded_at(&self, gap: f64) -> f64 {
         match self.cohesion() {
             Some(Cohesion::Wet { .. }) => 0.0,
-            None | Some(Cohesion::Bond { .. }) => gap,
+            None | Some(Cohesion::Pair(_) | Cohesion::Bond { .. }) => gap,
         }
     }
 
@@ -543,7 +563,7 @@ impl ContactLaw {
             Some(Cohesion::Bond { tangential, now, .. }) => {
                 now > 0.0 && !(motion.opens || motion.slides && tangential > 0.0)
             }
-            None => false,
+            None | Some(Cohesion::Pair(_)) => false,
         }
     }
 
@@ -569,7 +589,7 @@ impl ContactLaw {
     pub fn has_irreversible_loss(&self) -> bool {
         let loses_bonds = match self.cohesion() {
             Some(Cohesion::Bond { .. }) => true,
-            None | Some(Cohesion::Wet { .. }) => false,
+            None | Some(Cohesion::Wet { .. } | Cohesion::Pair(_)) => false,
         };
         self.has_two_frictions() || loses_bonds
     }
@@ -590,7 +610,7 @@ impl ContactLaw {
     /// Greatest gap at which a contact that is not closing can still act, m.
     pub fn interaction_range(&self, radius: f64) -> f64 {
         match self.cohesion() {
-            Some(Cohesion::Wet { range, .. }) => range,
+            Some(Cohesion::Wet { range, .. } | Cohesion::Pair(PairCohesion { range, .. })) => range,
             // Factor 2 for bonds that an unconverged solution lets part.
             Some(Cohesion::Bond { .. }) => 2.0 * MAX_TOUCHING_GAP * radius,
             None => 0.0,
@@ -607,7 +627,7 @@ impl ContactLaw {
     pub fn has_stress(&self) -> bool {
         let is_stress = match self.cohesion() {
             Some(Cohesion::Bond { .. }) => true,
-            None | Some(Cohesion::Wet { .. }) => false,
+            None | Some(Cohesion::Wet { .. } | Cohesion::Pair(_)) => false,
         };
         is_stress || self.interface.is_some()
     }
@@ -625,6 +645,7 @@ impl ContactLaw {
     pub fn set_cohesion(&mut self, value: f64) -> bool {
         match &mut self.cohesion {
             Some(Cohesion::Wet { force, .. }) => *force = value,
+            Some(Cohesion::Pair(pair)) => *pair = pair.with_value(value),
             Some(Cohesion::Bond { normal, now, .. }) if *normal > 0.0 => *now = value,
             None | Some(Cohesion::Bond { .. }) => return false,
         }
@@ -654,6 +675,7 @@ mod tests {
             radius: 2.0,
             slid_before,
             bonded: false,
+            pair_attraction: 0.0,
         };
         let shift =
             |kind, parameters: &[f64], gap, u_n, slid| new_law(kind, parameters).contact_shift(&at(gap, u_n, slid));
@@ -691,6 +713,7 @@ mod tests {
             radius: 2.0,
             slid_before: false,
             bonded: false,
+            pair_attraction: 0.0,
         }
     }
 
@@ -771,13 +794,15 @@ mod tests {
             let states = [(0.0, false), (0.0, true), (range, false), (range, true), (range + 0.5, false)];
             let interfaces = [0.0, 0.25, 1.0];
             for ((gap, bonded), soundness) in states.into_iter().flat_map(|at| interfaces.map(|sound| (at, sound))) {
-                let at = LawInput { gap, bonded, gap_forecast: GapForecast::Due, ..touching() };
+                let pair_attraction = law.pair_cohesion().map_or(0.0, |pair| pair.share(gap) * pair.force(2.0));
+                let at = LawInput { gap, bonded, gap_forecast: GapForecast::Due, pair_attraction, ..touching() };
                 let Some(shift) = law.contact_shift(&at) else { continue };
                 let normal_force = 2.0;
                 let area = std::f64::consts::PI * at.radius * at.radius;
                 let friction = shift.friction * law.friction_share(soundness, at.radius);
                 let found = friction * (normal_force - shift.impulse / at.h);
-                let limit = model.friction_limit(&ContactLoad { gap, normal_force, area, bonded, soundness });
+                let load = ContactLoad { gap, normal_force, area, bonded, soundness, attraction: pair_attraction };
+                let limit = model.friction_limit(&load);
                 assert!((found - limit).abs() <= 1e-14 * limit, "{} at {gap}, {bonded}, {soundness}", entry.label);
             }
         }

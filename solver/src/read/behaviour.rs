@@ -646,7 +646,7 @@ impl ContactReader<'_> {
         let bonded = match scene.laws[rule.law as usize].cohesion {
             Some(Cohesion::Bond { .. }) => record.status == "Mstck",
             Some(Cohesion::Wet { remembers, .. }) => remembers && record.status.starts_with('W'),
-            None => false,
+            None | Some(Cohesion::Pair(_)) => false,
         };
         let frame = record.frame.map(Vec3::from);
         let Some(normal) = frame[0].try_normalize(0.0) else {

@@ -166,6 +166,7 @@ fn initial_state(
         detection_cache: DetectionCache::default(),
         contacts,
         memories,
+        pair_attractions: Vec::new(),
         interval: OutputInterval { start: dof.time, ..OutputInterval::default() },
         gravity,
         quench: scene.options.quench,

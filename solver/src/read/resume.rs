@@ -225,10 +225,15 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
     }
     state.detection_cache = DetectionCache { restored_pairs: kept, ..DetectionCache::default() };
     let memories = started.memories.into_iter().chain(std::iter::repeat(LawMemory::default()));
-    let contacts = contacts_of_start(scene, &names, &body, started.contacts.into_iter().zip(memories));
-    (state.contacts, state.memories) = contacts.into_iter().unzip();
+    let attractions = started.pair_attractions.into_iter().chain(std::iter::repeat(0.0));
+    let contacts = started.contacts.into_iter().zip(memories.zip(attractions));
+    let contacts = contacts_of_start(scene, &names, &body, contacts);
+    (state.contacts, (state.memories, state.pair_attractions)) = contacts.into_iter().unzip();
     if !scene.laws.iter().any(ContactLaw::has_law_memory) {
         state.memories.clear();
+    }
+    if !scene.laws.iter().any(|law| law.pair_cohesion().is_some()) {
+        state.pair_attractions.clear();
     }
     state.bonding = BondingMode::No;
     Ok(())
@@ -282,13 +287,13 @@ fn check_start(path: &Path, snapshot: &Snapshot, scene: &Scene, state: &State) -
 
 /// The contacts of a snapshot and their memories in the order of a step, with the laws of `scene`, where their bodies see
 /// each other. `names`: laws of the snapshot; `body`: body of each of its rows.
-fn contacts_of_start(
+fn contacts_of_start<M: Default>(
     scene: &Scene,
     names: &[LawName],
     body: &[BodyId],
-    contacts: impl Iterator<Item = (SolvedContact, LawMemory)>,
-) -> Vec<(SolvedContact, LawMemory)> {
-    let mut contacts: Vec<(SolvedContact, LawMemory)> = contacts.collect();
+    contacts: impl Iterator<Item = (SolvedContact, M)>,
+) -> Vec<(SolvedContact, M)> {
+    let mut contacts: Vec<(SolvedContact, M)> = contacts.collect();
     for (solved, _) in &mut contacts {
         let contact = &mut solved.contact;
         (contact.candidate, contact.antagonist) = (body[contact.candidate.index()], body[contact.antagonist.index()]);
@@ -303,7 +308,7 @@ fn contacts_of_start(
         let kinds = [&names[solved.contact.law as usize], &scene.law_names[see.law as usize]].map(|law| &law.kind);
         // A liquid bridge is not a solid bond.
         if kinds[0] != kinds[1] {
-            (solved.bond, *memory) = (None, LawMemory::default());
+            (solved.bond, *memory) = (None, M::default());
         }
         solved.contact.law = see.law;
         true
@@ -365,7 +370,7 @@ fn restored_pairs(scene: &Scene, shapes: &ShapeArrays, body: impl Fn(u32) -> Bod
 }
 
 fn restore_state(snapshot: Snapshot, state: &mut State) {
-    let Snapshot { meta, bodies, contacts, memory, laws, shapes, interval, .. } = snapshot;
+    let Snapshot { meta, bodies, contacts, memory, laws, attractions, shapes, interval, .. } = snapshot;
     let shapes = shapes.unwrap_or_default();
     let interval = interval.unwrap_or_default();
     let part_numbers = |k: usize| {
@@ -417,6 +422,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
             bond: memory.as_ref().filter(|m| m.contact_bonded[k] != 0).map(|m| m.contact_bond_gap[k]),
         })
         .collect();
+    state.pair_attractions = attractions.map_or(Vec::new(), |attractions| attractions.contact_attraction);
     state.memories = laws.map_or(Vec::new(), |laws| {
         let of_contact = |k: usize| LawMemory {
             reference_gap: laws.contact_reference_gap[k],

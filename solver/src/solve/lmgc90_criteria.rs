@@ -120,6 +120,7 @@ mod tests {
             rows: (0..contacts).map(row).collect(),
             rolling_constraints: vec![],
             memories: vec![],
+            pair_attractions: vec![],
             regularised: vec![],
             block_data: None,
             bodies: solver_bodies,

@@ -570,6 +570,7 @@ mod tests {
             block_data: None,
             rolling_constraints: vec![roll],
             memories: vec![],
+            pair_attractions: vec![],
             regularised: vec![],
             order: vec![0, 1],
             bodies: vec![record, plate],

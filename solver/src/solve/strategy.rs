@@ -376,6 +376,7 @@ mod tests {
             block_data: None,
             rolling_constraints: vec![],
             memories: vec![],
+            pair_attractions: vec![],
             regularised: vec![],
             order: (0..=count).collect(),
             bodies: solver_bodies,

@@ -71,6 +71,7 @@ pub fn step(scene: &Scene, state: &mut State, times: &mut StageTimes) -> Option<
     integrate::advance_state(scene, state, &q_c, outcome.v, outcome.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.order) = (outcome.contacts, q_c.order);
     state.memories = ends::end_memories(&mut solved);
+    state.pair_attractions = std::mem::take(&mut solved.contact_problem.pair_attractions);
     bond_closing::close_bonds(scene, state, &solved.contact_problem);
     state.bonding = BondingMode::No;
     clock.add_lap(|times| &mut times.integration);

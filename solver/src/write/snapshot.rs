@@ -3,9 +3,9 @@
 use cd_formats::compute::{Adaptive, SweepPrecision};
 use cd_formats::law_table::{LawParameter, law_parameters};
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, FORMAT_VERSION, GravityArrays, IntervalArrays, LawArrays, LawName, MemoryArrays,
-    RunParameters, SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, ShapeArrays,
-    Snapshot, SnapshotMeta,
+    AttractionArrays, BodyArrays, ContactArrays, FORMAT_VERSION, GravityArrays, IntervalArrays, LawArrays, LawName,
+    MemoryArrays, RunParameters, SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK,
+    ShapeArrays, Snapshot, SnapshotMeta,
 };
 
 use crate::laws::{Cohesion, ContactLaw};
@@ -15,6 +15,7 @@ use crate::state::{ContactId, ContactStatus, LawMemory, SolvedContact, State};
 
 /// Returns all of the state, with the scene data that its reader needs.
 pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
+    let has_attractions = state.laws.iter().any(|law| law.pair_cohesion().is_some());
     let memory = state.laws.iter().any(ContactLaw::has_memory).then(|| memory_arrays(state));
     Snapshot {
         meta: snapshot_meta(scene, state),
@@ -22,6 +23,7 @@ pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
         contacts: contact_arrays(state),
         memory,
         laws: state.laws.iter().any(ContactLaw::has_law_memory).then(|| law_arrays(state)),
+        attractions: has_attractions.then(|| AttractionArrays { contact_attraction: state.pair_attractions.clone() }),
         gravity: gravity_arrays(scene, state),
         shapes: scene.is_general().then(|| shape_arrays(scene, state)),
         interval: Some(interval_arrays(state)),
@@ -91,6 +93,7 @@ fn current_law(name: &LawName, law: &ContactLaw) -> LawName {
             (LawParameter::Friction | LawParameter::StaticFriction, _) => law.friction_static,
             (LawParameter::DynamicFriction, _) => law.friction_dynamic,
             (LawParameter::LiquidCohesion, Some(Cohesion::Wet { force, .. })) => force,
+            (LawParameter::CohesiveStress | LawParameter::HamakerConstant, Some(Cohesion::Pair(pair))) => pair.value(),
             (LawParameter::NormalCohesion, Some(Cohesion::Bond { now, .. })) => now,
             (LawParameter::TangentialCohesion, Some(Cohesion::Bond { normal, tangential, now })) if normal > 0.0 => {
                 tangential * (now / normal)
@@ -235,12 +238,15 @@ mod tests {
                 radius: 2.0,
                 slid_before: false,
                 bonded: true,
+                pair_attraction: 0.0,
             };
             if law.is_coupled() || law.strain_spring().is_some() {
                 continue; // neither friction nor cohesion to change
             }
-            assert_ne!(ContactLaw::new(&model).contact_shift(&at), law.contact_shift(&at), "{}", entry.label);
-            assert_eq!(now.contact_shift(&at), law.contact_shift(&at), "{}", entry.label);
+            // An attraction of pairs is made before the shifts.
+            let terms = |law: &ContactLaw| (law.contact_shift(&at), law.pair_cohesion());
+            assert_ne!(terms(&ContactLaw::new(&model)), terms(&law), "{}", entry.label);
+            assert_eq!(terms(&now), terms(&law), "{}", entry.label);
         }
     }
 }

@@ -29,6 +29,7 @@ mod long_runs;
 mod messages;
 mod mutants;
 mod outbox_text;
+mod pair_cohesion;
 mod peer;
 mod periodic;
 mod plates_and_cylinders;

@@ -233,6 +233,7 @@ mod tests {
             block_data: None,
             rolling_constraints: vec![],
             memories: vec![],
+            pair_attractions: vec![],
             regularised: vec![],
             order: vec![],
             bodies: vec![],

@@ -311,6 +311,7 @@ mod tests {
             block_data: None,
             rolling_constraints: vec![],
             memories: vec![],
+            pair_attractions: vec![],
             regularised: vec![],
             bodies: (0..order.len() as u32).map(body).collect(),
             order,

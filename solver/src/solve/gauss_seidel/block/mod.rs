@@ -78,6 +78,7 @@ mod tests {
             rows,
             rolling_constraints: vec![],
             memories: vec![],
+            pair_attractions: vec![],
             regularised: vec![],
             block_data: Some(block_data),
             bodies: solver_bodies,

@@ -1,0 +1,152 @@
+//! Laws with cohesion per pair: the force of a pair of bodies, whatever the number of its contact points.
+
+use std::f64::consts::PI;
+
+use cd_formats::bodies::{Contactor, ShapeRecord};
+use cd_formats::compute::EventAction;
+
+use crate::case::{Case, Figures, equal, near};
+
+const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// Laws and parameters in which two bodies attract each other with c π R² for c = 100 Pa, or with A R/(12 ζ²) = 100 N at R = 1/4 m,
+/// up to a gap of 1/64 m, and less up to 1/16 m.
+const STRESS: (&str, &[f64]) = ("IQS_COH_DS_CLB", &[100.0, 0.015625, 0.0625, 0.3, 0.4]);
+const VAN_DER_WAALS: (&str, &[f64]) = ("IQS_VDW_DS_CLB", &[4800.0, 1.0, 0.015625, 0.0625, 0.3, 0.4]);
+const STRESS_ROLL: (&str, &[f64]) = ("IQS_COH_DS_ROLL_CLB", &[100.0, 0.015625, 0.0625, 0.3, 0.4, 0.1, 0.1]);
+const RESTITUTION: (&str, &[f64]) = ("RST_COH_DS_CLB", &[100.0, 0.5, 0.0, 0.015625, 0.0625, 0.3, 0.4]);
+
+/// Body under a ceiling, in one or more contacts with it; returns whether it stays under `weight` (N) for 50 steps.
+fn hangs((law, parameters): (&str, &[f64]), weight: f64, build: impl Fn(&mut Case) -> usize) -> bool {
+    let mut case = Case::new();
+    case.law_of_all(law, parameters);
+    case.plate([5.0, 5.0, 0.5], [0.0, 0.0, 0.5], AXES);
+    let body = build(&mut case);
+    case.options.dt = 1.0 / 1024.0;
+    case.options.tol = Some(1e-10);
+    let start = &case.states(0, 1)[0];
+    let (mass, first) = (start.mass(body), start.x(body).z);
+    case.gravity = [0.0, 0.0, -weight / mass];
+    let end = case.run(50);
+    // A thousandth more than the force falls by twice this.
+    let fall = 0.5 * 1e-3 * (weight / mass) * (50.0f64 / 1024.0).powi(2);
+    end.x(body).z > first - 0.5 * fall
+}
+
+/// The radius of the ball of a cube's volume, m.
+fn radius_of_cube(side: f64) -> f64 {
+    side * (3.0 / (4.0 * PI)).cbrt()
+}
+
+#[test]
+fn spheres_cubes_and_clumps_hang_by_the_force_of_one_pair() {
+    let ball = |case: &mut Case| case.sphere(0.25, [0.0, 0.0, -0.25]);
+    let cube = |case: &mut Case| case.block([0.25; 3], [0.0, 0.0, -0.25], AXES);
+    // On an edge and on a corner there are fewer points than on a face, and the force is the same.
+    let turned = |case: &mut Case| {
+        let c = 0.5f64.sqrt();
+        case.block([0.25; 3], [0.0, 0.0, -0.25 * 2.0f64.sqrt()], [[1.0, 0.0, 0.0], [0.0, c, c], [0.0, -c, c]])
+    };
+    // Four balls of one body touch the ceiling.
+    let clump = |case: &mut Case| {
+        let body = case.sphere(0.25, [0.0, 0.0, -0.25]);
+        let part = |x: f64, y: f64| Contactor {
+            colour: "GRAIN".into(),
+            shape: ShapeRecord::OffsetSphere { radius: 0.25, offset: [x, y, 0.0] },
+            local_frame: None,
+        };
+        case.bodies[body].contactors =
+            [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| part(x, y)).into();
+        case.dof.retain(|dof| dof.body != body);
+        body
+    };
+    let stress = |radius: f64| 100.0 * PI * radius * radius;
+    for law in [STRESS, STRESS_ROLL, RESTITUTION] {
+        for (share, holds) in [(0.999, true), (1.001, false)] {
+            assert_eq!(hangs(law, share * stress(0.25), ball), holds, "{}: ball, {share}", law.0);
+            assert_eq!(hangs(law, share * stress(radius_of_cube(0.5)), cube), holds, "{}: cube, {share}", law.0);
+            assert_eq!(hangs(law, share * stress(radius_of_cube(0.5)), turned), holds, "{}: edge, {share}", law.0);
+            assert_eq!(hangs(law, share * stress(0.25), clump), holds, "{}: clump, {share}", law.0);
+        }
+    }
+    for (share, holds) in [(0.999, true), (1.001, false)] {
+        assert_eq!(hangs(VAN_DER_WAALS, share * 100.0, ball), holds, "van der Waals, {share}");
+    }
+}
+
+/// Two balls of radius 1/2 at a distance, at rest.
+fn apart((law, parameters): (&str, &[f64]), gap: f64) -> Case {
+    let mut case = Case::new();
+    case.law(law, parameters);
+    case.sphere(0.5, [0.0; 3]);
+    case.sphere(0.5, [1.0 + gap, 0.0, 0.0]);
+    case
+}
+
+#[test]
+fn the_force_falls_linearly_from_its_full_range_to_its_range() {
+    let force = 100.0 * PI * 0.0625; // R = 1/4 m
+    for (gap, share) in [(0.0, 1.0), (0.015, 1.0), (0.0390625, 0.5), (0.0625 - 0.046875 * 0.1, 0.1), (0.063, 0.0)] {
+        let mut case = apart(STRESS, gap);
+        case.options.dt = 1.0 / 65536.0; // gaps change by less than 1e-7 m
+        for (body, sign) in [(0, -1.0), (1, 1.0)] {
+            case.pull(body, 0, sign * 2.0 * force); // else balls in touch would not pull
+        }
+        let end = case.run(1);
+        let found = end.force(0, 1).unwrap_or_default();
+        near(found, [-share * force, 0.0, 0.0], 1e-4 * force);
+        let attraction = end.attractions.map_or(0.0, |attractions| attractions.contact_attraction.iter().sum());
+        equal(attraction, share * force, 1e-4 * force);
+    }
+}
+
+#[test]
+fn the_work_of_the_attraction_is_the_speed_of_the_impact() {
+    // From rest just within the range: F (b - a)/2 over the fall from range b to full range a, then F a.
+    let force = 100.0 * PI * 0.0625;
+    let mut case = apart(STRESS, 0.0624);
+    case.options.dt = 1.0 / 16384.0;
+    let states = case.states(12_000, 1);
+    let fastest = states.iter().map(|state| state.v(1).norm()).fold(0.0, f64::max);
+    let share = |gap: f64| (0.0625 - gap) / 0.046875;
+    let work = force * (0.015625 + 0.5 * 0.046875 * (1.0 - share(0.0624).powi(2)));
+    // Each ball has half of it. Up to one step of the fall is not counted, in which the speed grows by h F/m = 0.2 %.
+    equal(states[0].mass(1) * fastest * fastest, work, 5e-3 * work);
+    let end = states.last().unwrap();
+    near(end.x(1) - end.x(0), [1.0, 0.0, 0.0], 1e-12);
+}
+
+#[test]
+fn an_attraction_forms_again_after_parting() {
+    let mut case = Case::new();
+    case.law(STRESS.0, STRESS.1);
+    case.floor();
+    let ball = case.sphere(0.25, [0.0, 0.0, 0.25]);
+    case.options.dt = 1.0 / 1024.0;
+    let force = 100.0 * PI * 0.0625; // R = 1/4 m next to a plate
+    let mass = case.states(0, 1)[0].mass(ball);
+    // Thrown up faster than the attraction holds, back after 1/4 s, then pulled with less than the force.
+    case.gravity = [0.0, 0.0, -64.0];
+    case.launch(ball, [0.0, 0.0, 8.0], [0.0; 3]);
+    case.event(0.5, EventAction::SetGravity([0.0, 0.0, 0.99 * force / mass]));
+    let states = case.states(768, 64);
+    assert!(states.iter().any(|state| state.x(ball).z > 0.4));
+    near(states.last().unwrap().x(ball), [0.0, 0.0, 0.25], 1e-12);
+}
+
+#[test]
+fn an_event_sets_the_stress() {
+    let mut case = apart(STRESS, 0.0);
+    let force = 100.0 * PI * 0.0625;
+    for (body, sign) in [(0, -1.0), (1, 1.0)] {
+        case.pull(body, 0, sign * 0.5 * force);
+    }
+    case.options.dt = 1.0 / 1024.0;
+    let law = case.tact.laws[0].nickname.clone();
+    case.event(0.03125, EventAction::SetCohesion(law, 40.0));
+    let states = case.states(64, 32);
+    near(states[1].x(1), [1.0, 0.0, 0.0], 1e-12);
+    let t: f64 = 0.03125;
+    let a = 0.1 * force / states[0].mass(1);
+    near(states[2].x(1), [1.0 + 0.5 * a * t * t, 0.0, 0.0], 0.1 * a * t * t);
+}
