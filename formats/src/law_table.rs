@@ -881,6 +881,18 @@ impl LawModel {
         }
     }
 
+    /// Attraction per pair of bodies, if the law has one.
+    pub fn pair_cohesion(&self) -> Option<PairCohesion> {
+        if let Some(LawCohesion::Pair(pair)) = self.cohesion() { Some(pair) } else { None }
+    }
+
+    /// The same law with another cohesive stress (Pa) or Hamaker constant (J), its first parameter, if it has cohesion per pair.
+    pub fn with_pair_value(&self, value: f64) -> Option<LawModel> {
+        self.pair_cohesion()?;
+        let values: Vec<f64> = [value].into_iter().chain(self.values().into_iter().skip(1)).collect();
+        LawModel::from_values(self.label(), &values).ok()
+    }
+
     /// Whether an event can change the cohesion: bonds need a cohesion that is not 0.
     pub fn has_settable_cohesion(&self) -> bool {
         match self.cohesion() {

@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, ROTATION_ABOUT_PERIOD};
-use cd_formats::law_table::{LawModel, is_law_of_points};
+use cd_formats::law_table::{LawModel, PairStrength, is_law_of_points};
 use cd_formats::names::{count_text, number_text, vector_text};
 use cd_formats::report::{FaultReport, is_beyond_range, is_rounded_to_zero};
 use nalgebra::Vector3;
@@ -69,7 +69,7 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
     check_names(report, "laws", scene.laws.iter().map(|law| &law.name));
     report.require(!scene.laws.is_empty(), "laws", "an empty list", "at least one");
     for (k, law) in scene.laws.iter().enumerate() {
-        check_law(report, &format!("laws.{k}.kind"), &law.kind);
+        check_law(report, &format!("laws.{k}"), law);
     }
     report.require(!scene.grains.is_empty(), "grains", "an empty list", "at least one body of grains");
     for (k, grains) in scene.grains.iter().enumerate() {
@@ -219,7 +219,9 @@ pub(crate) fn check_vector(report: &mut FaultReport, path: &str, vector: &[f64; 
 }
 
 /// Rejects laws with parameters out of their limits, and laws that scenes cannot have.
-pub(crate) fn check_law(report: &mut FaultReport, path: &str, law: &LawModel) {
+pub(crate) fn check_law(report: &mut FaultReport, path: &str, law: &Law) {
+    check_bulk_strength(report, path, law);
+    let (path, law) = (&format!("{path}.kind"), &law.kind);
     if is_law_of_points(law.label()) {
         let expected = "another law: it acts between points PT3Dx, which scenes do not have";
         report.add_fault(path, law.label(), expected);
@@ -229,6 +231,40 @@ pub(crate) fn check_law(report: &mut FaultReport, path: &str, law: &LawModel) {
     }
     for fault in law.relation_faults() {
         report.add_fault(&format!("{path}.{}", fault.parameter.name()), fault.found, fault.expected);
+    }
+}
+
+/// Checks the strength of the bulk of a law, and that the law has the cohesion that it gives.
+fn check_bulk_strength(report: &mut FaultReport, path: &str, law: &Law) {
+    let Some(bulk) = law.bulk_strength else { return };
+    let Some(pair) = law.kind.pair_cohesion() else {
+        let expected = "a law with cohesion of pairs, such as IQS_COH_DS_CLB, or no bulk_strength";
+        return report.add_fault(&format!("{path}.bulk_strength"), law.kind.label(), expected);
+    };
+    let at = |name: &str| format!("{path}.bulk_strength.{name}");
+    let tension = bulk.tension >= 0.0 && fits_files(bulk.tension);
+    require_in_files(report, tension, &at("tension"), bulk.tension, "a stress >= 0 Pa");
+    report.require_number(bulk.nu > 0.0 && bulk.nu <= 1.0, &at("nu"), bulk.nu, "a solid fraction > 0 and <= 1");
+    check_positive(report, &at("z"), bulk.z, "a coordination number > 0");
+    match (pair.strength, bulk.diameter) {
+        (PairStrength::VanDerWaals { .. }, None) => {
+            report.add_fault(&format!("{path}.bulk_strength"), "no diameter", "diameter: the strength depends on it");
+        }
+        (PairStrength::VanDerWaals { .. }, Some(diameter)) => {
+            check_positive(report, &at("diameter"), diameter, "a diameter > 0 m");
+        }
+        (PairStrength::Stress(_), Some(diameter)) => {
+            let found = report.number_text(&at("diameter"), diameter);
+            report.add_fault(&at("diameter"), found, "no diameter: the strength does not depend on it");
+        }
+        (PairStrength::Stress(_), None) => {}
+    }
+    if pair.value() != 0.0
+        && let Some((parameter, value)) = law.kind.parameter_values().first()
+    {
+        let path = format!("{path}.kind.{}", parameter.name());
+        let found = format!("{} beside a bulk_strength", report.number_text(&path, *value));
+        report.add_fault(&path, found, "0: it follows from bulk_strength");
     }
 }
 

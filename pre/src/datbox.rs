@@ -11,7 +11,7 @@ use cd_formats::settings::{apply_settings, check_paths_once};
 
 use crate::grain::Population;
 use crate::parse::parse_with_settings;
-use crate::scene::{Scene, models};
+use crate::scene::{Law, Scene, models};
 use crate::summary::{print_warnings, scene_summary};
 use crate::{attraction, check, doubts, from_outbox, population, reread, write};
 
@@ -71,12 +71,13 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
 /// Reads the scene in `text` and makes its bodies. Faults name the file `source`, or the setting for values from
 /// `settings`.
 pub fn read_scene(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Population), Faults> {
-    let scene: Scene = parse_with_settings(source, text, settings, "scene")?;
+    let mut scene: Scene = parse_with_settings(source, text, settings, "scene")?;
     let mut report = FaultReport::with_settings(source, text, settings);
     check::check_scene(&scene, &mut report);
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
+    scene.laws.iter_mut().for_each(Law::apply_bulk_strength);
     let population = population::populate(&scene, source.parent().unwrap_or(Path::new("")), &mut report);
     report.faults.into_result((scene, population))
 }

@@ -48,6 +48,24 @@ pub struct Law {
     pub name: String,
     /// One of the laws of the table, by LMGC90's name.
     pub kind: LawModel,
+    /// Strength of the bulk from which the first parameter of a law with cohesion of pairs follows.
+    #[serde(default)]
+    pub bulk_strength: Option<BulkStrength>,
+}
+
+/// Tensile strength of a packing, and the packing to which Rumpf's formula is applied.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BulkStrength {
+    /// Pa
+    pub tension: f64,
+    /// Solid fraction.
+    pub nu: f64,
+    /// Coordination number.
+    pub z: f64,
+    /// Diameter of the grains, m; only where the strength depends on it, under van der Waals forces.
+    #[serde(default)]
+    pub diameter: Option<f64>,
 }
 
 /// Contact law between two colours.
@@ -472,6 +490,15 @@ impl Default for TimeFunction {
 }
 
 impl Law {
+    /// Replaces the cohesive stress or Hamaker constant by that of the bulk strength, if one is given. Both are checked.
+    pub fn apply_bulk_strength(&mut self) {
+        let (Some(bulk), Some(pair)) = (self.bulk_strength, self.kind.pair_cohesion()) else { return };
+        let of_one = pair.with_value(1.0).bulk_strength(bulk.nu, bulk.z, bulk.diameter.unwrap_or(1.0));
+        if let Some(kind) = self.kind.with_pair_value(bulk.tension / of_one) {
+            self.kind = kind;
+        }
+    }
+
     /// The law as TACT_BEHAV.DAT has it.
     pub fn to_record(&self) -> LawRecord {
         LawRecord {

@@ -2,11 +2,11 @@
 
 use cd_formats::error::Faults;
 use cd_formats::messages::print_error;
-use cd_formats::names::count_text;
+use cd_formats::names::{count_text, rounded_number};
 use nalgebra::{Rotation3, Vector3};
 
 use crate::grain::{Grain, Population};
-use crate::scene::Scene;
+use crate::scene::{Law, Scene};
 use crate::shapes::PrincipalSolid;
 
 /// Prints warnings on stderr.
@@ -20,7 +20,37 @@ pub fn print_warnings(warnings: &Faults) {
 pub fn scene_summary(scene: &Scene, population: &Population) -> String {
     let (all, walls) = (population.grains.iter().collect::<Vec<_>>(), population.walls.len());
     let total = group_line(format!("{}, {walls} of them walls", count_text(all.len() + walls, "body")), &all);
-    group_lines(scene, population) + &total + "\n"
+    group_lines(scene, population) + &total + "\n" + &pair_law_lines(scene, population)
+}
+
+/// A line for each law with cohesion of pairs: its forces between two of the smallest and two of the largest grains.
+fn pair_law_lines(scene: &Scene, population: &Population) -> String {
+    let radii = || population.grains.iter().map(|grain| grain.radius);
+    let extremes = [radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max)];
+    let line = |law: &Law| {
+        let pair = law.kind.pair_cohesion()?;
+        // 1/R of two equal grains is twice that of one.
+        let [low, high] = extremes.map(|radius| digits(pair.force(0.5 * radius)));
+        let forces = if low == high { low } else { format!("{low} to {high}") };
+        let (parameter, value) = law.kind.parameter_values()[0];
+        let mut text = format!("law {}: two equal grains attract each other with {forces} N", law.name);
+        if let Some(bulk) = law.bulk_strength {
+            text += &format!(
+                ", {} {} {} for a tensile strength of {} Pa",
+                parameter.name(),
+                digits(value),
+                parameter.quantity().unit(),
+                rounded_number(bulk.tension)
+            );
+        }
+        Some(text + "\n")
+    };
+    scene.laws.iter().filter_map(line).collect()
+}
+
+/// Number with five digits behind the point, below 0.01 and from 1e6 on with five digits.
+fn digits(x: f64) -> String {
+    if (0.01..1e6).contains(&x) { format!("{x:.5}") } else { format!("{x:.4e}") }
 }
 
 fn group_line(name: String, grains: &[&Grain]) -> String {
@@ -34,8 +64,6 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
         _ if polyhedra == count => format!("{} ({})", count_text(count, "polyhedron"), vertex_count_text(grains)),
         _ => format!("{} and {}", count_text(count - polyhedra, "sphere"), count_text(polyhedra, "polyhedron")),
     };
-    // Numbers below 0.01 and above 1e6 have five digits.
-    let digits = |x: f64| if (0.01..1e6).contains(&x) { format!("{x:.5}") } else { format!("{x:.4e}") };
     let [min, max, mean] = [min, max, mean].map(digits);
     format!("{name}: {kind}, radius {min} to {max} m (mean {mean} m), mass {mass:.6e} kg")
 }

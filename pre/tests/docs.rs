@@ -91,6 +91,7 @@ fn expect_accepted(path: &Path, text: &str) -> usize {
             "Scene" => cd_pre::read_scene(path, ron, &[]).map(drop),
             "LawModel" => from_ron::<LawModel>(path, ron, kind).map(drop),
             "Compute" => from_ron::<Compute>(path, ron, kind).map(drop),
+            "Law" => from_ron::<scene::Law>(path, ron, kind).map(drop),
             "Contact" => from_ron::<scene::ColourPairLaw>(path, ron, kind).map(drop),
             "Grains" => from_ron::<scene::Grains>(path, ron, kind).map(drop),
             "Sizes" => from_ron::<scene::SizeDistribution>(path, ron, kind).map(drop),

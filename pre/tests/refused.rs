@@ -38,6 +38,49 @@ fn laws_of_events_are_those_of_contacts_and_cohesion_is_changed_where_there_is_s
 }
 
 #[test]
+fn strengths_of_the_bulk_are_those_of_pairs_and_no_second_value() {
+    let law = |bulk: &str, stress: &str| {
+        format!(
+            "IQS_COH_DS_CLB(cohesive_stress: {stress}, full_range: 0, range: 0, dynamic_friction: 0, \
+             static_friction: 0), bulk_strength: ({bulk})"
+        )
+    };
+    let said = |text: &str| said("IQS_CLB(friction: 0.4)", text);
+    assert_eq!(said(&law("tension: 50, nu: 0.6, z: 5", "0")), "nothing");
+    for (text, expected) in [
+        (
+            law("tension: 50, nu: 0.6, z: 5", "2"),
+            "cohesive_stress: 2 beside a bulk_strength; expected 0: it follows from bulk_strength",
+        ),
+        (law("tension: -1, nu: 0.6, z: 5", "0"), "tension: -1; expected a stress >= 0 Pa"),
+        (law("tension: 1, nu: 1.6, z: 5", "0"), "nu: 1.6; expected a solid fraction > 0 and <= 1"),
+        (law("tension: 1, nu: 0.6, z: 0", "0"), "z: 0; expected a coordination number > 0"),
+        (
+            law("tension: 1, nu: 0.6, z: 4, diameter: 1", "0"),
+            "diameter: 1; expected no diameter: the strength does not depend on it",
+        ),
+        (
+            "IQS_CLB(friction: 0.4), bulk_strength: (tension: 1, nu: 0.6, z: 4)".into(),
+            "bulk_strength: IQS_CLB; expected a law with cohesion of pairs, such as IQS_COH_DS_CLB, or no bulk_strength",
+        ),
+        (
+            "IQS_VDW_DS_CLB(hamaker_constant: 0, surface_distance: 1e-9, full_range: 0, range: 0, dynamic_friction: 0, \
+             static_friction: 0), bulk_strength: (tension: 1, nu: 0.6, z: 4)"
+                .into(),
+            "bulk_strength: no diameter; expected diameter: the strength depends on it",
+        ),
+        (
+            "IQS_COH_DS_CLB(cohesive_stress: 1, full_range: 2, range: 1, dynamic_friction: 0, static_friction: 0)"
+                .into(),
+            "full_range: 2 is larger than range 1; expected full_range <= range",
+        ),
+    ] {
+        let found = said(&text);
+        assert!(found.ends_with(expected) && !found.contains('\n'), "{found}");
+    }
+}
+
+#[test]
 fn materials_laws_and_colours() {
     assert!(
         said("materials: [(name: \"ROCKx\", density: 2700.0)]", "materials: []")

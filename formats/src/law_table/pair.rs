@@ -66,6 +66,20 @@ impl PairCohesion {
         }
     }
 
+    /// Tensile strength, Pa, of a packing of equal spheres of the diameter `diameter` (m) with the solid fraction `nu` and the
+    /// coordination number `z`: ν Z F/(π d²).
+    ///
+    /// Source: H. Rumpf, Chem. Ing. Tech. 42 (1970) 538-540.
+    ///
+    /// ```
+    /// use cd_formats::law_table::{PairCohesion, PairStrength};
+    /// let pair = PairCohesion { strength: PairStrength::Stress(16.0), full_range: 0.0, range: 1e-3 };
+    /// assert!((pair.bulk_strength(0.5, 6.0, 2.0) - 3.0).abs() < 1e-14); // nu z c/16
+    /// ```
+    pub fn bulk_strength(&self, nu: f64, z: f64, diameter: f64) -> f64 {
+        nu * z * self.force(diameter / 4.0) / (PI * diameter * diameter)
+    }
+
     /// The same with another stress (Pa) or Hamaker constant (J).
     pub fn with_value(self, value: f64) -> PairCohesion {
         let strength = match self.strength {

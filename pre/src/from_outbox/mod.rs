@@ -41,7 +41,7 @@ use crate::grain::Population;
 use crate::parse::parse_with_settings;
 use crate::population::populate;
 use crate::reread;
-use crate::scene::{self, Material, Scene};
+use crate::scene::{self, Law, Material, Scene};
 use crate::summary::{group_lines, print_warnings};
 use crate::write;
 pub use changes::{BodyFilter, Changes, MotionRemoval, Selection, WallSelector};
@@ -64,13 +64,14 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         Some(file) => (file, atomic::read_text(file)?),
         None => (Path::new("changes"), "()".to_string()),
     };
-    let request = ChangeRequest::read(file, &text, settings)?;
+    let mut request = ChangeRequest::read(file, &text, settings)?;
     let mut report = FaultReport::with_settings(file, &request.text, settings);
     report.warnings = ron_file::former_name_warnings(file, &text, settings);
     check_changes(&request.changes, &mut report);
     let folder = file.parent().unwrap_or(Path::new(""));
     let sources = read_sources(&request, case, folder, dir, &mut report);
     reject_faults(&mut report)?;
+    request.changes.laws.iter_mut().for_each(Law::apply_bulk_strength);
     let parts = select_parts(&request.changes, &sources, &mut report);
     reject_faults(&mut report)?;
     let options = request.run_options(file, &sources[0].options, &mut report)?;
@@ -342,7 +343,7 @@ fn check_changes(changes: &Changes, report: &mut FaultReport) {
     }
     crate::check::check_names(report, "laws", changes.laws.iter().map(|law| &law.name));
     for (k, law) in changes.laws.iter().enumerate() {
-        crate::check::check_law(report, &format!("laws.{k}.kind"), &law.kind);
+        crate::check::check_law(report, &format!("laws.{k}"), law);
     }
     if let Some(compute) = &changes.compute {
         compute.check_in(report, "compute.");
