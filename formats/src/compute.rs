@@ -371,6 +371,8 @@ options! {
     gravity_moved: f64 = 0.25, f64, [value_parser = parse_number, value_name = "X"];
     /// Adds the quadrupole terms of elongated bodies to self-gravity, with forces and torques: of all pairs with direct summation, otherwise of pairs closer than three times the sum of their radii.
     gravity_quadrupole: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
+    /// Self-gravity of all free bodies is that of homogeneous balls of at least this radius, m, by direct summation. Bodies that overlap as balls attract each other less than points. Default: bodies attract as points, except those that may pass through each other.
+    gravity_softening: Option<f64> = None, f64, [value_parser = parse_number, value_name = "M"];
     /// Integrates the orientation of spheres, for pictures of rolling. No contact depends on it.
     sphere_orientation: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// External fields, such as [PointMass(mass: 6e24, position: (1e7, 0.0, 0.0))].
@@ -478,6 +480,11 @@ impl Compute {
         number(positive(error) && error >= 1e-14, "gravity_error", error, "at least 1e-14");
         if let Some(opening) = self.gravity_opening {
             number(opening > 0.0 && opening < 1.0, "gravity_opening", opening, "more than 0 and less than 1");
+        }
+        if let Some(softening) = self.gravity_softening {
+            number(positive(softening), "gravity_softening", softening, "a finite length > 0 m");
+            let is_summed = self.gravity != GravityMethod::Fmm;
+            number(is_summed, "gravity_softening", softening, "gravity: direct or auto with it, not fmm");
         }
         number(positive(self.gravity_moved), "gravity_moved", self.gravity_moved, "a finite number > 0");
         number((0.0..=1.0).contains(&self.quench), "quench", self.quench, "0 to 1");

@@ -291,6 +291,7 @@ pub fn account_changed_forces(scene: &Scene, before: &RunParameters, state: &mut
         ("self_gravity", options.self_gravity == before.self_gravity),
         ("gravity_constant", options.gravity_constant == before.gravity_constant),
         ("gravity_quadrupole", options.gravity_quadrupole == before.gravity_quadrupole),
+        ("gravity_softening", options.gravity_softening == before.gravity_softening),
         ("fields", options.fields == before.fields),
     ];
     let changed: Vec<&str> = same.into_iter().filter_map(|(name, same)| (!same).then_some(name)).collect();
@@ -302,6 +303,7 @@ pub fn account_changed_forces(scene: &Scene, before: &RunParameters, state: &mut
     old_scene.options.self_gravity = before.self_gravity;
     old_scene.options.gravity_constant = before.gravity_constant;
     old_scene.options.gravity_quadrupole = before.gravity_quadrupole;
+    old_scene.options.gravity_softening = before.gravity_softening;
     old_scene.options.fields.clone_from(&before.fields);
     let work = potential_energy(scene, state, &state.x) - potential_energy(&old_scene, &old, &old.x);
     state.ledger.outside_work += work;

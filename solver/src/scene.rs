@@ -353,6 +353,8 @@ pub struct Scene {
     pub loads: Vec<ImposedLoad>,
     pub laws: Vec<ContactLaw>,
     pub visibility: VisibilityTable,
+    /// Whether there are free bodies without a rule, which pass through each other.
+    pub has_unseen_pairs: bool,
     pub options: Compute,
     /// Step and time (s) of the state in DATBOX.
     pub start: (u64, f64),
@@ -606,12 +608,25 @@ impl Scene {
         let method = match self.options.gravity {
             GravityMethod::Direct => SummationMethod::Direct,
             GravityMethod::Fmm => SummationMethod::Fmm,
+            // Only the direct sum knows the radii.
+            GravityMethod::Auto if self.options.gravity_softening.is_some() => SummationMethod::Direct,
             GravityMethod::Auto => SummationMethod::Auto,
         };
         let mut gravity = GravitySolver::new(method, self.options.gravity_error());
         gravity.order = self.options.gravity_order;
         gravity.opening = self.options.gravity_opening;
         gravity
+    }
+
+    /// Radii with which the free bodies attract each other as balls, m; `None` if they attract as points, as their overlaps are
+    /// small.
+    pub fn attracting_radii(&self) -> Option<Vec<f64>> {
+        let softening = self.options.gravity_softening;
+        let is_summed = self.gravity_solver().method_for(self.free.len()) == SummationMethod::Direct;
+        ((softening.is_some() || self.has_unseen_pairs) && is_summed).then(|| {
+            let radius = |i: &BodyId| self.bodies[i.index()].radius.max(softening.unwrap_or(0.0));
+            self.free.iter().map(radius).collect()
+        })
     }
 
     /// Largest number of steps between two evaluations of self-gravity. Few bodies may be on orbits, and are cheap:
@@ -686,6 +701,9 @@ impl Scene {
         if self.has_self_gravity() {
             let gravity = self.gravity_solver();
             models.push(match gravity.method_for(self.free.len()) {
+                SummationMethod::Direct if self.attracting_radii().is_some() => {
+                    "self-gravity by direct sum, of balls".into()
+                }
                 SummationMethod::Direct => "self-gravity by direct sum".into(),
                 _ => format!("self-gravity by fast multipoles, error {}", gravity.error),
             });

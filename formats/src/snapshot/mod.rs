@@ -291,6 +291,8 @@ pub struct RunParameters {
     pub gravity_moved: Option<f64>,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub gravity_quadrupole: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gravity_softening: Option<f64>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fields: Vec<crate::compute::ExternalField>,
     /// Uniform gravity now in force, m/s^2.

@@ -46,6 +46,7 @@ pub fn run_options(
         gravity_refresh,
         gravity_moved,
         gravity_quadrupole,
+        gravity_softening,
         fields,
         uniform_gravity: _,
         quench,
@@ -68,6 +69,7 @@ pub fn run_options(
         gravity_opening,
         gravity_moved: gravity_moved.unwrap_or(file.gravity_moved),
         gravity_quadrupole,
+        gravity_softening,
         fields,
         ..file.clone()
     };

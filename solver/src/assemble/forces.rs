@@ -4,7 +4,7 @@ use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
 use super::events::{ShakeEvent, shake_loads};
-use super::self_gravity::{GravityReport, near_field, point_mass_energy, point_masses, self_gravity};
+use super::self_gravity::{GravityReport, mutual_energy, near_field, point_masses, self_gravity};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Quat, Twist, Vec3, to_world};
 use crate::scene::{BodyId, Scene};
@@ -219,7 +219,7 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     if !scene.has_self_gravity() {
         return outer;
     }
-    outer + point_mass_energy(scene, &positions, &masses) + near_field(scene, x, &state.q).energy
+    outer + mutual_energy(scene, &positions, &masses) + near_field(scene, x, &state.q).energy
 }
 
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.

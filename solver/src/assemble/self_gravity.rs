@@ -5,6 +5,7 @@ use std::sync::Arc;
 use cd_formats::snapshot::GravityEvaluations as Record;
 
 use crate::geometry::near_pairs;
+use crate::gravity::direct;
 use crate::gravity::quadrupole::{BodyInertia, quadrupole_correction};
 use crate::gravity::sample::{self, SampledError};
 use crate::gravity::{GravityField, GravitySolver, SummationMethod, balance_accelerations};
@@ -72,6 +73,8 @@ pub(super) fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfigurat
     };
     let approximate =
         scene.gravity_refresh() > 1 || scene.gravity_solver().method_for(masses.len()) == SummationMethod::Fmm;
+    // The sample is that of points.
+    let approximate = approximate && scene.attracting_radii().is_none();
     if approximate && state.is_diagnostic_step(q_c.step_multiple) {
         let constant = scene.options.gravity_constant;
         pull.report.sampled =
@@ -86,11 +89,28 @@ pub(super) fn point_masses(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
 
 /// Accelerations, energy and removed part, see [`GravityField`]; `order` is the order of all bodies.
 fn evaluate_self_gravity(scene: &Scene, order: &[u32], positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
+    let constant = scene.options.gravity_constant;
+    if let Some(radii) = scene.attracting_radii() {
+        let (acceleration, potential) = ball_accelerations(positions, masses, &radii, constant);
+        return (acceleration, half_potential(&potential, masses), 0.0);
+    }
     let free_index = |&body: &u32| scene.free.binary_search(&BodyId(body)).ok().map(|k| k as u32);
     let of_free: Vec<u32> = order.iter().filter_map(free_index).collect();
     let GravityField { acceleration, potential, removed } =
-        scene.gravity_solver().full_field(positions, masses, scene.options.gravity_constant, &of_free);
-    (acceleration, 0.5 * potential.iter().zip(masses).map(|(p, m)| p * m).sum::<f64>(), removed)
+        scene.gravity_solver().full_field(positions, masses, constant, &of_free);
+    (acceleration, half_potential(&potential, masses), removed)
+}
+
+/// Accelerations (m/s²) and potentials (J/kg) of homogeneous balls.
+fn ball_accelerations(positions: &[Vec3], masses: &[f64], radii: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
+    // By more than rounding, so that no pair that overlaps is missed.
+    let reaches: Vec<f64> = radii.iter().map(|radius| radius * (1.0 + 1e-9)).collect();
+    direct::ball_accelerations(positions, masses, radii, &near_pairs(positions, &reaches), constant)
+}
+
+/// Potential energy, J, of bodies in the potential (J/kg) of each other.
+fn half_potential(potential: &[f64], masses: &[f64]) -> f64 {
+    0.5 * potential.iter().zip(masses).map(|(p, m)| p * m).sum::<f64>()
 }
 
 /// Self-gravity extrapolated from its last two evaluations, or evaluated again. The error of the extrapolation grows with the
@@ -188,12 +208,15 @@ pub(super) fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
     field
 }
 
-/// Potential energy of the free bodies as point masses in self-gravity, to the accuracy of [`ENERGY_ERROR`], J.
-pub(super) fn point_mass_energy(scene: &Scene, positions: &[Vec3], masses: &[f64]) -> f64 {
+/// Potential energy of the free bodies as points or balls in self-gravity, to the accuracy of [`ENERGY_ERROR`], J.
+pub(super) fn mutual_energy(scene: &Scene, positions: &[Vec3], masses: &[f64]) -> f64 {
+    let constant = scene.options.gravity_constant;
+    if let Some(radii) = scene.attracting_radii() {
+        return half_potential(&ball_accelerations(positions, masses, &radii, constant).1, masses);
+    }
     let gravity = match scene.gravity_solver() {
         asked if asked.method_for(positions.len()) == SummationMethod::Direct => asked,
         _ => GravitySolver::new(SummationMethod::Auto, ENERGY_ERROR),
     };
-    let potential = gravity.full_field(positions, masses, scene.options.gravity_constant, &[]).potential;
-    0.5 * potential.iter().zip(masses).map(|(p, m)| p * m).sum::<f64>()
+    half_potential(&gravity.full_field(positions, masses, constant, &[]).potential, masses)
 }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::overlap::ball_attraction;
 use crate::math::simd::{F64Arithmetic, LaneOperation, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::ranks;
@@ -21,10 +22,12 @@ struct SourceColumns {
     y: Vec<[f64; PARTIAL_SUMS]>,
     z: Vec<[f64; PARTIAL_SUMS]>,
     m: Vec<[f64; PARTIAL_SUMS]>,
+    /// Radii of balls whose overlapping pairs are left out, m; empty for points.
+    radius: Vec<[f64; PARTIAL_SUMS]>,
 }
 
 impl SourceColumns {
-    fn new(positions: &[Vec3], masses: &[f64]) -> Self {
+    fn new(positions: &[Vec3], masses: &[f64], radii: &[f64]) -> Self {
         let column = |value: &dyn Fn(usize) -> f64| -> Vec<[f64; PARTIAL_SUMS]> {
             let block = |k: usize| std::array::from_fn(|lane| value(k * PARTIAL_SUMS + lane));
             (0..positions.len().div_ceil(PARTIAL_SUMS)).map(block).collect()
@@ -35,6 +38,7 @@ impl SourceColumns {
             y: column(&|i| at(i, 1)),
             z: column(&|i| at(i, 2)),
             m: column(&|i| masses.get(i).copied().unwrap_or(0.0)),
+            radius: if radii.is_empty() { vec![] } else { column(&|i| radii.get(i).copied().unwrap_or(0.0)) },
         }
     }
 }
@@ -54,19 +58,51 @@ impl SourceColumns {
 /// assert_eq!((phi[0], phi[1]), (-5.0 / 2.0, -3.0 / 2.0));
 /// ```
 pub fn accelerations(positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
-    accelerations_at_width(positions, masses, constant, SimdWidth::detect())
+    accelerations_at_width(positions, masses, &[], constant, SimdWidth::detect())
+}
+
+/// Acceleration (m/s^2) and potential (J/kg) as from [`accelerations`] of homogeneous balls of these `radii`, m: pairs that
+/// overlap attract as [`ball_attraction`] says, others as points. `near_pairs`: all pairs that overlap, with others or not.
+pub fn ball_accelerations(
+    positions: &[Vec3],
+    masses: &[f64],
+    radii: &[f64],
+    near_pairs: &[[u32; 2]],
+    constant: f64,
+) -> (Vec<Vec3>, Vec<f64>) {
+    let (mut acceleration, mut potential) =
+        accelerations_at_width(positions, masses, radii, constant, SimdWidth::detect());
+    for [i, j] in near_pairs.iter().map(|pair| pair.map(|k| k as usize)) {
+        let r = positions[j] - positions[i];
+        if !overlap(&r, radii[i] + radii[j]) {
+            continue;
+        }
+        let found = ball_attraction(&r, [masses[i], masses[j]], [radii[i], radii[j]], constant);
+        for (k, force) in [(i, found.force), (j, -found.force)].into_iter().filter(|(k, _)| masses[*k] > 0.0) {
+            acceleration[k] += force / masses[k];
+            potential[k] += found.energy / masses[k];
+        }
+    }
+    (acceleration, potential)
+}
+
+/// Whether two balls at the distance `r` overlap, whose radii sum up to `reach` (m): with the arithmetic of the sums, so that
+/// each pair is either in them or not.
+fn overlap(r: &Vec3, reach: f64) -> bool {
+    r.x.mul_add(r.x, r.y.mul_add(r.y, r.z * r.z)) <= reach * reach
 }
 
 /// Acceleration (m/s^2) and potential (J/kg) as from [`accelerations`] at the arbitrary positions `targets`, m.
 pub fn field_at(targets: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
-    let sources = SourceColumns::new(positions, masses);
-    let pull = |p: &Vec3| source_pull(SimdWidth::detect(), &sources, p, 1.0);
+    let sources = SourceColumns::new(positions, masses, &[]);
+    let pull = |p: &Vec3| source_pull(SimdWidth::detect(), &sources, p, 1.0, None);
     targets.par_iter().with_min_len(16).map(pull).map(|(a, phi)| (a * constant, phi * constant)).unzip()
 }
 
 fn accelerations_at_width(
     positions: &[Vec3],
     masses: &[f64],
+    radii: &[f64],
     constant: f64,
     width: SimdWidth,
 ) -> (Vec<Vec3>, Vec<f64>) {
@@ -75,42 +111,45 @@ fn accelerations_at_width(
     let largest = masses.iter().fold(0.0, |a: f64, m| a.max(*m));
     let unit = if largest > 0.0 { 2f64.powi(libm::log2(largest).clamp(-1000.0, 1000.0) as i32) } else { 1.0 };
     let masses: Vec<f64> = masses.iter().map(|m| m / unit).collect();
-    let sources = SourceColumns::new(positions, &masses);
+    let sources = SourceColumns::new(positions, &masses, radii);
     let constant = constant * unit;
-    let of_body = |(x, &m): (&Vec3, &f64)| {
-        let m = if m > 0.0 { m } else { 1.0 };
-        let (force, energy) = source_pull(width, &sources, x, m);
+    let of_body = |i: usize| {
+        let m = if masses[i] > 0.0 { masses[i] } else { 1.0 };
+        let (force, energy) = source_pull(width, &sources, &positions[i], m, radii.get(i).copied());
         let (acceleration, potential) = (force / m * constant, energy / m * constant);
         [acceleration.x, acceleration.y, acceleration.z, potential]
     };
-    let of_some = |range: Range<usize>| {
-        let bodies = positions[range.clone()].par_iter().zip(&masses[range]).with_min_len(16);
-        bodies.map(of_body).collect()
-    };
+    let of_some = |range: Range<usize>| range.into_par_iter().with_min_len(16).map(of_body).collect();
     let pulls = ranks::divided_list(positions.len(), MIN_DIVIDED_BODIES, of_some);
     pulls.into_par_iter().with_min_len(PAR_MIN_LEN).map(|[x, y, z, potential]| (Vec3::new(x, y, z), potential)).unzip()
 }
 
-/// Force on a mass at `p` and its potential energy, without the constant.
-fn source_pull(width: SimdWidth, sources: &SourceColumns, p: &Vec3, mass: f64) -> (Vec3, f64) {
-    let [x, y, z, potential] = width.run(SourceSums { sources, p, mass });
+/// Force on a mass at `p` and its potential energy, without the constant; of a ball of this radius (m) from the sources that it
+/// does not overlap.
+fn source_pull(width: SimdWidth, sources: &SourceColumns, p: &Vec3, mass: f64, radius: Option<f64>) -> (Vec3, f64) {
+    let [x, y, z, potential] = match radius {
+        None => width.run(SourceSums::<false> { sources, p, mass, radius: 0.0 }),
+        Some(radius) => width.run(SourceSums::<true> { sources, p, mass, radius }),
+    };
     (Vec3::new(x, y, z), -potential)
 }
 
-/// Sums of m_p m d/|d|^3 (three components) and m_p m/|d| over all sources.
-struct SourceSums<'a> {
+/// Sums of m_p m d/|d|^3 (three components) and m_p m/|d| over all sources, with `BALLS` over those that do not overlap the
+/// ball of the radius `radius` (m) at p.
+struct SourceSums<'a, const BALLS: bool> {
     sources: &'a SourceColumns,
     p: &'a Vec3,
     mass: f64,
+    radius: f64,
 }
 
-impl LaneOperation for SourceSums<'_> {
+impl<const BALLS: bool> LaneOperation for SourceSums<'_, BALLS> {
     type Output = [f64; 4];
     #[inline(always)]
     fn call<L: F64Arithmetic>(self, l: L) -> [f64; 4] {
-        let SourceSums { sources, p, mass } = self;
+        let SourceSums { sources, p, mass, radius } = self;
         let mut parts = [[0.0; PARTIAL_SUMS]; 4];
-        let (zero, one, mass) = (l.splat(0.0), l.splat(1.0), l.splat(mass));
+        let (zero, one, mass, radius) = (l.splat(0.0), l.splat(1.0), l.splat(mass), l.splat(radius));
         let (px, py, pz) = (l.splat(p.x), l.splat(p.y), l.splat(p.z));
         for from in (0..PARTIAL_SUMS).step_by(L::WIDTH) {
             let [mut ax, mut ay, mut az, mut sum] = [zero; 4];
@@ -120,7 +159,12 @@ impl LaneOperation for SourceSums<'_> {
                 let dz = l.sub(l.load(&sources.z[k][from..]), pz);
                 let distance2 = l.mul_add(dx, dx, l.mul_add(dy, dy, l.mul(dz, dz)));
                 // Sources at the same position, the body itself included, do not attract.
-                let inverse = l.select_greater(distance2, zero, l.div(one, l.sqrt(distance2)), zero);
+                let mut nearest = zero;
+                if BALLS {
+                    let reach = l.add(l.load(&sources.radius[k][from..]), radius);
+                    nearest = l.mul(reach, reach);
+                }
+                let inverse = l.select_greater(distance2, nearest, l.div(one, l.sqrt(distance2)), zero);
                 // The product is commutative, hence the same to the last bit with the two exchanged.
                 let masses = l.mul(mass, l.load(&sources.m[k][from..]));
                 let potential = l.mul(masses, inverse);
@@ -172,9 +216,9 @@ mod tests {
     #[test]
     fn all_widths_give_the_same_bits() {
         let (x, m) = cloud(61);
-        let expected = accelerations_at_width(&x, &m, 1.5, SimdWidth::all_widths()[0]);
+        let expected = accelerations_at_width(&x, &m, &[], 1.5, SimdWidth::all_widths()[0]);
         for width in SimdWidth::all_widths() {
-            assert_eq!(accelerations_at_width(&x, &m, 1.5, width), expected);
+            assert_eq!(accelerations_at_width(&x, &m, &[], 1.5, width), expected);
         }
     }
 
@@ -183,7 +227,7 @@ mod tests {
         let (x, m) = cloud(61);
         for (i, j) in (0..61).flat_map(|i| (0..i).map(move |j| (i, j))) {
             let on = |i: usize, j: usize| {
-                source_pull(SimdWidth::detect(), &SourceColumns::new(&x[j..=j], &m[j..=j]), &x[i], m[i])
+                source_pull(SimdWidth::detect(), &SourceColumns::new(&x[j..=j], &m[j..=j], &[]), &x[i], m[i], None)
             };
             let ((force, energy), (reaction, same)) = (on(i, j), on(j, i));
             assert_eq!((force, energy), (-reaction, same));
@@ -199,6 +243,29 @@ mod tests {
             assert!((a[0].x / (1.25 * unit) - 1.0).abs() < 1e-15 && (phi[1] / (-1.5 * unit) - 1.0).abs() < 1e-15);
             assert!((a[2].y + unit * (3.0 + 5.0 / 5f64.powf(1.5))).abs() < 4e-15 * unit);
         }
+    }
+
+    #[test]
+    fn balls_attract_as_points_unless_they_overlap() {
+        let (x, m) = cloud(200);
+        let apart: Vec<f64> = vec![1e-6; x.len()];
+        let pairs: Vec<[u32; 2]> = (0..200).flat_map(|j| (0..j).map(move |i| [i, j])).collect();
+        assert_eq!(ball_accelerations(&x, &m, &apart, &pairs, 1.5), accelerations(&x, &m, 1.5));
+        // All overlap: a sum over all pairs.
+        let radii: Vec<f64> = (0..x.len()).map(|k| 100.0 + k as f64).collect();
+        let (a, phi) = ball_accelerations(&x, &m, &radii, &pairs, 1.5);
+        for i in 0..x.len() {
+            let mut expected = (Vec3::zeros(), 0.0);
+            for j in (0..x.len()).filter(|&j| j != i) {
+                let pair = ball_attraction(&(x[j] - x[i]), [m[i], m[j]], [radii[i], radii[j]], 1.5);
+                expected = (expected.0 + pair.force / m[i], expected.1 + pair.energy / m[i]);
+            }
+            // Sums of 200 terms in another order.
+            assert!((a[i] - expected.0).norm() < 1e-13 * expected.0.norm().max(1e-3), "{i}");
+            assert!((phi[i] - expected.1).abs() < 1e-13 * expected.1.abs(), "{i}");
+        }
+        let force: Vec3 = a.iter().zip(&m).map(|(a, m)| a * *m).sum();
+        assert!(force.norm() < 1e-14 * a.iter().zip(&m).map(|(a, m)| a.norm() * m).sum::<f64>());
     }
 
     #[test]

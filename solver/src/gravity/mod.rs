@@ -3,6 +3,7 @@
 mod balance;
 mod cell;
 pub mod direct;
+pub mod overlap;
 pub mod quadrupole;
 pub mod sample;
 // Kernels use no iterators: these are separate functions, which a compiler may compile without the instruction set of

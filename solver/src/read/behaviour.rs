@@ -76,7 +76,9 @@ pub fn set_laws_and_visibility(
     set_visibility(&file, tact, &numbers, scene, faults);
     check_periods(&file, tact, scene, faults);
     let text = std::fs::read_to_string(&file).unwrap_or_default();
-    scene.notes.extend(unseen_contactors_note(scene, &TactBehav::colour_pairs_without_law(&text)));
+    let unseen = unseen_pairs(scene);
+    scene.has_unseen_pairs = unseen.iter().any(|pair| pair.both_free);
+    scene.notes.extend(unseen_contactors_note(scene, &unseen, &TactBehav::colour_pairs_without_law(&text)));
 }
 
 /// Sets the laws that rows of the table need; returns the number in the scene of each law of the file, if it has one.
@@ -330,10 +332,15 @@ struct ClassMembers {
     free: bool,
 }
 
-/// Note about contactors of free bodies that no row lets touch others.
-///
-/// `meant`: pairs of colours that the file declares to have no row.
-fn unseen_contactors_note(scene: &Scene, meant: &[[String; 2]]) -> Option<String> {
+/// Two classes of contactors without a rule, with bodies that could touch each other.
+struct UnseenPair {
+    classes: [u16; 2],
+    /// Whether both have bodies that move freely, all or in part.
+    both_free: bool,
+}
+
+/// Pairs of classes that no row lets touch each other, of which one at least has a body that moves freely.
+fn unseen_pairs(scene: &Scene) -> Vec<UnseenPair> {
     let mut members: BTreeMap<u16, ClassMembers> = BTreeMap::new();
     let mut count = |class: u16, number: BodyId, body: &RigidBody| {
         let members = members.entry(class).or_default();
@@ -347,22 +354,31 @@ fn unseen_contactors_note(scene: &Scene, meant: &[[String; 2]]) -> Option<String
     } else {
         (0..).zip(&scene.bodies).for_each(|(number, body)| count(body.class, BodyId(number), body));
     }
-    let colours = scene.colours.len().max(1);
-    let name = |class: u16| {
-        let colour = scene.colours.get(class as usize % colours).map_or("", String::as_str);
-        format!("{} {colour}", CONTACTOR_NAMES[class as usize / colours][0])
-    };
-    let mut missed = Vec::new();
+    let mut unseen = Vec::new();
     for (&a, of_a) in &members {
         for (&b, of_b) in members.range(a..) {
             let could = (of_a.free || of_b.free) && (a != b || of_a.count > 1);
-            let colours = [a, b].map(|class| scene.colours.get(class as usize % colours).map_or("", String::as_str));
-            let meant = meant.iter().any(|[a, b]| colours == [a, b] || colours == [b, a]);
-            if could && !meant && scene.visibility.interaction_rule(a, b).is_none() {
-                missed.push(format!("{} and {}", name(a), name(b)));
+            if could && scene.visibility.interaction_rule(a, b).is_none() {
+                unseen.push(UnseenPair { classes: [a, b], both_free: of_a.free && of_b.free });
             }
         }
     }
+    unseen
+}
+
+/// Note about contactors of free bodies that no row lets touch others.
+///
+/// `meant`: pairs of colours that the file declares to have no row.
+fn unseen_contactors_note(scene: &Scene, unseen: &[UnseenPair], meant: &[[String; 2]]) -> Option<String> {
+    let count = scene.colours.len().max(1);
+    let colour = |class: u16| scene.colours.get(class as usize % count).map_or("", String::as_str);
+    let name = |class: u16| format!("{} {}", CONTACTOR_NAMES[class as usize / count][0], colour(class));
+    let is_missed = |pair: &&UnseenPair| {
+        let colours = pair.classes.map(colour);
+        !meant.iter().any(|[a, b]| colours == [a, b] || colours == [b, a])
+    };
+    let missed = unseen.iter().filter(is_missed).map(|pair| pair.classes.map(name).join(" and "));
+    let missed: Vec<String> = missed.collect();
     (!missed.is_empty())
         .then(|| format!("TACT_BEHAV.DAT: no row for {}: they pass through each other", missed.join(", ")))
 }
@@ -474,6 +490,7 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
         ("gravity_refresh", of_gravity && scene.options.gravity_refresh.is_some(), "self_gravity"),
         ("gravity_moved", of_gravity && gravity_moved != default.gravity_moved, "self_gravity"),
         ("gravity_quadrupole", of_gravity && gravity_quadrupole, "self_gravity"),
+        ("gravity_softening", of_gravity && scene.options.gravity_softening.is_some(), "self_gravity"),
         ("narrow_phase", !scene.is_general() && scene.options.narrow_phase.is_some(), "polyhedra"),
         ("face_friction", !scene.is_general() && scene.options.face_friction != default.face_friction, "polyhedra"),
         (

@@ -68,6 +68,7 @@ pub fn scene_without_laws(
         loads,
         laws: Vec::new(),
         visibility: VisibilityTable::default(),
+        has_unseen_pairs: false,
         events: Vec::new(),
         options,
         start: (0, 0.0),

@@ -67,6 +67,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
             gravity_refresh: (scene.gravity_refresh() > 1).then_some(scene.gravity_refresh()),
             gravity_moved: (scene.gravity_refresh() > 1).then_some(options.gravity_moved),
             gravity_quadrupole: options.gravity_quadrupole,
+            gravity_softening: options.gravity_softening,
             fields: options.fields.clone(),
             uniform_gravity: state.gravity.into(),
             quench: state.quench,

@@ -325,6 +325,64 @@ fn coriolis_force_leaves_alone_what_lies() {
     }
 }
 
+/// Two balls of radius 1/2 and mass m that pass through each other along x, at rest at ±1; G = 1.
+fn swinging_balls(steps_of_a_fall: f64) -> (Case, f64) {
+    let mut case = Case::new();
+    (case.options.self_gravity, case.options.gravity_constant) = (true, 1.0);
+    case.sphere(0.5, [-1.0, 0.0, 0.0]);
+    case.sphere(0.5, [1.0, 0.0, 0.0]);
+    let mass = PI / 6.0;
+    // Time of the fall of two points from rest at the distance 2 to each other: π/2 √(d³/(2 G 2m)).
+    case.options.dt = PI / 2.0 * (8.0 / (4.0 * mass)).sqrt() / steps_of_a_fall;
+    (case, mass)
+}
+
+#[test]
+fn balls_without_contacts_swing_through_each_other_and_keep_their_energy() {
+    let error = |steps: f64| {
+        let (mut case, mass) = swinging_balls(steps);
+        let states = case.states(20 * steps as u64, 1);
+        let energy = |state: &Snapshot| {
+            let x = (state.x(1) - state.x(0)).norm();
+            // U of two equal balls in units of G m²/R, with r/R; points apart.
+            let u =
+                |y: f64| if y < 2.0 { -1.2 + 0.5 * y * y - 0.1875 * y.powi(3) + y.powi(5) / 160.0 } else { -1.0 / y };
+            state.kinetic() + mass * mass / 0.5 * u(x / 0.5)
+        };
+        // The program's own energy at the start is the same.
+        equal(states[0].meta.ledger.energy_start, energy(&states[0]), 1e-12);
+        let scale = mass * mass / 2.0;
+        let widest = states.iter().map(|state| (state.x(1) - state.x(0)).norm()).fold(0.0, f64::max);
+        assert!(widest < 2.01, "{widest}");
+        assert!(states.iter().any(|state| (state.x(1) - state.x(0)).norm() < 0.05));
+        states.iter().map(|state| (energy(state) - energy(&states[0])).abs()).fold(0.0, f64::max) / scale
+    };
+    let [coarse, fine] = [error(200.0), error(400.0)];
+    // Of second order, over some ten swings.
+    assert!(coarse < 1e-2 && fine < 0.35 * coarse, "{coarse} {fine}");
+}
+
+#[test]
+fn softened_bodies_attract_as_balls_of_that_radius() {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    (case.options.self_gravity, case.options.gravity_constant) = (true, 1.0);
+    case.options.gravity_softening = Some(5.0);
+    case.sphere(0.5, [0.0; 3]);
+    case.sphere(0.5, [3.0, 0.0, 0.0]);
+    case.sphere(0.5, [50.0, 0.0, 0.0]);
+    case.options.dt = 1e-3;
+    let end = case.run(1);
+    let mass = PI / 6.0;
+    // F = G m²/R² (y - 9 y²/16 + y⁴/32) for y = r/R < 2; the third ball is far away.
+    let y: f64 = 0.6;
+    let near_by = mass / 25.0 * (y - 9.0 / 16.0 * y * y + y.powi(4) / 32.0);
+    equal(end.v(0).x, 1e-3 * (near_by + mass / 2500.0), 1e-12);
+    equal(end.v(1).x, 1e-3 * (mass / (47.0 * 47.0) - near_by), 1e-12);
+    case.options.gravity = GravityMethod::Fmm;
+    assert!(case.attempt(1).is_none());
+}
+
 #[test]
 fn rods_turn_each_other_and_keep_angular_momentum() {
     let run = |quadrupole: bool| {
