@@ -109,6 +109,12 @@ fn mistakes_in_the_text_are_placed() {
             "3:24: material 1, name: no '\"' behind \"ROCKx, density: 2700.0)],; expected '\"' at the end of the text",
         ),
         ("\"ROCKx\", density", "'ROCKx', density", "3:24: material 1, name: 'ROCKx'; expected \"ROCKx\""),
+        ("(0.0, 0.0, -9.81)", "'0,0,1'", "2:14: gravity: '0,0,1'; expected (0,0,1), or \"0,0,1\" for a text"),
+        (
+            "IQS_CLB(friction: 0.4)",
+            "\"IQS_CLB\"",
+            "4:34: law 1, kind: \"IQS_CLB\"; expected IQS_CLB(...) without quotes, with the field friction",
+        ),
         ("\"ROCKx\", density", "ROCKx, density", "3:24: material 1, name: ROCKx; expected a text in quotes, \"ROCKx\""),
         ("2700.0", "\"heavy\"", "3:42: material 1, density: \"heavy\"; expected a number"),
         ("output_every", "output_evry", "14:27: compute: unknown field 'output_evry'; did you mean output_every?"),

@@ -339,7 +339,12 @@ fn single_step_warning(scene: &Scene, state: &State) -> Option<String> {
     (left > 0.0 && (1.0 - 1e-3) * dt > left).then(|| {
         let past = rounded_number(scene.end_time());
         let [dt, end] = [dt, end].map(rounded_number);
-        format!("dt = {dt} s is longer than the run to end_time = {end} s: it is one step, to t = {past} s; use a smaller dt")
+        let steps = match scene.last_step() > state.step {
+            true => format!("it is one step, to t = {past} s"),
+            // A thousandth of a step is not worth one.
+            false => "no step is computed".into(),
+        };
+        format!("dt = {dt} s is longer than the run to end_time = {end} s: {steps}; use a smaller dt")
     })
 }
 

@@ -229,7 +229,18 @@ impl FaultyText<'_> {
                 return Some(self.wrong_value(&format!("a function, one of {}{example}", expected.join(", "))));
             }
             Some(Error::NoSuchEnumVariant { expected, .. }) => {
-                return Some(self.wrong_value(&format!("one of {}", expected.join(", "))));
+                let quoted = self.source_of(node).strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
+                let unquoted =
+                    quoted.filter(|inside| expected.contains(&inside.split('(').next().unwrap_or_default().trim()));
+                let wanted = unquoted.map_or(format!("one of {}", expected.join(", ")), |inside| {
+                    match probe(&format!("{inside}({UNKNOWN_NAME}: 0)")) {
+                        Some(Error::NoSuchStructField { expected, .. }) => {
+                            format!("{inside}(...) without quotes, with {}", field_list(expected))
+                        }
+                        _ => format!("{inside} without quotes"),
+                    }
+                });
+                return Some(self.wrong_value(&wanted));
             }
             _ => {}
         }

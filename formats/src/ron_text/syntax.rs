@@ -400,7 +400,7 @@ impl<'a> RonParser<'a> {
             Some(end) => {
                 let inside = &line[..end];
                 if inside.chars().count() != 1 && !inside.starts_with('\\') {
-                    self.add_fault(start, path, &format!("'{inside}'"), &format!("expected \"{inside}\""));
+                    self.add_fault(start, path, &format!("'{inside}'"), &unquoted_expectation(inside));
                 }
                 self.advance(end + 2);
             }
@@ -579,5 +579,15 @@ fn closing_bracket(bracket: char) -> char {
         '(' => ')',
         '[' => ']',
         _ => '}',
+    }
+}
+
+/// Expectation for a text in single quotes: the numbers in it without quotes, or the text in double quotes.
+fn unquoted_expectation(inside: &str) -> String {
+    let numbers = inside.trim().trim_start_matches('(').trim_end_matches(')');
+    match (numbers.split(',').all(|part| part.trim().parse::<f64>().is_ok()), numbers.contains(',')) {
+        (true, true) => format!("expected ({numbers}), or \"{inside}\" for a text"),
+        (true, false) => format!("expected {numbers}, or \"{inside}\" for a text"),
+        (false, _) => format!("expected \"{inside}\""),
     }
 }

@@ -28,9 +28,9 @@ use crate::state::Contact;
 /// A point far from it, as face corners are from each other, moves by up to three times that velocity as the face turns.
 const ERROR_MARGIN: f64 = 3.0;
 
-/// Error of a sliding velocity over the residual times the velocity that the contact impulses of a body give it: ten times,
-/// where faces at 0.999 of their static friction, with rolling resistance, moved by fourteen times as much. There impulses of points at their limits can
-/// differ in direction, and errors are many times the natural map.
+/// Error of a sliding velocity over the residual times the velocity that the contact impulses of a body give it: twice what
+/// faces at 0.999 of their static friction, with rolling resistance, moved by (fourteen times). There impulses of points at
+/// their limits can differ in direction, and errors are many times the natural map.
 const MAX_SLIDING_ERROR: f64 = 30.0;
 
 /// Number of tenfold refinements to decide which contacts leave static friction. Then a face slides that is loaded by 1.001 of

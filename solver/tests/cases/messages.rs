@@ -81,6 +81,10 @@ fn a_run_shorter_than_its_step_is_one_step() {
         "dt = 0.01 s is longer than the run to end_time = 0.004 s: it is one step, to t = 0.01 s; use a smaller dt";
     assert!(code == 0 && text.contains("1 in this run, to step 1, t = 0.01 s"), "{text}");
     assert!(warnings.contains(&format!("cd-solve: warning: {warning}\n")), "{warnings}");
+    // A run of less than a thousandth of a step has none.
+    let (code, text, warnings) = of(&case, &["--force", "--dt", "1e300"]);
+    assert!(code == 0 && text.contains("0 in this run"), "{code} {text}");
+    assert!(warnings.contains("end_time = 0.004 s: no step is computed; use a smaller dt"), "{warnings}");
     // To the end of its only step.
     let (_, _, warnings) = of(&case, &["--force", "--end-time", "0.01"]);
     assert!(!warnings.contains("end_time"), "{warnings}");
