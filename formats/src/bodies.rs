@@ -8,9 +8,10 @@ use crate::foreign::foreign_bodies;
 use crate::geometry::faces::FLATNESS_OF_FILES;
 use crate::names::number_text;
 use crate::ron_text::known_names;
-use crate::scan::parts::{read_records, text_of_records};
+use crate::scan::parts::{put_records, read_records};
 use crate::scan::{
-    AsciiText, GRID_COLUMNS, LenientForm, LineScanner, TextLine, format_e14, format_long14, put_grid, put_text,
+    AsciiText, GRID_COLUMNS, LenientForm, LineScanner, RealText, TextLine, format_e14, format_long14, put_grid,
+    put_text,
 };
 use crate::words::CONTACTOR_TYPES;
 
@@ -115,11 +116,18 @@ impl Bodies {
 
     /// Reads the text of a file like [`Bodies::parse`]; also returns notices about deviations from its form.
     pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
-        if let Some(fault) = foreign_bodies(path, text) {
-            return Err(fault.into());
+        match foreign_bodies(path, text) {
+            Some(fault) => Err(fault.into()),
+            None => Self::parse_rigid_with_notices(path, text),
         }
+    }
+
+    /// Reads like [`Bodies::parse_with_notices`] a text in which [`foreign_bodies`] finds none.
+    pub fn parse_rigid_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let (parts, notices) = read_records(path, text, "bdyty", read_bodies)?;
-        Ok((Bodies(parts.into_iter().flatten().collect()), notices))
+        let mut bodies = Vec::with_capacity(parts.iter().map(Vec::len).sum());
+        parts.into_iter().for_each(|of_part| bodies.extend(of_part));
+        Ok((Bodies(bodies), notices))
     }
 
     /// Position, from 1, of the body with a number in the file `path` that is not that of another position.
@@ -150,8 +158,10 @@ impl Bodies {
         self.text_with(format_long14)
     }
 
-    fn text_with(&self, real: fn(f64) -> String) -> String {
-        text_of_records(&self.0, |out, k, body| write_body(out, k + 1, body, real))
+    fn text_with(&self, real: fn(f64) -> RealText) -> String {
+        let mut out = String::new();
+        put_records(&mut out, &self.0, |out, k, body| write_body(out, k + 1, body, real));
+        out
     }
 }
 
@@ -162,7 +172,11 @@ fn read_bodies(scan: &mut LineScanner, mut position: usize) -> Vec<Body> {
         scan.skip_to_keyword("bdyty");
         let Some(begin) = scan.peek_line() else { break };
         position += usize::from(begin.keyword() == "bdyty");
-        scan.set_object(if position == 0 { "file".into() } else { format!("body {position}") });
+        if position == 0 {
+            scan.set_object("file");
+        } else {
+            scan.set_object(format_args!("body {position}"));
+        }
         let body = scan.expect_keyword("bdyty").and_then(|_| read_body(scan, begin.number, position as u64));
         if body.is_none() {
             scan.skip_record();
@@ -176,14 +190,14 @@ fn read_bodies(scan: &mut LineScanner, mut position: usize) -> Vec<Body> {
 }
 
 /// Reads the record after `$bdyty`; `None` after a fault that leaves the scan inside the record.
-fn read_body(scan: &mut LineScanner, begin: usize, position: u64) -> Option<Body> {
+fn read_body(scan: &mut LineScanner, begin: usize, number: u64) -> Option<Body> {
     let line = scan.expect_line("expected RBDY3 and the number of the body", TextLine::is_data)?;
     if !scan.expect_rigid_body(line, 2) {
         return None;
     }
     // LMGC90 ignores the number, and writes stars for bodies above 99 999.
     let is_stars = !line.columns(7, 15).trim().is_empty() && line.columns(7, 15).trim().chars().all(|c| c == '*');
-    if is_stars || scan.read_integer(line, (7, 15), "number").is_some_and(|written| written != position) {
+    if is_stars || scan.read_integer(line, (7, 15), "number").is_some_and(|written| written != number) {
         scan.add_form(LenientForm::BodyNumber, line.number);
     }
 
@@ -204,16 +218,15 @@ fn read_body(scan: &mut LineScanner, begin: usize, position: u64) -> Option<Body
     scan.read_grid(angles, ["coo4", "coo5", "coo6"]);
 
     let tacty = scan.expect_keyword("tacty")?;
-    let body = scan.current_object().to_string();
     let mut contactors = Vec::new();
     let mut all_read = true;
-    for number in 1.. {
-        scan.set_object(body.as_str());
+    for k in 1.. {
+        scan.set_object(format_args!("body {number}"));
         if scan.next_line_if(|line| line.keyword() == "$$$$$").is_some() {
             break;
         }
         let line = scan.expect_line("expected a contactor or $$$$$$", TextLine::is_data)?;
-        scan.set_object(format!("{body}, contactor {} {number}", line.keyword().trim()));
+        scan.set_object(format_args!("body {number}, contactor {} {k}", line.keyword().trim()));
         let contactor = read_contactor(scan, line);
         all_read &= contactor.is_some();
         contactors.extend(contactor);
@@ -418,7 +431,7 @@ fn read_mesh(scan: &mut LineScanner, vertex_count: u64, lines: &[TextLine]) -> M
     (vertices, triangles)
 }
 
-fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> String) {
+fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> RealText) {
     let coordinates = ["coo1=", "coo2=", "coo3="];
     let polyhedral = body.contactors.iter().any(|contactor| matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
     let real = if polyhedral { format_long14 } else { real };

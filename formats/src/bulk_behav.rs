@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_long14, put_text};
+use crate::scan::{AsciiText, LineScanner, RealText, TextLine, format_e14, format_long14, put_text};
 
 /// Content of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -98,7 +98,7 @@ impl BulkBehav {
     }
 
     /// Text of the file with numbers formatted by `real`.
-    fn text_with(&self, real: fn(f64) -> String) -> String {
+    fn text_with(&self, real: fn(f64) -> RealText) -> String {
         let mut out = String::from("$gravy\n");
         for (k, column) in GRAVITY_COLUMNS.iter().enumerate() {
             put_text(&mut out, column - 5, format_args!("grv{}={}", k + 1, real(self.gravity[k])));

@@ -5,10 +5,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
-use crate::scan::parts::{read_records, text_of_records};
+use crate::scan::parts::{put_records, read_records};
 use crate::scan::{
-    AsciiText, DASHED_LINE, FRAME_TOLERANCE, LineScanner, TextLine, format_d14, format_integer, format_long14,
-    fortran_real, frame_defect, put_grid, put_steps,
+    AsciiText, DASHED_LINE, FRAME_TOLERANCE, LineScanner, RealText, TextLine, format_d14, format_integer,
+    format_long14, fortran_real, frame_defect, put_grid, put_steps,
 };
 
 /// Content of the file.
@@ -63,11 +63,15 @@ impl Dof {
             (head, read_bodies(scan, before))
         })?;
         let (step, time) = parts[0].0.expect("the first part has the head");
-        let bodies: Vec<BodyDof> = parts.into_iter().flat_map(|(_, bodies)| bodies).collect();
-        let (mut faults, mut lines) = (Faults::default(), HashMap::with_capacity(bodies.len()));
-        for body in &bodies {
-            if let Some(found) = repetition(&mut lines, body) {
-                faults.push(Fault::new(path, Some(body.line), object_name(body.body), found, ONCE));
+        let mut bodies = Vec::with_capacity(parts.iter().map(|(_, bodies)| bodies.len()).sum());
+        parts.into_iter().for_each(|(_, of_part)| bodies.extend(of_part));
+        let (mut faults, mut lines) = (Faults::default(), HashMap::new());
+        // In rising order, as all programs write them, no body is repeated.
+        if !bodies.is_sorted_by(|a, b| a.body < b.body) {
+            for body in &bodies {
+                if let Some(found) = repetition(&mut lines, body) {
+                    faults.push(Fault::new(path, Some(body.line), object_name(body.body), found, ONCE));
+                }
             }
         }
         Ok((faults.into_result(Dof { step, time, bodies })?, notices))
@@ -78,9 +82,10 @@ impl Dof {
     ///
     /// Numbers must be finite and below 1e100; step and bodies have seven columns.
     pub fn to_text(&self) -> String {
-        let mut head = String::new();
-        put_steps(&mut head, "DOF", self.step, self.time);
-        head + &text_of_records(&self.bodies, |out, _, body| write_record(out, body)) + DASHED_LINE + DASHED_LINE
+        let mut out = String::new();
+        put_steps(&mut out, "DOF", self.step, self.time);
+        put_records(&mut out, &self.bodies, |out, _, body| write_record(out, body));
+        out + DASHED_LINE + DASHED_LINE
     }
 }
 
@@ -97,7 +102,7 @@ fn write_record(out: &mut String, BodyDof { body, displacement, velocity, axes, 
 }
 
 /// Formats by [`format_d14`] if that is exact.
-fn format_axis(x: f64) -> String {
+fn format_axis(x: f64) -> RealText {
     let short = format_d14(x);
     if fortran_real(&short) == Ok(x) { short } else { format_long14(x) }
 }

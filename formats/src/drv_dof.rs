@@ -6,7 +6,9 @@ use std::path::Path;
 
 use crate::atomic::path_exists;
 use crate::error::Faults;
-use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_integer, format_long14, free_real, put_text};
+use crate::scan::{
+    AsciiText, LineScanner, RealText, TextLine, format_e14, format_integer, format_long14, free_real, put_text,
+};
 
 /// Driven components, in the order of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -173,7 +175,7 @@ impl DrvDof {
         self.text_with(format_long14)
     }
 
-    fn text_with(&self, real: fn(f64) -> String) -> String {
+    fn text_with(&self, real: fn(f64) -> RealText) -> String {
         let mut out = String::new();
         for driven in self.0.chunk_by(|a, b| a.body == b.body) {
             // Columns 7-15 are read; up to 13 are written, as pre does, while they suffice.

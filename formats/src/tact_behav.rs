@@ -6,7 +6,9 @@ use std::path::Path;
 use crate::error::{Fault, Faults};
 use crate::law_table::{FileLimit, LawEntry, LawError, LawModel, law_entry, refusal_reason};
 use crate::ron_text::known_names;
-use crate::scan::{AsciiText, LenientForm, LineScanner, TextLine, format_e14, format_long14, fortran_real, put_text};
+use crate::scan::{
+    AsciiText, LenientForm, LineScanner, RealText, TextLine, format_e14, format_long14, fortran_real, put_text,
+};
 use crate::words::{CONTACTOR_TYPES, is_foreign_row};
 
 /// Content of the file.
@@ -211,7 +213,7 @@ impl TactBehav {
         self.text_with(format_long14)
     }
 
-    fn text_with(&self, real: fn(f64) -> String) -> String {
+    fn text_with(&self, real: fn(f64) -> RealText) -> String {
         let mut out = String::new();
         if self.laws.is_empty() && self.visibility.is_empty() {
             out += &format!("{NO_LAWS}\n");

@@ -215,10 +215,10 @@ pub(crate) fn nearest_images(options: &Compute, separation: &Vector3<f64>) -> Ve
 fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
     let mut reported_paths = Vec::new();
-    let mut fault_as = |path: &str, found: String, expected: &str| {
-        if !reported_paths.iter().any(|known| known == path) {
-            report.add_fault(path, found, expected);
-            reported_paths.push(path.to_string());
+    let mut fault_as = |path: String, found: String, expected: &str| {
+        if !reported_paths.contains(&path) {
+            report.add_fault(&path, found, expected);
+            reported_paths.push(path);
         }
     };
     let number = |name: &str, x: f64| format!("{name} {}", number_text(x));
@@ -226,7 +226,7 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
     for (k, (body, state)) in
         write::bodies_file(scene, population).0.iter().zip(write::dof_file(population).bodies).enumerate()
     {
-        let path = population.scene_path(k);
+        let path = || population.scene_path(k);
         let density = scene.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
         let mass = density * sphere_volume(body.equivalent_radius);
         let sizes = [("radius", body.equivalent_radius), ("mass", mass)];
@@ -235,23 +235,23 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
             [moments.iter().fold(f64::INFINITY, |a, b| a.min(*b)), moments.iter().fold(0.0, |a: f64, b| a.max(*b))];
         if least <= f64::EPSILON * most && most < 1e99 {
             let found = "its moment of inertia about its long axis is lost in the rounding of the other two";
-            fault_as(&path, found.to_string(), "a shape at most 1e7 times as long as it is wide");
+            fault_as(path(), found.to_string(), "a shape at most 1e7 times as long as it is wide");
         }
         let inertia = moments.map(|moment| ("inertia", moment));
         for (name, x) in sizes.into_iter().chain(inertia).filter(|(_, x)| !check::is_positive(*x)) {
-            fault_as(&path, number(name, x), expected);
+            fault_as(path(), number(name, x), expected);
         }
         let position = body.position.map(|x| ("position", x));
         let velocity = state.velocity.map(|x| ("velocity", x));
         for (name, x) in position.into_iter().chain(velocity).filter(|(_, x)| !check::fits_files(*x)) {
-            fault_as(&path, number(name, x), expected);
+            fault_as(path(), number(name, x), expected);
         }
     }
     let alert = write::default_alert(population);
     let used =
         !grains.is_empty() && scene.contacts.iter().any(|contact| contact.law.is_some() && contact.alert.is_none());
     if used && !check::is_positive(alert) {
-        fault_as("contacts", number("alert", alert), expected);
+        fault_as("contacts".into(), number("alert", alert), expected);
     }
 }
 

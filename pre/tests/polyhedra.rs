@@ -27,9 +27,9 @@ fn files(text: &str) -> (Bodies, Dof, String) {
         cd_pre::read_scene(Path::new("scene.ron"), text, &[]).unwrap_or_else(|faults| panic!("{faults}"));
     let files = write::datbox_files(&scene, &population);
     let of = |name: &str| files.iter().find(|(known, _)| known == name).unwrap().1.clone();
-    let text = |name: &str| AsciiText::new(of(name).as_bytes());
-    let bodies = Bodies::parse(Path::new("BODIES.DAT"), &text("BODIES.DAT")).unwrap();
-    (bodies, Dof::parse(Path::new("DOF.INI"), &text("DOF.INI")).unwrap(), of("TACT_BEHAV.DAT"))
+    let bodies = Bodies::parse(Path::new("BODIES.DAT"), &AsciiText::new(of("BODIES.DAT").as_bytes())).unwrap();
+    let dof = Dof::parse(Path::new("DOF.INI"), &AsciiText::new(of("DOF.INI").as_bytes())).unwrap();
+    (bodies, dof, of("TACT_BEHAV.DAT"))
 }
 
 fn surface(body: &Body) -> Surface {

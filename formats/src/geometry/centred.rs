@@ -96,8 +96,8 @@ mod tests {
     fn centred_bodies_are_the_same_bodies() {
         for path in ["tests/lmgc90_axes/BODIES.DAT", "tests/good/two-spheres/DATBOX/BODIES.DAT"] {
             let given = bodies(path);
-            let text = AsciiText::new(given.centred().unwrap().to_long_text().as_bytes());
-            let read = Bodies::parse("BODIES.OUT".as_ref(), &text).unwrap();
+            let text = given.centred().unwrap().to_long_text();
+            let read = Bodies::parse("BODIES.OUT".as_ref(), &AsciiText::new(text.as_bytes())).unwrap();
             for (body, centred) in given.0.iter().zip(&read.0) {
                 let own = body.mass_properties().unwrap();
                 let again = centred.mass_properties().unwrap();

@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Write};
 
-use super::numbers::{format_d14, format_integer};
+use super::numbers::{RealText, format_d14, format_integer};
 
 /// First columns of the three reals of a grid line.
 pub const GRID_COLUMNS: [usize; 3] = [35, 56, 77];
@@ -15,10 +15,20 @@ pub fn put_text(out: &mut String, column: usize, text: impl Display) {
 }
 
 /// Writes a grid line: `head` in columns 1-29, then up to three reals, formatted by `real`, after their labels.
-pub fn put_grid(out: &mut String, head: &str, labels: &[&str], values: &[f64], real: fn(f64) -> String) {
+///
+/// `out` ends with a whole line.
+pub fn put_grid(out: &mut String, head: &str, labels: &[&str], values: &[f64], real: fn(f64) -> RealText) {
+    let line_start = out.len();
     out.push_str(head);
     for ((&value, label), column) in values.iter().zip(labels).zip(GRID_COLUMNS) {
-        put_text(out, column - 5, format_args!("{label:<5}{}", real(value)));
+        let put_blanks_to = |out: &mut String, column: usize| {
+            let blanks = (line_start + column - 1).saturating_sub(out.len());
+            out.extend(std::iter::repeat_n(' ', blanks));
+        };
+        put_blanks_to(out, column - 5);
+        out.push_str(label);
+        put_blanks_to(out, column);
+        out.push_str(&real(value));
     }
     out.push('\n');
 }

@@ -154,7 +154,8 @@ mod tests {
         }
         // Behind a record only what names data stays.
         let behind = |text: &str| {
-            let text = AsciiText::new(format!("$$$$$$\n{text}").as_bytes());
+            let text = format!("$$$$$$\n{text}");
+            let text = AsciiText::new(text.as_bytes());
             let mut scan = LineScanner::new(Path::new("f"), &text);
             scan.next_line();
             scan.skip_to_keyword("bdyty");

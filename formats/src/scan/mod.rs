@@ -21,8 +21,9 @@ mod lenient;
 mod numbers;
 pub mod parts;
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
-use std::fmt::Display;
+use std::fmt::{Display, Write};
 use std::fs;
 use std::path::Path;
 
@@ -30,7 +31,9 @@ use crate::error::{Fault, Faults};
 use crate::names::number_text;
 pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
 pub use forms::{LenientForm, LenientForms};
-pub use numbers::{NumberError, format_d14, format_e14, format_integer, format_long14, fortran_real, free_real};
+pub use numbers::{
+    NumberError, RealText, format_d14, format_e14, format_integer, format_long14, fortran_real, free_real,
+};
 use numbers::{REAL_WIDTH, number_fault};
 
 /// Largest error of an axis or frame in the files against an orthonormal one; they have seven digits.
@@ -40,9 +43,9 @@ const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Text of a file as ASCII, so that bytes are columns. Any other byte becomes a control character, which is allowed in
 /// comments only.
-pub struct AsciiText(String);
+pub struct AsciiText<'a>(Cow<'a, str>);
 
-impl AsciiText {
+impl AsciiText<'static> {
     /// Reads the text of a file. A file that cannot be read, or is not text with one byte a letter, is a fault.
     pub fn read_file(path: &Path) -> Result<Self, Faults> {
         let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
@@ -50,22 +53,27 @@ impl AsciiText {
             let found = "no text, or with two bytes a letter (UTF-16)";
             return Err(Fault::new(path, None, "file", found, "expected text in ASCII or UTF-8").into());
         }
-        Ok(match bytes.starts_with(BYTE_ORDER_MARK) {
-            true => AsciiText::new(&bytes),
-            false => String::from_utf8(bytes).map_or_else(|error| AsciiText::new(error.as_bytes()), AsciiText::of),
+        Ok(match String::from_utf8(bytes) {
+            Ok(text) if text.is_ascii() => AsciiText(text.into()),
+            Ok(text) => AsciiText::new(text.as_bytes()).into_owned(),
+            Err(error) => AsciiText::new(error.as_bytes()).into_owned(),
         })
     }
+}
 
+impl<'a> AsciiText<'a> {
     /// Text of a file with these bytes, without a byte order mark.
-    pub fn new(bytes: &[u8]) -> Self {
+    pub fn new(bytes: &'a [u8]) -> Self {
         let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
+        if let Some(text) = std::str::from_utf8(bytes).ok().filter(|text| text.is_ascii()) {
+            return AsciiText(text.into());
+        }
         let ascii = |&byte: &u8| if byte.is_ascii() { byte } else { b'\x1a' };
-        AsciiText::of(String::from_utf8(bytes.iter().map(ascii).collect()).expect("all bytes are ASCII"))
+        AsciiText(String::from_utf8(bytes.iter().map(ascii).collect()).expect("all bytes are ASCII").into())
     }
 
-    /// The text if it is ASCII, else with one byte for each of its bytes.
-    fn of(text: String) -> Self {
-        if text.is_ascii() { AsciiText(text) } else { AsciiText::new(text.as_bytes()) }
+    fn into_owned(self) -> AsciiText<'static> {
+        AsciiText(self.0.into_owned().into())
     }
 
     /// The whole text as one part.
@@ -181,9 +189,14 @@ impl<'a> TextLine<'a> {
         column > 1 && ["", "="].contains(&self.columns(column - 1, column - 1).trim())
     }
 
+    /// First byte that is not a blank; `None` of a blank line.
+    fn first_letter(self) -> Option<u8> {
+        self.text.bytes().find(|byte| !matches!(byte, b' ' | b'\t'..=b'\r'))
+    }
+
     /// Whether it is a comment, in any column.
     fn is_comment(self) -> bool {
-        self.text.trim_start().starts_with(['!', '#'])
+        matches!(self.first_letter(), Some(b'!' | b'#'))
     }
 }
 
@@ -202,14 +215,14 @@ pub struct LineScanner<'a> {
 
 impl<'a> LineScanner<'a> {
     /// Scanner at the first line of `text`; `path` is for messages.
-    pub fn new(path: &'a Path, text: &'a AsciiText) -> Self {
+    pub fn new(path: &'a Path, text: &'a AsciiText<'_>) -> Self {
         LineScanner::of_part(path, text.whole())
     }
 
     /// Scanner at the first line of a part of a text.
     fn of_part(path: &'a Path, part: TextPart<'a>) -> Self {
         let (comments, lines): (Vec<TextLine>, Vec<_>) =
-            part.lines().filter(|line| !line.text.trim().is_empty()).partition(|line| line.is_comment());
+            part.lines().filter(|line| line.first_letter().is_some()).partition(|line| line.is_comment());
         let indented = comments.iter().filter(|line| !line.text.starts_with(['!', '#'])).map(|line| line.number);
         let indented_comments: BTreeSet<usize> = indented.collect();
         let mut forms = LenientForms::default();
@@ -247,8 +260,9 @@ impl<'a> LineScanner<'a> {
     }
 
     /// Names the object of the next faults.
-    pub fn set_object(&mut self, object: impl Into<String>) {
-        self.object = object.into();
+    pub fn set_object(&mut self, object: impl Display) {
+        self.object.clear();
+        let _ = write!(self.object, "{object}"); // a String takes all
     }
 
     /// Object that [`LineScanner::set_object`] has set last.

@@ -1,6 +1,8 @@
 //! Numbers of LMGC90's text files: reading and formatting.
 
-use std::fmt::Display;
+use std::fmt::{Display, Write};
+
+use arrayvec::ArrayString;
 
 /// Number of columns of a real.
 pub const REAL_WIDTH: usize = 14;
@@ -85,25 +87,41 @@ fn plain_real(field: &str) -> Option<f64> {
     std::str::from_utf8(copy).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
+/// Text of a number, without a heap allocation: [`REAL_WIDTH`] letters, or up to 32 while it is being made.
+pub type RealText = ArrayString<32>;
+
 /// Formats a real in 14 columns as C's `%14.7E`, eight digits: ` 1.2345679E+00`. For input files.
 ///
 /// Numbers below 1e-99 in size are written as zero, since a third digit of the exponent would not fit. Numbers that
 /// cannot be written (1e100 and more, NaN, infinities) become 14 stars, as in Fortran, which no reader accepts as a
 /// number. Callers check their values beforehand.
-pub fn format_e14(x: f64) -> String {
-    let Some((minus, digits, exponent)) = decimal_digits(x, 7) else { return "*".repeat(REAL_WIDTH) };
-    let (first, rest) = digits.split_at(1);
-    format!("{minus}{first}.{rest}E{exponent:+03}")
+pub fn format_e14(x: f64) -> RealText {
+    if x == 0.0 {
+        return fixed_text(if x.is_sign_negative() { "-0.0000000E+00" } else { " 0.0000000E+00" });
+    }
+    let Some((minus, mantissa, exponent)) = scientific_parts::<7>(x) else { return fixed_text(STARS) };
+    let mut text = fixed_text(minus);
+    text.push_str(&mantissa);
+    put_exponent(&mut text, 'E', exponent);
+    text
 }
 
 /// Formats a real in 14 columns as Fortran's `D14.7`, seven digits: ` 0.1234568D+01`. For state files; same bounds as
 /// [`format_e14`].
-pub fn format_d14(x: f64) -> String {
-    let Some((minus, digits, exponent)) = decimal_digits(x, 6) else { return "*".repeat(REAL_WIDTH) };
-    match exponent + i32::from(x.abs() >= SMALLEST_REAL) {
-        100 => format!("{minus}0.{digits}+100"), // Fortran drops the letter
-        exponent => format!("{minus}0.{digits}D{exponent:+03}"),
+pub fn format_d14(x: f64) -> RealText {
+    if x == 0.0 {
+        return fixed_text(if x.is_sign_negative() { "-0.0000000D+00" } else { " 0.0000000D+00" });
     }
+    let Some((minus, mantissa, exponent)) = scientific_parts::<6>(x) else { return fixed_text(STARS) };
+    let mut text = fixed_text(minus);
+    text.push_str("0.");
+    text.push_str(&mantissa[..1]);
+    text.push_str(&mantissa[2..]);
+    match exponent + i32::from(x.abs() >= SMALLEST_REAL) {
+        100 => text.push_str("+100"), // Fortran drops the letter
+        exponent => put_exponent(&mut text, 'D', exponent),
+    }
+    text
 }
 
 /// Formats a real in 14 columns with as many digits as fit: as [`format_e14`] if that is exact or has the most digits,
@@ -113,33 +131,56 @@ pub fn format_d14(x: f64) -> String {
 ///
 /// ```
 /// use cd_formats::scan::format_long14;
-/// assert_eq!(format_long14(2.0 / 3.0), " 0.66666666667");
-/// assert_eq!(format_long14(-1234.56789012345), "-1234.56789012");
-/// assert_eq!(format_long14(0.25), " 2.5000000E-01");
+/// assert_eq!(&format_long14(2.0 / 3.0), " 0.66666666667");
+/// assert_eq!(&format_long14(-1234.56789012345), "-1234.56789012");
+/// assert_eq!(&format_long14(0.25), " 2.5000000E-01");
 /// ```
-pub fn format_long14(x: f64) -> String {
+pub fn format_long14(x: f64) -> RealText {
     let short = format_e14(x);
     let size = x.abs();
-    if !(1e-3..1e11).contains(&size) || fortran_real(&short) == Ok(x) {
+    // Larger numbers below 1e11 round to it, which leaves no column for the point.
+    if !(1e-3..99_999_999_999.95).contains(&size) || fortran_real(&short) == Ok(x) {
         return short;
     }
     let minus = if x.is_sign_negative() { '-' } else { ' ' };
     // Sign, point, and the digits before it; one digit less where rounding gives a power of ten.
-    let before = format!("{:.0}", size.trunc()).len();
-    let long = format!("{minus}{size:.*}", REAL_WIDTH - 2 - before);
-    if long.len() == REAL_WIDTH { long } else { format!("{minus}{size:.*}", REAL_WIDTH - 3 - before) }
+    let before = (size as u64).checked_ilog10().unwrap_or(0) as usize + 1;
+    let with = |decimals: usize| {
+        let mut text = RealText::new();
+        write!(text, "{minus}{size:.decimals$}").expect("at most 26 letters");
+        text
+    };
+    let long = with(REAL_WIDTH - 2 - before);
+    if long.len() == REAL_WIDTH { long } else { with(REAL_WIDTH - 3 - before) }
 }
 
 const SMALLEST_REAL: f64 = 1e-99;
 
-/// Sign (or blank), digits without point (one before it, `after` behind it), exponent of ten of the first digit.
-fn decimal_digits(x: f64, after: usize) -> Option<(char, String, i32)> {
+/// Text of a number that does not fit its columns.
+const STARS: &str = "**************";
+
+fn fixed_text(text: &str) -> RealText {
+    RealText::from(text).expect("at most 14 letters")
+}
+
+/// Sign (or blank), mantissa with `AFTER` digits behind its point, exponent of ten; `None` if it does not fit its columns.
+fn scientific_parts<const AFTER: usize>(x: f64) -> Option<(&'static str, RealText, i32)> {
     let size = if x.abs() < SMALLEST_REAL { 0.0 } else { x.abs() };
-    let text = format!("{size:.after$e}");
-    let (mantissa, exponent) = text.split_once('e')?; // NaN and infinities have none
-    let exponent: i32 = exponent.parse().ok()?;
-    let minus = if x.is_sign_negative() { '-' } else { ' ' };
-    (exponent <= 99).then(|| (minus, mantissa.replace('.', ""), exponent))
+    let mut text = RealText::new();
+    write!(text, "{size:.AFTER$e}").ok()?;
+    let exponent: i32 = text.get(AFTER + 3..)?.parse().ok()?; // NaN and infinities have none
+    text.truncate(AFTER + 2);
+    (exponent <= 99).then(|| (if x.is_sign_negative() { "-" } else { " " }, text, exponent))
+}
+
+/// Appends the letter of an exponent of at most two digits, its sign and its digits.
+fn put_exponent(text: &mut RealText, letter: char, exponent: i32) {
+    let digits = exponent.unsigned_abs() as u8;
+    for letter in
+        [letter, if exponent < 0 { '-' } else { '+' }, (b'0' + digits / 10).into(), (b'0' + digits % 10).into()]
+    {
+        text.push(letter);
+    }
 }
 
 /// Formats an integer right-aligned in `width` columns; stars, as in Fortran, if it does not fit.
@@ -216,7 +257,20 @@ mod tests {
                 assert_eq!(fortran_real(&format_long14(read)), Ok(read));
             }
         }
-        assert_eq!([0.0, -2.5, 1e100].map(format_long14), [" 0.0000000E+00", "-2.5000000E+00", "**************"]);
+        let texts = [0.0, -2.5, 1e100].map(|x| format_long14(x).to_string());
+        assert_eq!(texts, [" 0.0000000E+00", "-2.5000000E+00", STARS]);
+    }
+
+    #[test]
+    fn long_reals_have_fourteen_columns_next_to_powers_of_ten() {
+        for power in -3..11 {
+            for mantissa in [1.0, 1.0 + 1e-15, 1.234_567_890_123_45, 9.999_999_999_999_99, 9.999_999_49] {
+                let x = mantissa * 10f64.powi(power);
+                let text = format_long14(x);
+                assert_eq!(text.len(), REAL_WIDTH, "{text} of {x:e}");
+                assert!((fortran_real(&text).unwrap() / x - 1.0).abs() <= 5e-9, "{text} of {x:e}");
+            }
+        }
     }
 
     #[test]
@@ -239,7 +293,7 @@ mod tests {
             (f64::NAN, "**************"),
             (f64::NEG_INFINITY, "**************"),
         ] {
-            assert_eq!(format_e14(x), text, "{x:e}");
+            assert_eq!(format_e14(x).as_str(), text, "{x:e}");
         }
     }
 
@@ -259,7 +313,7 @@ mod tests {
             (1e100, "**************"),
             (f64::INFINITY, "**************"),
         ] {
-            assert_eq!(format_d14(x), text, "{x:e}");
+            assert_eq!(format_d14(x).as_str(), text, "{x:e}");
         }
     }
 

@@ -12,12 +12,12 @@ const PART_SIZE: usize = 1 << 20;
 /// Number of records of one task of writing: enough to hide its cost.
 const RECORDS_PER_TASK: usize = 1024;
 
-impl AsciiText {
+impl AsciiText<'_> {
     /// The text in parts, each of which but the first begins with a line `$keyword`.
     fn parts(&self, keyword: &str) -> Vec<TextPart<'_>> {
         let begin = format!("\n${keyword}");
         let mut texts = Vec::new();
-        let mut rest = self.0.as_str();
+        let mut rest: &str = &self.0;
         // Cut where a line begins: behind its end of line.
         while let Some(at) = rest.get(PART_SIZE..).and_then(|behind| behind.find(&begin)) {
             let (part, behind) = rest.split_at(PART_SIZE + at + 1);
@@ -28,9 +28,10 @@ impl AsciiText {
         if texts.len() == 1 {
             return vec![self.whole()];
         }
+        // Only the last part may end within a line, and nothing follows its counts.
         let count = |text: &&str| {
-            let is_record = |line: &&str| line.get(1..6) == Some(keyword);
-            (text.bytes().filter(|&byte| byte == b'\n').count(), text.lines().filter(is_record).count())
+            let is_record = |line: &str| usize::from(line.get(1..6) == Some(keyword));
+            text.lines().fold((0, 0), |(lines, records), line| (lines + 1, records + is_record(line)))
         };
         let counts: Vec<(usize, usize)> = texts.par_iter().map(count).collect();
         let mut before = (0, 0);
@@ -78,19 +79,24 @@ pub fn read_records<T: Send>(
     scan.finish_with_notices(vec![value])
 }
 
-/// Text of all records, one after the other; `write` appends that of a record, with its index.
-pub fn text_of_records<T: Sync>(records: &[T], write: impl Fn(&mut String, usize, &T) + Sync) -> String {
-    let of_task = |(task, records): (usize, &[T])| {
-        let mut out = String::new();
+/// Appends the text of all records, one after the other; `write` appends that of a record, with its index.
+pub fn put_records<T: Sync>(out: &mut String, records: &[T], write: impl Fn(&mut String, usize, &T) + Sync) {
+    let put_task = |out: &mut String, (task, records): (usize, &[T])| {
         for (k, record) in records.iter().enumerate() {
-            write(&mut out, task * RECORDS_PER_TASK + k, record);
+            write(out, task * RECORDS_PER_TASK + k, record);
         }
-        out
     };
     if records.len() <= RECORDS_PER_TASK {
-        return of_task((0, records));
+        return put_task(out, (0, records));
     }
-    records.par_chunks(RECORDS_PER_TASK).enumerate().map(of_task).collect::<Vec<String>>().concat()
+    let of_task = |task: (usize, &[T])| {
+        let mut out = String::new();
+        put_task(&mut out, task);
+        out
+    };
+    let texts: Vec<String> = records.par_chunks(RECORDS_PER_TASK).enumerate().map(of_task).collect();
+    out.reserve(texts.iter().map(String::len).sum());
+    texts.iter().for_each(|text| out.push_str(text));
 }
 
 #[cfg(test)]
@@ -98,13 +104,14 @@ mod tests {
     use super::*;
 
     /// Records of a number each, long enough for several parts.
-    fn numbers(count: usize, wrong: Option<usize>) -> AsciiText {
+    fn numbers(count: usize, wrong: Option<usize>) -> AsciiText<'static> {
         let records: Vec<usize> = (0..count).collect();
-        let text = text_of_records(&records, |out, k, record| {
+        let mut text = String::new();
+        put_records(&mut text, &records, |out, k, record| {
             let word = if wrong == Some(k) { "wrong".into() } else { format!("{record:12}.0") };
             *out += &format!("$numbr\n{:34}{word}\n$$$$$$\n", "");
         });
-        AsciiText::new(format!("! head\n{text}").as_bytes())
+        AsciiText::new(format!("! head\n{text}").as_bytes()).into_owned()
     }
 
     fn read(text: &AsciiText) -> Result<(Vec<Vec<f64>>, Vec<String>), Faults> {

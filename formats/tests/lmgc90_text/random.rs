@@ -387,11 +387,11 @@ fn long_texts_hold_what_their_columns_hold() {
             Evolution::Harmonic { constant: x, amplitude: -x, omega: x, phase: -x, ramp_start: x, ramp_rate: -x };
         DrvDof(vec![DrivenComponent { line: 6, body: 0, component: 0, kind: DrivenKind::Force, evolution }])
     };
-    let (path, text) = (Path::new("f"), |text: String| AsciiText::new(text.as_bytes()));
-    assert_eq!(Bodies::parse(path, &text(bodies(long).to_long_text())), Ok(bodies(long)));
-    assert_eq!(BulkBehav::parse(path, &text(bulk(long).to_long_text())), Ok(bulk(long)));
-    assert_eq!(TactBehav::parse(path, &text(tact(long).to_long_text())), Ok(tact(long)));
-    assert_eq!(DrvDof::parse(path, &text(driven(long).to_long_text())), Ok(driven(long)));
+    let path = Path::new("f");
+    assert_eq!(Bodies::parse(path, &AsciiText::new(bodies(long).to_long_text().as_bytes())), Ok(bodies(long)));
+    assert_eq!(BulkBehav::parse(path, &AsciiText::new(bulk(long).to_long_text().as_bytes())), Ok(bulk(long)));
+    assert_eq!(TactBehav::parse(path, &AsciiText::new(tact(long).to_long_text().as_bytes())), Ok(tact(long)));
+    assert_eq!(DrvDof::parse(path, &AsciiText::new(driven(long).to_long_text().as_bytes())), Ok(driven(long)));
     assert_eq!(bodies(short).to_long_text(), bodies(short).to_text());
     assert_eq!(bulk(short).to_long_text(), bulk(short).to_text());
     assert_eq!(tact(short).to_long_text(), tact(short).to_text());

@@ -20,22 +20,29 @@ pub struct FolderReader<'a> {
 }
 
 impl<'a> FolderReader<'a> {
-    /// Reader of the folder `datbox`.
+    /// Reader of the folder `datbox`, and its bodies; `None` after a fault.
     ///
     /// Errors: a folder of 2D or deformable bodies, of which each line would be a fault.
-    pub fn new(datbox: &'a Path) -> Result<FolderReader<'a>, Faults> {
+    pub fn new(datbox: &'a Path) -> Result<(FolderReader<'a>, Option<Bodies>), Faults> {
+        let mut reader = FolderReader { datbox, faults: Faults::default(), notices: Vec::new() };
         let path = datbox.join("BODIES.DAT");
-        match AsciiText::read_file(&path).ok().and_then(|text| foreign_bodies(&path, &text)) {
-            Some(fault) => Err(fault.into()),
-            None => Ok(FolderReader { datbox, faults: Faults::default(), notices: Vec::new() }),
+        let text = AsciiText::read_file(&path);
+        if let Some(fault) = text.as_ref().ok().and_then(|text| foreign_bodies(&path, text)) {
+            return Err(fault.into());
         }
+        let bodies = reader.gather_parsed(text.and_then(|text| Bodies::parse_rigid_with_notices(&path, &text)));
+        Ok((reader, bodies))
     }
 
     /// Value of a file; `None` after a fault.
     pub fn read<T>(&mut self, name: &str, parse: Parser<T>) -> Option<T> {
         let path = self.datbox.join(name);
-        let read = AsciiText::read_file(&path).and_then(|text| parse(&path, &text));
-        let (value, notices) = self.faults.gather_result(read)?;
+        self.gather_parsed(AsciiText::read_file(&path).and_then(|text| parse(&path, &text)))
+    }
+
+    /// Value of a file that has been read, whose faults or notices it keeps.
+    fn gather_parsed<T>(&mut self, parsed: Result<(T, Vec<String>), Faults>) -> Option<T> {
+        let (value, notices) = self.faults.gather_result(parsed)?;
         self.notices.extend(notices);
         Some(value)
     }

@@ -57,8 +57,7 @@ impl DatboxFiles {
     fn read(datbox: &Path, flags: &ComputeFlags) -> Result<(DatboxFiles, Faults), Faults> {
         let mut faults = Faults::default();
         let options = faults.gather_result(read_options(datbox, flags));
-        let mut files = FolderReader::new(datbox)?;
-        let bodies = files.read("BODIES.DAT", Bodies::parse_with_notices);
+        let (mut files, bodies) = FolderReader::new(datbox)?;
         let bulk = files.read("BULK_BEHAV.DAT", BulkBehav::parse_with_notices);
         let tact = files.read("TACT_BEHAV.DAT", TactBehav::parse_with_notices);
         let driven = files.read_optional("DRV_DOF.DAT", DrvDof::parse_with_notices, None);
