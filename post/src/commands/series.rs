@@ -57,11 +57,17 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
         for plot in &write::plots::PLOTS {
             atomic::write(&postpro.join(plot.file), plot.to_figure(&rows).to_svg().as_bytes())?;
         }
-        let picture = |shade| write::picture::svg(last, shade);
-        atomic::write(&postpro.join("aggregate.svg"), picture(PictureColouring::Neighbours).as_bytes())?;
-        atomic::write(&postpro.join("aggregate_energy.svg"), picture(PictureColouring::KineticEnergy).as_bytes())?;
         let frames: Vec<&Frame> = frames.iter().collect();
-        atomic::write(&postpro.join("snapshots.svg"), write::picture::snapshots_svg(&frames).as_bytes())?;
+        let picture = |shade| write::picture::svg(last, shade);
+        let ((neighbours, energy), snapshots) = rayon::join(
+            || rayon::join(|| picture(PictureColouring::Neighbours), || picture(PictureColouring::KineticEnergy)),
+            || write::picture::snapshots_svg(&frames),
+        );
+        for (name, text) in
+            [("aggregate.svg", neighbours), ("aggregate_energy.svg", energy), ("snapshots.svg", snapshots)]
+        {
+            atomic::write(&postpro.join(name), text.as_bytes())?;
+        }
         print_line(format_args!("  plots    {}", postpro.join("*.svg").display()));
     }
     let mut notes = result_notes(&rows);

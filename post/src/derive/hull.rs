@@ -10,6 +10,9 @@ const DIRECTION_COUNT: usize = 4000;
 /// Coordinates are integers of this many bits, so that a determinant of three differences fits 128 bits exactly.
 const COORDINATE_BITS: i32 = 38;
 
+/// Bound of the rounding errors of a distance and of a product of vectors, over their size: a few 10^-16.
+const BOUND_ROUNDING: f64 = 1e-14;
+
 /// Points are displaced by up to this many units, 10^-8 of the extent, so that no four lie in one plane.
 const MAX_JOGGLE: i64 = 1 << 11;
 
@@ -31,15 +34,26 @@ pub fn hull_volume(balls: &[(Vec3, f64)]) -> f64 {
     let equal = |excess: f64| excess <= 1e-12 * most;
     let mut points: Vec<Vec3> = reduced().filter(|(_, excess)| equal(*excess)).map(|(x, _)| *x).collect();
     if points.len() < balls.len() {
+        // From the outermost ball inwards, so that a search ends at the first that cannot reach beyond the farthest.
+        let centre = balls.iter().map(|ball| ball.0).sum::<Vec3>() / balls.len() as f64;
+        let bound = |(x, excess): (&Vec3, f64)| ((x - centre).norm() + excess) * (1.0 + BOUND_ROUNDING);
+        let mut bounds: Vec<(f64, usize)> = reduced().map(bound).zip(0..).collect();
+        bounds.sort_unstable_by(|(a, i), (b, j)| b.total_cmp(a).then(i.cmp(j)));
+        let size = balls.iter().map(|(x, _)| x.norm()).fold(most, f64::max);
         let farthest = |u: Vec3| {
-            let (mut most, mut point) = (f64::NEG_INFINITY, Vec3::zeros());
-            for (x, excess) in reduced() {
-                let reach = x.dot(&u) + excess;
-                if reach > most {
-                    (most, point) = (reach, x + excess * u);
+            let (mut most, mut index) = (f64::NEG_INFINITY, 0);
+            let start = centre.dot(&u) + BOUND_ROUNDING * size;
+            for &(bound, k) in &bounds {
+                if start + bound < most {
+                    break;
+                }
+                let reach = balls[k].0.dot(&u) + (balls[k].1 - r);
+                // The first of equal ones, in the order of the balls.
+                if reach > most || (reach == most && k < index) {
+                    (most, index) = (reach, k);
                 }
             }
-            point
+            balls[index].0 + (balls[index].1 - r) * u
         };
         points.extend(spiral_directions(DIRECTION_COUNT).map(farthest));
     }
