@@ -265,11 +265,6 @@ impl<'a> LineScanner<'a> {
         let _ = write!(self.object, "{object}"); // a String takes all
     }
 
-    /// Object that [`LineScanner::set_object`] has set last.
-    pub fn current_object(&self) -> &str {
-        &self.object
-    }
-
     /// Adds a fault of the present object.
     pub fn add_fault(&mut self, line: usize, found: impl Into<String>, expected: impl Into<String>) {
         self.faults.push(Fault::new(self.path, Some(line), self.object.as_str(), found, expected));
