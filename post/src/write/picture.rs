@@ -234,19 +234,22 @@ pub fn svg(frame: &Frame, colouring: PictureColouring) -> String {
     let mut text = svg_head(PICTURE_SIDE + STRIP_WIDTH, PICTURE_SIDE);
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
     let scale = ColourScale::new(colouring, &[frame]);
-    draw_state(frame, &scale, 0, 1.0, &mut put);
+    draw_state(frame, &ViewWindow::of_frame(frame), &scale, 0, 1.0, &mut put);
     scale.draw_legend(PICTURE_SIDE + 20.0, &mut put);
     put("</svg>".into());
     text
 }
 
-/// Text of the SVG file of several states side by side: above by kinetic energy, below by neighbours, each row on one scale
-/// of colours.
+/// Text of the SVG file of several states side by side, on one scale: above by kinetic energy, below by neighbours, each row
+/// with one scale of colours.
 pub fn snapshots_svg(frames: &[&Frame]) -> String {
     const SMALL: f64 = 0.5 * PICTURE_SIDE;
     let wide = SMALL * frames.len() as f64;
     let mut text = svg_head(wide + STRIP_WIDTH, 2.0 * SMALL);
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
+    let windows: Vec<ViewWindow> = frames.iter().map(|frame| ViewWindow::of_frame(frame)).collect();
+    // NaN of states without grains is not the largest.
+    let half = windows.iter().map(|window| window.half).fold(f64::NAN, f64::max);
     for (row, shade) in [PictureColouring::KineticEnergy, PictureColouring::Neighbours].into_iter().enumerate() {
         let scale = ColourScale::new(shade, frames);
         let top = SMALL * row as f64;
@@ -256,7 +259,8 @@ pub fn snapshots_svg(frames: &[&Frame]) -> String {
                 SMALL * column as f64,
                 0.9 * FONT_SIZE * PICTURE_SIDE / SMALL
             ));
-            draw_state(frame, &scale, row * frames.len() + column, PICTURE_SIDE / SMALL, &mut put);
+            let window = ViewWindow { half, ..windows[column] };
+            draw_state(frame, &window, &scale, row * frames.len() + column, PICTURE_SIDE / SMALL, &mut put);
             put("</svg>".into());
         }
         put(format!("<g transform=\"translate(0 {top})\">"));
@@ -278,9 +282,17 @@ fn svg_head(width: f64, height: f64) -> String {
 
 /// Draws one state on a square; `number` distinguishes it from others of the same file. `pixel`: own pixels per pixel of
 /// the file.
-fn draw_state(frame: &Frame, scale: &ColourScale, number: usize, pixel: f64, put: &mut impl FnMut(String)) {
+fn draw_state(
+    frame: &Frame,
+    window: &ViewWindow,
+    scale: &ColourScale,
+    number: usize,
+    pixel: f64,
+    put: &mut impl FnMut(String),
+) {
     let most = scale.max_class();
-    let (discs, pixels) = project_grains(frame, &scale.grain_classes(frame), MIN_GRAIN_RADIUS * pixel);
+    let discs = project_grains(frame, window, &scale.grain_classes(frame), MIN_GRAIN_RADIUS * pixel);
+    let pixels = window.scale();
     let edge = EDGE_WIDTH * pixel;
     let (inside, outside): (Vec<GrainDisc>, Vec<GrainDisc>) = discs.into_iter().partition(|disc| {
         let within = |c: f64| c > -disc.radius && c < PICTURE_SIDE + disc.radius;
@@ -353,32 +365,61 @@ fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
     quantile.or(values.last()).map_or(f64::NAN, |(value, _)| *value)
 }
 
-/// Projections of the grains, with radii of at least `min_radius` pixels, and pixels per metre (NaN without grains).
-fn project_grains(frame: &Frame, classes: &[u32], min_radius: f64) -> (Vec<GrainDisc>, f64) {
-    let view = Rotation3::from_axis_angle(&Vec3::x_axis(), 0.35) * Rotation3::from_axis_angle(&Vec3::z_axis(), -0.5);
-    let positions_in_view: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
-    if positions_in_view.is_empty() {
-        return (vec![], f64::NAN);
+/// Direction from which states are seen: rotation of the axes of the world.
+fn view_rotation() -> Rotation3<f64> {
+    Rotation3::from_axis_angle(&Vec3::x_axis(), 0.35) * Rotation3::from_axis_angle(&Vec3::z_axis(), -0.5)
+}
+
+/// Part of a state that a square picture shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct ViewWindow {
+    /// Middle of the picture, to the right and upwards in the rotated axes, m.
+    middle: [f64; 2],
+    /// Half of its side less the border, m; NaN without grains.
+    half: f64,
+}
+
+impl ViewWindow {
+    /// Window around most of the grains.
+    fn of_frame(frame: &Frame) -> ViewWindow {
+        let view = view_rotation();
+        let positions_in_view: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
+        if positions_in_view.is_empty() {
+            return ViewWindow { middle: [0.0; 2], half: f64::NAN };
+        }
+        let share = |values: &mut Vec<f64>, share: f64| {
+            values.sort_by(f64::total_cmp);
+            values[((values.len() - 1) as f64 * share).round() as usize]
+        };
+        let with_mass =
+            |values: &mut dyn Iterator<Item = f64>| values.zip(frame.grains.iter().map(|g| g.mass)).collect();
+        let middle = |axis: usize| weighted_quantile(with_mass(&mut positions_in_view.iter().map(|x| x[axis])), 0.5);
+        let (x, z) = (middle(0), middle(2));
+        // Distance of each grain from the middle; all grains count if the farthest is no outlier. Two thirds of the
+        // mass of a line are within two thirds of its half length, those of a ball within a larger part of its radius. So
+        // three times this distance contains every connected aggregate.
+        let mut reach: Vec<f64> = positions_in_view
+            .iter()
+            .zip(&frame.grains)
+            .map(|(at, g)| (at.x - x).abs().max((at.z - z).abs()) + g.bounding_radius())
+            .collect();
+        let most = 3.0 * weighted_quantile(with_mass(&mut reach.iter().copied()), 2.0 / 3.0);
+        let most = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95)).min(most);
+        let half = reach.iter().copied().filter(|reach| *reach <= most).fold(0.0, f64::max);
+        ViewWindow { middle: [x, z], half }
     }
-    let share = |values: &mut Vec<f64>, share: f64| {
-        values.sort_by(f64::total_cmp);
-        values[((values.len() - 1) as f64 * share).round() as usize]
-    };
-    let with_mass = |values: &mut dyn Iterator<Item = f64>| values.zip(frame.grains.iter().map(|g| g.mass)).collect();
-    let middle = |axis: usize| weighted_quantile(with_mass(&mut positions_in_view.iter().map(|x| x[axis])), 0.5);
-    let (x, z) = (middle(0), middle(2));
-    // Distance of each grain from the middle; all grains count if the farthest is no outlier. Two thirds of the
-    // mass of a line are within two thirds of its half length, those of a ball within a larger part of its radius. So three
-    // times this distance contains every connected aggregate.
-    let mut reach: Vec<f64> = positions_in_view
-        .iter()
-        .zip(&frame.grains)
-        .map(|(at, g)| (at.x - x).abs().max((at.z - z).abs()) + g.bounding_radius())
-        .collect();
-    let most = 3.0 * weighted_quantile(with_mass(&mut reach.iter().copied()), 2.0 / 3.0);
-    let most = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95)).min(most);
-    let half = reach.iter().copied().filter(|reach| *reach <= most).fold(0.0, f64::max);
-    let scale = (PICTURE_SIDE / 2.0 - BORDER_MARGIN) / half;
+
+    /// Pixels per metre.
+    fn scale(&self) -> f64 {
+        (PICTURE_SIDE / 2.0 - BORDER_MARGIN) / self.half
+    }
+}
+
+/// Projections of the grains on `window`, with radii of at least `min_radius` pixels.
+fn project_grains(frame: &Frame, window: &ViewWindow, classes: &[u32], min_radius: f64) -> Vec<GrainDisc> {
+    let view = view_rotation();
+    let positions_in_view: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
+    let (scale, [x, z]) = (window.scale(), window.middle);
     let to_pixels = |at: &Vec3| [PICTURE_SIDE / 2.0 + scale * (at.x - x), PICTURE_SIDE / 2.0 - scale * (at.z - z)];
     let disc = |((at, grain), &class): ((&Vec3, &Grain), &u32)| {
         let [x, y] = to_pixels(at);
@@ -408,7 +449,7 @@ fn project_grains(frame: &Frame, classes: &[u32], min_radius: f64) -> (Vec<Grain
         }
         GrainDisc { x, y, radius, shapes }
     };
-    (positions_in_view.iter().zip(&frame.grains).zip(classes).map(disc).collect(), scale)
+    positions_in_view.iter().zip(&frame.grains).zip(classes).map(disc).collect()
 }
 
 /// Unit normal of a polygon whose corners are counter-clockwise seen from outside.
@@ -503,8 +544,9 @@ mod tests {
     fn of_a_cube_three_faces_are_seen_and_the_upper_is_the_brightest() {
         let mut scene = Scene::default();
         scene.cube([0.0; 3], 1.0);
-        let (discs, scale) = project_grains(&scene.frame(), &[0], MIN_GRAIN_RADIUS);
-        assert!((discs[0].radius / scale - 3f64.sqrt()).abs() < 1e-14);
+        let window = ViewWindow::of_frame(&scene.frame());
+        let discs = project_grains(&scene.frame(), &window, &[0], MIN_GRAIN_RADIUS);
+        assert!((discs[0].radius / window.scale() - 3f64.sqrt()).abs() < 1e-14);
         let height_and_light = |shape: &PaintedShape| match &shape.outline {
             ShapeOutline::Face { corners, light } => (corners.iter().map(|[_, y]| y).sum::<f64>() / 4.0, *light),
             ShapeOutline::Circle { .. } => panic!("of a cube: {shape:?}"),
@@ -546,12 +588,24 @@ mod tests {
         // A sphere of 1 m fills the picture except for the margin.
         let mut scene = Scene::default();
         scene.grain([0.0, 0.0, 0.0], 1.0);
-        let (discs, scale) = project_grains(&scene.frame(), &[0], MIN_GRAIN_RADIUS);
+        let window = ViewWindow::of_frame(&scene.frame());
+        let (discs, scale) = (project_grains(&scene.frame(), &window, &[0], MIN_GRAIN_RADIUS), window.scale());
         assert!((discs[0].radius - (PICTURE_SIDE / 2.0 - BORDER_MARGIN)).abs() < 1e-9);
         let text = svg(&scene.frame(), PictureColouring::Neighbours);
         let bar = text.split("<path d=\"M30 770h").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
         assert_eq!(bar, format!("{:.2}", 0.2 * scale)); // 160 pixels are 0.46 m
         assert!(text.contains(">200 mm<"));
+    }
+
+    #[test]
+    fn several_states_have_one_scale() {
+        let [mut narrow, mut wide] = [Scene::default(), Scene::default()];
+        narrow.grain([0.0; 3], 1.0);
+        wide.grain([0.0; 3], 5.0);
+        let text = snapshots_svg(&[&narrow.frame(), &Scene::default().frame(), &wide.frame()]);
+        let bars: Vec<&str> =
+            text.split("<path d=\"M30 770h").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
+        assert!(bars.len() == 6 && bars.iter().all(|bar| *bar == bars[0]), "{bars:?}");
     }
 
     #[test]
@@ -562,7 +616,7 @@ mod tests {
         }
         scene.grain([1e9, 0.0, 0.0], 0.5);
         assert!(svg(&scene.frame(), PictureColouring::KineticEnergy).contains("1 of them outside the picture"));
-        assert!(project_grains(&scene.frame(), &[0; 101], MIN_GRAIN_RADIUS).1 > 20.0);
+        assert!(ViewWindow::of_frame(&scene.frame()).scale() > 20.0);
     }
 
     #[test]
@@ -576,7 +630,7 @@ mod tests {
             scene.grain([1e5 * (k as f64 - 9.5), 0.0, 2e5], 0.5);
         }
         assert!(svg(&scene.frame(), PictureColouring::Neighbours).contains("20 of them outside the picture"));
-        assert!(project_grains(&scene.frame(), &[0; 100], MIN_GRAIN_RADIUS).1 > 20.0);
+        assert!(ViewWindow::of_frame(&scene.frame()).scale() > 20.0);
     }
 
     #[test]
