@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::compute::EventAction;
+use cd_formats::law_table::LawModel;
 
 use crate::case::{Case, Figures, equal, near};
 
@@ -71,6 +72,36 @@ fn spheres_cubes_and_clumps_hang_by_the_force_of_one_pair() {
     }
     for (share, holds) in [(0.999, true), (1.001, false)] {
         assert_eq!(hangs(VAN_DER_WAALS, share * 100.0, ball), holds, "van der Waals, {share}");
+    }
+}
+
+/// A simple cubic lattice of spheres has ν = π/6 and Z = 6, and Rumpf's strength along an axis: F/d², the force of a pair on the
+/// area of a sphere's cell.
+#[test]
+fn a_cubic_lattice_has_the_strength_of_the_bulk() {
+    let (strength, diameter) = (50.0, 1.0);
+    let pair = |stress: f64| {
+        LawModel::from_values("IQS_COH_DS_CLB", &[stress, 1e-3, 1e-3, 0.3, 0.3]).unwrap().pair_cohesion().unwrap()
+    };
+    let stress = strength / pair(1.0).bulk_strength(PI / 6.0, 6.0, diameter);
+    for (share, holds) in [(0.999, true), (1.001, false)] {
+        let mut case = Case::new();
+        case.law("IQS_COH_DS_CLB", &[stress, 1e-3, 1e-3, 0.3, 0.3]);
+        let side = 3;
+        for k in 0..side * side * side {
+            let [x, y, z] = [k % side, k / side % side, k / side / side];
+            let body = case.sphere(0.5 * diameter, [x, y, z].map(f64::from));
+            let end = if z == 0 { -1.0 } else { 1.0 };
+            if z != 1 {
+                case.pull(body, 2, end * share * strength * diameter * diameter);
+            }
+        }
+        case.options.dt = 1.0 / 1024.0;
+        case.options.tol = Some(1e-10);
+        let end = case.run(40);
+        let stretch = end.x(side as usize * side as usize * side as usize - 1).z - end.x(0).z - 2.0 * diameter;
+        // An end of the lattice that parts moves by some a t²/2 = 0.05 N/0.52 kg (0.04 s)²/2.
+        assert_eq!(stretch < 1e-6, holds, "{share}: {stretch}");
     }
 }
 
