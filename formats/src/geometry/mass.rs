@@ -185,12 +185,11 @@ impl Body {
     }
 
     /// Vector from `position` to the centre of mass, m; `own` are the mass properties of all contactors together. Zero
-    /// for a single SPHEb, and for several contactors with given inertia, whose coordinates are relative to the centre of
-    /// mass.
+    /// for a single SPHEb, and for several contactors with `avrd`, whose coordinates are relative to the centre of mass.
     pub fn centre_of_mass_offset(&self, own: &MassProperties) -> [f64; 3] {
         let about_centre = match self.contactors.as_slice() {
             [single] => matches!(single.shape, ShapeRecord::OffsetSphere { .. }),
-            _ => self.inertia.is_some_and(|inertia| inertia != [0.0; 3]),
+            _ => self.equivalent_radius != 0.0,
         };
         if about_centre { [0.0; 3] } else { own.centre }
     }
@@ -202,17 +201,18 @@ impl Body {
         let simple =
             matches!(self.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::Polyhedron { .. }));
         let given = self.inertia.is_some_and(|inertia| inertia != [0.0; 3]);
-        (!simple && !given).then(|| own.lmgc90_frame())
+        (!simple && !given).then(|| own.about(self.centre_of_mass_offset(own)).lmgc90_frame())
     }
 
     /// Mass properties at a density (kg/m^3); `own` are those of all contactors together. Given values of `avrd` and
     /// `I1 I2 I3` are used, except for the moments of a single sphere, plate or cylinder, about its own axes, and the mass
-    /// of a sphere.
+    /// of a sphere. Moments that are not given are those of the contactors about the centre of mass, with their own volumes.
     pub fn inertial_properties(&self, own: &MassProperties, density: f64) -> InertialProperties {
         let single = if let [single] = self.contactors.as_slice() { Some(single) } else { None };
         let simple = single.filter(|contactor| !matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
         let given = self.inertia.filter(|inertia| simple.is_none() && *inertia != [0.0; 3]);
-        let own_moments = || simple.map_or_else(|| own.lmgc90_frame().moments, |contactor| contactor.own_moments(own));
+        let of_frame = || own.about(self.centre_of_mass_offset(own)).lmgc90_frame().moments;
+        let own_moments = || simple.map_or_else(of_frame, |contactor| contactor.own_moments(own));
         let inertia = given.unwrap_or_else(own_moments);
         let declared = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
         let uses_declared_volume = match simple.map(|contactor| &contactor.shape) {
@@ -221,7 +221,7 @@ impl Body {
                 (declared / own.volume - 1.0).abs() > VOLUME_ROUNDING
             }
             Some(_) => false,
-            None => single.is_some() || given.is_some(),
+            None => true,
         };
         let volume = if uses_declared_volume && declared != 0.0 { declared } else { own.volume };
         let radius = match single.map(|contactor| &contactor.shape) {
@@ -269,16 +269,19 @@ fn convex_meshes(
 }
 
 impl MassProperties {
+    /// The same volume and inertia with `point`, m, as centre: inertia about that point, by Huygens' theorem.
+    fn about(&self, point: [f64; 3]) -> MassProperties {
+        let d = Vector3::from(self.centre) - Vector3::from(point);
+        let inertia = Matrix3::from(self.inertia)
+            + (Matrix3::from_diagonal_element(d.norm_squared()) - d * d.transpose()) * self.volume;
+        MassProperties { centre: point, inertia: inertia.into(), ..*self }
+    }
+
     /// Mass properties of several parts as one body, by Huygens' theorem; overlaps of parts count twice.
     pub fn composite(parts: &[MassProperties]) -> MassProperties {
         let volume: f64 = parts.iter().map(|part| part.volume).sum();
         let centre = parts.iter().map(|part| Vector3::from(part.centre) * part.volume).sum::<Vector3<f64>>() / volume;
-        let about = |part: &MassProperties| {
-            let d = Vector3::from(part.centre) - centre;
-            Matrix3::from(part.inertia)
-                + (Matrix3::from_diagonal_element(d.norm_squared()) - d * d.transpose()) * part.volume
-        };
-        let inertia: Matrix3<f64> = parts.iter().map(about).sum();
+        let inertia: Matrix3<f64> = parts.iter().map(|part| Matrix3::from(part.about(centre.into()).inertia)).sum();
         MassProperties { volume, centre: centre.into(), inertia: inertia.into() }
     }
 }
@@ -309,8 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_weighs_what_the_file_says_where_its_shape_does_not() {
-        let ball = |x: f64| contactor(ShapeRecord::OffsetSphere { radius: 0.5, offset: [x, 0.0, 0.0] }, None);
+    fn a_lone_sphere_weighs_what_its_radius_says() {
         let weighed = |contactors: Vec<Contactor>, equivalent_radius, inertia| {
             let material = "ROCKx".into();
             let body = Body { line: 0, material, equivalent_radius, inertia, position: [0.0; 3], contactors };
@@ -323,12 +325,40 @@ mod tests {
         for alone in [weighed(vec![sphere.clone()], 0.0, None), weighed(vec![sphere], 7.0, Some([9.0; 3]))] {
             assert!(close(alone.mass, mass) && close(alone.inertia[2], expected.inertia[2]) && alone.radius == 2.0);
         }
-        // Two balls without given inertia have the mass of their volumes; with it, that of avrd.
-        let own = weighed(vec![ball(-1.0), ball(1.0)], 1.0, None);
-        assert!(close(own.mass, 3.0 * 2.0 * 4.0 / 3.0 * PI * 0.125) && close(own.radius, 0.25f64.cbrt()), "{own:?}");
-        assert!(own.inertia[0] < own.inertia[1] && own.inertia[1] == own.inertia[2]);
-        let given = weighed(vec![ball(-1.0), ball(1.0)], 1.0, Some([1.0, 2.0, 2.0]));
-        assert!(close(given.mass, 4.0 * PI) && close(given.radius, 1.0) && given.inertia == [3.0, 6.0, 6.0]);
+    }
+
+    #[test]
+    fn several_contactors_have_their_own_centre_without_avrd_and_that_of_the_file_with_it() {
+        // Two balls of volume V and radius 1/2, of which the centre is at x = 2; at density 3.
+        let ball = |x: f64| contactor(ShapeRecord::OffsetSphere { radius: 0.5, offset: [x, 0.0, 0.0] }, None);
+        let volume = 4.0 / 3.0 * PI * 0.125;
+        let own = 2.0 * 0.1 * volume;
+        let given = Some([1.0, 2.0, 2.0]);
+        for (avrd, inertia, centre, mass, moments) in [
+            (0.0, None, 2.0, 2.0 * volume, [own, own + 2.0 * volume, own + 2.0 * volume]),
+            (0.0, given, 2.0, 2.0 * volume, [1.0, 2.0, 2.0]),
+            // About the origin of the file, at the distances 1 and 3 of the balls.
+            (1.0, None, 0.0, 4.0 / 3.0 * PI, [own, own + 10.0 * volume, own + 10.0 * volume]),
+            (1.0, given, 0.0, 4.0 / 3.0 * PI, [1.0, 2.0, 2.0]),
+        ] {
+            let contactors = vec![ball(1.0), ball(3.0)];
+            let material = "ROCKx".into();
+            let body =
+                Body { line: 0, material, equivalent_radius: avrd, inertia, position: [5.0, 0.0, 0.0], contactors };
+            let whole = body.mass_properties().unwrap();
+            let found = body.inertial_properties(&whole, 3.0);
+            // Roundings of a few sums.
+            let close = |a: f64, b: f64| (a - b).abs() <= 1e-14 * b;
+            assert_eq!(body.centre_of_mass_offset(&whole), [centre, 0.0, 0.0]);
+            assert!(close(found.mass, 3.0 * mass) && close(found.radius, libm::cbrt(mass * 0.75 / PI)), "{found:?}");
+            assert!((0..3).all(|k| close(found.inertia[k], 3.0 * moments[k])), "{found:?}, {moments:?}");
+            // BODIES.OUT has all of it in the file.
+            let again = body.centred().unwrap();
+            let whole = again.mass_properties().unwrap();
+            assert_eq!((again.position, again.centre_of_mass_offset(&whole)), ([5.0 + centre, 0.0, 0.0], [0.0; 3]));
+            let again = again.inertial_properties(&whole, 3.0);
+            assert!(close(again.mass, found.mass) && (0..3).all(|k| close(again.inertia[k], found.inertia[k])));
+        }
     }
 
     #[test]
