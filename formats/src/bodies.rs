@@ -82,6 +82,20 @@ impl ShapeRecord {
         }
     }
 
+    /// Name in rows of TACT_BEHAV.DAT: SPHER also for SPHEb, whose own name LMGC90 ignores there.
+    ///
+    /// ```
+    /// use cd_formats::bodies::ShapeRecord;
+    /// let shape = ShapeRecord::OffsetSphere { radius: 1.0, offset: [2.0, 0.0, 0.0] };
+    /// assert_eq!([shape.type_name(), shape.row_name()], ["SPHEb", "SPHER"]);
+    /// ```
+    pub fn row_name(&self) -> &'static str {
+        match self {
+            ShapeRecord::OffsetSphere { .. } => "SPHER",
+            other => other.type_name(),
+        }
+    }
+
     /// Whether a point in the shape's own frame, m, is outside of a hollow cylinder, which has closed ends and pushes
     /// inwards only; false for other shapes.
     ///

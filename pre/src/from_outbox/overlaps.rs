@@ -371,8 +371,7 @@ pub fn check_drums(
         is_driven[row.body] = true;
     }
     let meets = |a: &Contactor, b: &Contactor| {
-        let of =
-            |side: &VisibilitySide, c: &Contactor| side.colour == c.colour && side.contactor == c.shape.type_name();
+        let of = |side: &VisibilitySide, c: &Contactor| side.colour == c.colour && side.contactor == c.shape.row_name();
         let rows = &mut tact.visibility.iter();
         rows.any(|row| {
             of(&row.candidate, a) && of(&row.antagonist, b) || of(&row.candidate, b) && of(&row.antagonist, a)

@@ -138,7 +138,7 @@ fn attraction_range(law: &LawRecord) -> f64 {
 /// Order in which contactors are candidates, as in LMGC90: spheres, then polyhedra, then walls.
 fn candidate_order(contactor: &str) -> usize {
     match contactor {
-        "SPHER" | "SPHEb" => 0,
+        "SPHER" => 0,
         "POLYR" => 1,
         _ => WALL_ORDER,
     }
@@ -151,7 +151,7 @@ const WALL_ORDER: usize = 2;
 type ColouredContactors<'a> = BTreeSet<(&'a str, &'a str)>;
 
 fn coloured_contactors(records: &[Body]) -> ColouredContactors<'_> {
-    records.iter().flat_map(|body| body.contactors.iter().map(|c| (c.colour.as_str(), c.shape.type_name()))).collect()
+    records.iter().flat_map(|body| body.contactors.iter().map(|c| (c.colour.as_str(), c.shape.row_name()))).collect()
 }
 
 /// Candidate and antagonist of each pair of contactors that can touch, one of colour `a`, the other of `b`.
@@ -425,7 +425,7 @@ impl SourcePart<'_> {
         let renamed: BTreeSet<(&str, &str, &str)> = (0..self.source_bodies.len())
             .flat_map(|k| {
                 let pairs = old(k).iter().zip(&self.records[k].contactors);
-                pairs.map(|(old, new)| (old.colour.as_str(), new.colour.as_str(), old.shape.type_name()))
+                pairs.map(|(old, new)| (old.colour.as_str(), new.colour.as_str(), old.shape.row_name()))
             })
             .collect();
         let mut rows = Vec::new();

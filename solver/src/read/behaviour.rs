@@ -28,7 +28,7 @@ use crate::scene::{
 use crate::state::{Contact, ContactStatus, LawMemory, SolvedContact, UNKNOWN_FEATURE};
 
 /// Names of the contactors that the visibility table distinguishes.
-const CONTACTOR_NAMES: [[&str; 2]; 5] = [["SPHER", "SPHEb"], ["PLANx"; 2], ["POLYR"; 2], ["CYLND"; 2], ["DNLYC"; 2]];
+const CONTACTOR_NAMES: [&str; 5] = ["SPHER", "PLANx", "POLYR", "CYLND", "DNLYC"];
 
 fn contactor_kind(geometry: &ContactorShape) -> usize {
     match geometry {
@@ -170,7 +170,7 @@ fn set_visibility(file: &Path, tact: &TactBehav, numbers: &[Option<u8>], scene: 
     let mut table: Vec<Option<InteractionRule>> = vec![None; classes * classes];
     let class_of = |side: &VisibilitySide| {
         let colour = scene.colours.iter().position(|colour| *colour == side.colour)?;
-        let kind = CONTACTOR_NAMES.iter().position(|names| names.contains(&side.contactor.as_str()))?;
+        let kind = CONTACTOR_NAMES.iter().position(|name| *name == side.contactor)?;
         Some(class(kind, colour as u16) as usize)
     };
     for row in &tact.visibility {
@@ -180,15 +180,7 @@ fn set_visibility(file: &Path, tact: &TactBehav, numbers: &[Option<u8>], scene: 
             continue;
         };
         let rule = InteractionRule { law, alert: scene.options.alert.unwrap_or(row.alert) };
-        if let Some(known) = table[a * classes + b].filter(|known| *known != rule) {
-            let found = format!("law '{}', alert {}", row.law, row.alert);
-            let expected = format!(
-                "expected law '{}' and alert {}, as in the earlier row of this pair (SPHEb counts as SPHER)",
-                scene.law_names[known.law as usize].nickname, known.alert
-            );
-            faults.push(Fault::new(file, Some(row.line), row.pair_name(), found, expected));
-        }
-        if let Some(expected) = uncomputed_pair([a, b].map(|class| CONTACTOR_NAMES[class / colours][0]))
+        if let Some(expected) = uncomputed_pair([a, b].map(|class| CONTACTOR_NAMES[class / colours]))
             && let Some([moved, other]) = moving_bodies_of(scene, [a, b])
         {
             let found = format!("body {}, which is not all driven, and body {}", moved.number(), other.number());
@@ -278,14 +270,19 @@ fn idle_rows_notes(tact: &TactBehav, contactors: &ContactorTable) -> Vec<String>
         let (rows, are) = (count_text(idle.len(), "see row"), if idle.len() == 1 { "is" } else { "are" });
         Some(format!("TACT_BEHAV.DAT:{first}: {rows} {are} for {reason}"))
     };
-    let missing = note(&|row| !contactors.has_both(row), "contactors or colours that no body has");
+    let names_offset_sphere =
+        |row: &VisibilityRow| [&row.candidate, &row.antagonist].iter().any(|s| s.contactor == "SPHEb");
+    let ignored = "SPHEb, which LMGC90 ignores in see rows, and so does cd-solve: SPHER stands for all spheres there";
+    let offset_spheres = note(&names_offset_sphere, ignored);
+    let is_missing = |row: &VisibilityRow| !contactors.has_both(row) && !names_offset_sphere(row);
+    let missing = note(&is_missing, "contactors or colours that no body has");
     // Rows without a law have a note of their own.
     let has_law = |row: &VisibilityRow| tact.laws.iter().any(|law| law.nickname == row.law);
     let of_imposed = |row: &VisibilityRow| contactors.is_of_imposed(row) && has_law(row);
     let imposed =
         note(&of_imposed, "bodies whose motion is all imposed (of spheres: their translation): these do not meet");
     let half_points = note(&|row| contactors.is_of_one_point(row), "PT3Dx and another contactor: these do not meet");
-    missing.into_iter().chain(imposed).chain(half_points).collect()
+    offset_spheres.into_iter().chain(missing).chain(imposed).chain(half_points).collect()
 }
 
 /// Returns two bodies with contactors of these classes of which contacts can push the first, if there are any.
@@ -372,7 +369,7 @@ fn unseen_pairs(scene: &Scene) -> Vec<UnseenPair> {
 fn unseen_contactors_note(scene: &Scene, unseen: &[UnseenPair], meant: &[[String; 2]]) -> Option<String> {
     let count = scene.colours.len().max(1);
     let colour = |class: u16| scene.colours.get(class as usize % count).map_or("", String::as_str);
-    let name = |class: u16| format!("{} {}", CONTACTOR_NAMES[class as usize / count][0], colour(class));
+    let name = |class: u16| format!("{} {}", CONTACTOR_NAMES[class as usize / count], colour(class));
     let is_missed = |pair: &&UnseenPair| {
         let colours = pair.classes.map(colour);
         !meant.iter().any(|[a, b]| colours == [a, b] || colours == [b, a])
@@ -676,7 +673,7 @@ impl ContactReader<'_> {
         let part_numbers = if turned { (part_b, part_a) } else { (part_a, part_b) };
         let normal = normal * sign;
         // A plate's face is identified by the normal, all other features by the position.
-        let features = match kinds.map(|kind| CONTACTOR_NAMES[kind][0]) {
+        let features = match kinds.map(|kind| CONTACTOR_NAMES[kind]) {
             ["SPHER", "SPHER"] => (0, 0),
             ["SPHER", "PLANx"] => {
                 let third_axis = orientations[antagonist.body] * Vec3::z();

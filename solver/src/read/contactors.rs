@@ -13,7 +13,7 @@ use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
 /// Name of the contactors between which wires and rods act.
 pub const POINT_NAME: &str = "PT3Dx";
 
-/// Names that are one kind of contactor.
+/// Names that are one kind of contactor in Vloc_Rloc.INI.
 fn kind_name(name: &str) -> &str {
     if name == "SPHEb" { "SPHER" } else { name }
 }
@@ -37,7 +37,7 @@ impl ContactorTable {
         let mut table: BTreeMap<(String, String), ContactorOwners> = BTreeMap::new();
         for (index, (record, body)) in records.0.iter().zip(&scene.bodies).enumerate() {
             for contactor in &record.contactors {
-                let key = (kind_name(contactor.shape.type_name()).to_string(), contactor.colour.clone());
+                let key = (contactor.shape.row_name().to_string(), contactor.colour.clone());
                 let owners = table.entry(key).or_insert_with(|| ContactorOwners { first: index, ..Default::default() });
                 owners.several |= owners.first != index;
                 owners.moves |= body.can_be_pushed();
@@ -48,7 +48,7 @@ impl ContactorTable {
 
     /// Bodies with the contactor of a side of a row; `None` if no body has one.
     fn owners(&self, side: &VisibilitySide) -> Option<&ContactorOwners> {
-        self.0.get(&(kind_name(&side.contactor).to_string(), side.colour.clone()))
+        self.0.get(&(side.contactor.clone(), side.colour.clone()))
     }
 
     /// Whether both contactors of a row exist.

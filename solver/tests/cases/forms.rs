@@ -241,11 +241,14 @@ fn rows_and_laws_that_no_contact_needs_do_not_stop_a_run() {
         let alone = row(["RBDY3  SPHER  BLUEx", "RBDY3  SPHER  BLUEx"]);
         let foreign = row(["MAILx  CSpxx  BLUEx", "MAILx  ASpxx  FLOOR"]);
         let driven = row(["RBDY3  PLANx  FLOOR", "RBDY3  PLANx  FLOOR"]);
-        text.to_string() + &absent + &alone + &foreign + &driven
+        // SPHER BLUEx and PLANx FLOOR have another law: this row has no effect.
+        let offset_spheres = row(["RBDY3  SPHEb  BLUEx", "RBDY3  PLANx  FLOOR"]);
+        text.to_string() + &absent + &alone + &foreign + &driven + &offset_spheres
     });
     let notices = [
         "TACT_BEHAV.DAT:21: 1 see row for 2D or deformable bodies is skipped",
         "TACT_BEHAV.DAT:5: 1 law is not computed: mac01 (IQS_BW_CLB); no contact needs it",
+        "TACT_BEHAV.DAT:27: 1 see row is for SPHEb, which LMGC90 ignores in see rows, and so does cd-solve: SPHER stands for all spheres there",
         "TACT_BEHAV.DAT:15: 1 see row is for contactors or colours that no body has",
         "TACT_BEHAV.DAT:24: 1 see row is for bodies whose motion is all imposed (of spheres: their translation): these do not meet",
     ];

@@ -325,15 +325,7 @@ fn laws() {
 }
 
 #[test]
-fn rows_that_contradict_and_laws_that_are_too_many() {
-    let mut case = sound();
-    let mut row = case.tact.visibility[1].clone();
-    (row.candidate.contactor, row.law) = ("SPHEb".into(), "law00".into());
-    case.tact.visibility.push(row);
-    let line = "CASE/DATBOX/TACT_BEHAV.DAT:13: SPHEb GRAIN and PLANx WALLx: law 'law00', alert 0.001; \
-                expected law 'law01' and alert 0.001, as in the earlier row of this pair (SPHEb counts as SPHER)";
-    written_refused(&case, &[], &[line]);
-
+fn laws_that_are_too_many_or_reach_too_far() {
     let mut case = sound();
     for k in 0..256u32 {
         case.law_with("SPHER", "IQS_CLB", &[0.3]);
