@@ -347,7 +347,7 @@ options! {
     alert: Option<f64> = None, f64, [value_parser = parse_number, value_name = "M"];
     /// Search for the direction of contact of two polyhedra. accurate: proves that the direction is the best of all; fast: searches near the direction of the last step. Default: set by accuracy.
     narrow_phase: Option<NarrowPhase> = None, NarrowPhase, [value_enum, value_name = "METHOD"];
-    /// Points of faces and edges of polyhedra at which friction resists spinning. uniform: as under a uniform pressure; corners: at their corners, as in LMGC90, where a square resists spinning 1.85 times as much.
+    /// Points of faces and edges of polyhedra at which friction resists spinning. uniform: as under a uniform pressure; corners: at their corners, as in LMGC90, where a square resists spinning 1.85 times as much; the default for polyhedra without COMPUTE.RON.
     face_friction: FaceFriction = FaceFriction::Uniform, FaceFriction, [value_enum, value_name = "POINTS"];
     /// Period along x, m (periodic boundary); cannot be combined with self-gravity or fields. Positions are not wrapped.
     xperiode: Option<f64> = None, f64, [value_parser = parse_number, value_name = "M"];

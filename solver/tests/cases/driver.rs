@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-use cd_formats::compute::ComputeFlags;
+use cd_formats::compute::{ComputeFlags, FaceFriction};
 use cd_solve::read::driver::{read_driver, table_rows};
 
 use crate::case::{Case, Figures};
@@ -420,4 +420,29 @@ fn an_arch_rests_with_the_defaults_of_folders_of_lmgc90() {
     // 1e-9 m/s is 3 cm in a year; the tolerance alone allows 1e-2 of g dt.
     assert!(resting < 1e-9 && creeping > 1e-6, "{resting:e} m/s, {creeping:e} m/s");
     assert!((0..11).all(|body| case.last().x(body).norm() < 3.0));
+}
+
+/// In a folder without COMPUTE.RON friction acts at the corners of faces, as in LMGC90, unless a flag sets the other; the
+/// note about it is printed where there are faces.
+#[test]
+fn friction_of_faces_is_that_of_lmgc90_in_its_folders() {
+    let case = arch(3);
+    case.write();
+    let compute = case.path().join("DATBOX/COMPUTE.RON");
+    let chosen = |case: &Case, flags: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cd-solve"));
+        command.arg(case.path()).args(["--dt=1e-3", "--steps=1", "--threads=1", "--force"]).args(flags);
+        let output = command.output().unwrap();
+        let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert!(output.status.success(), "{text}");
+        let is_reported = text.contains("face_friction = corners (--face-friction uniform: as a uniform pressure)");
+        assert_eq!(text.contains("face_friction"), is_reported, "{text}");
+        (case.last().meta.parameters.face_friction, is_reported)
+    };
+    assert_eq!(chosen(&case, &[]), (Some(FaceFriction::Uniform), false));
+    fs::remove_file(compute).unwrap();
+    assert_eq!(chosen(&case, &[]), (Some(FaceFriction::Corners), true));
+    assert_eq!(chosen(&case, &["--accuracy=fine"]), (Some(FaceFriction::Corners), true));
+    assert_eq!(chosen(&case, &["--face-friction=uniform"]), (Some(FaceFriction::Uniform), false));
+    assert_eq!(chosen(&falling(), &[]), (None, false));
 }
