@@ -128,6 +128,15 @@ impl Surface {
         })
     }
 
+    /// Whether a point, m, is behind the planes of all triangles, or in front of one by at most `tolerance` times the extent.
+    fn is_behind_all(&self, point: &[f64; 3], tolerance: f64) -> bool {
+        let allowed = tolerance * self.longest_side();
+        self.triangle_corners(&Vec3::from(*point)).all(|[a, b, c]| {
+            let cross = (b - a).cross(&(c - a));
+            -cross.dot(&a) <= allowed * cross.norm()
+        })
+    }
+
     /// Volume, centre relative to `about`, and ∫ x x' about it.
     fn moments_about(&self, about: &Vec3) -> (f64, Vec3, Matrix3<f64>) {
         let (mut six, mut first, mut second) = (0.0, Vec3::zeros(), Matrix3::zeros());
@@ -217,6 +226,33 @@ fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> 
         }
     }
     faults
+}
+
+/// Surface without the vertices that no triangle has as a corner, numbered anew, and the number of these vertices.
+///
+/// Such a vertex must be behind the planes of all triangles, up to `tolerance` times the extent: it is then inside of the
+/// body. Another may be meant as a corner. Returns `None` if there is such a vertex, if all vertices are used, or if the
+/// surface has other faults.
+pub fn without_unused_vertices(
+    vertices: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    tolerance: f64,
+) -> Option<(Vec<[f64; 3]>, Vec<[u32; 3]>, usize)> {
+    let mut numbers: Vec<Option<u32>> = vec![None; vertices.len()];
+    for &corner in triangles.iter().flatten() {
+        *numbers.get_mut(corner as usize)? = Some(0);
+    }
+    let unused: Vec<[f64; 3]> = numbers.iter().zip(vertices).filter(|(n, _)| n.is_none()).map(|(_, v)| *v).collect();
+    if unused.is_empty() {
+        return None;
+    }
+    numbers.iter_mut().flatten().zip(0..).for_each(|(number, k)| *number = k);
+    let kept: Vec<[f64; 3]> = numbers.iter().zip(vertices).filter(|(n, _)| n.is_some()).map(|(_, v)| *v).collect();
+    let renumbered: Vec<[u32; 3]> =
+        triangles.iter().map(|triangle| triangle.map(|k| numbers[k as usize].unwrap_or(k))).collect();
+    let surface = Surface::new(&kept, &renumbered).ok()?;
+    let is_inside = |vertex: &[f64; 3]| surface.is_behind_all(vertex, tolerance);
+    unused.iter().all(is_inside).then_some((kept, renumbered, unused.len()))
 }
 
 /// Triangles with the orientation of the first. Errors: they do not form one closed surface.
@@ -492,5 +528,24 @@ mod tests {
         ];
         let six: Vec<[f64; 3]> = (0..6).map(|k| [(k * k) as f64, k as f64, (k * k * k) as f64]).collect();
         assert!(faults(&six, &plane).contains("one-sided"));
+    }
+
+    #[test]
+    fn unused_vertices_inside_are_dropped() {
+        let corners = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.1], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let faces = [[0, 2, 3], [0, 2, 4], [0, 3, 4], [2, 3, 4]];
+        let (vertices, triangles, count) = without_unused_vertices(&corners, &faces, 1e-6).unwrap();
+        assert_eq!((&vertices, count), (&[&corners[..1], &corners[2..]].concat(), 1));
+        assert_eq!(triangles, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]);
+
+        let with = |second: [f64; 3]| [&corners[..1], &[second], &corners[2..]].concat();
+        // A copy of a corner, up to the digits of files; then points outside, points that are not finite, and other faults.
+        assert!(without_unused_vertices(&with([1.0, -1e-7, 0.0]), &faces, 1e-6).is_some());
+        for outside in [[0.5, 0.5, 0.5], [0.1, 0.1, -0.01], [f64::NAN, 0.0, 0.0], [f64::INFINITY, 0.0, 0.0]] {
+            assert_eq!(without_unused_vertices(&with(outside), &faces, 1e-6), None, "{outside:?}");
+        }
+        assert_eq!(without_unused_vertices(&corners, &faces[..3], 1e-6), None);
+        assert_eq!(without_unused_vertices(&corners, &[[0, 2, 9]], 1e-6), None);
+        assert_eq!(without_unused_vertices(&vertices, &triangles, 1e-6), None);
     }
 }

@@ -17,6 +17,8 @@ pub enum LenientForm {
     BodyNumber,
     /// POLYF, a POLYR in patches.
     PatchedSurface,
+    /// Vertex of a POLYR that is no corner of a triangle.
+    UnusedVertex,
     /// Row for bodies or contactors of deformable bodies or of 2D.
     ForeignRow,
 }
@@ -44,6 +46,11 @@ impl LenientForm {
             LenientForm::PatchedSurface => {
                 format!("{count} POLYF {are} read as POLYR, with the patches joined at their common vertices")
             }
+            LenientForm::UnusedVertex => format!(
+                "{} of POLYR that no triangle has as a corner {are} dropped: {} inside of the body",
+                count_text(count, "vertex"),
+                if one { "it is" } else { "they are" }
+            ),
             LenientForm::ForeignRow => {
                 format!("{} for 2D or deformable bodies {are} skipped", count_text(count, "see row"))
             }

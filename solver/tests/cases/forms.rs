@@ -8,6 +8,8 @@ use std::process::Command;
 use cd_formats::snapshot::{Snapshot, snapshot_path};
 use tempfile::TempDir;
 
+use crate::case::{BOX, Case};
+
 /// Folder of a case with the base files, and those of a variant in their place.
 pub fn folder(variant: &str) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -177,6 +179,34 @@ fn patches_and_pieces_carry_the_weight_of_the_whole() {
     let state = Snapshot::read(&snapshot_path(&next.path().join("OUTBOX"), 200)).unwrap();
     let parts: Vec<u32> = state.shapes.unwrap().contacts.contact_rank.iter().map(|pair| pair[0]).collect();
     assert_eq!(parts, [0, 0, 0, 0, 1, 1, 1, 1]);
+}
+
+#[test]
+fn unused_vertices_inside_of_a_body_are_dropped() {
+    // Cube of 0.008 m^3 and 1 kg/m^3 on a plate, with a ninth vertex in the middle of the list.
+    let with_vertex = |unused: [f64; 3]| {
+        let mut case = Case::new();
+        case.gravity = [0.0, 0.0, -9.81];
+        case.law_of_all("IQS_CLB", &[0.3]);
+        case.floor();
+        let corner = |k: u32| [0, 1, 2].map(|i| if k >> i & 1 == 1 { 0.1 } else { -0.1 });
+        let vertices: Vec<[f64; 3]> = (0..3).map(corner).chain([unused]).chain((3..8).map(corner)).collect();
+        let triangles = BOX.map(|triangle| triangle.map(|v| if v >= 3 { v + 1 } else { v }));
+        case.polyhedron(&vertices, &triangles, [0.0, 0.0, 0.1]);
+        case.write();
+        case
+    };
+    let case = with_vertex([0.01, 0.02, 0.03]);
+    let (code, text) = messages(&case.path());
+    let notice = "1 vertex of POLYR that no triangle has as a corner is dropped: it is inside of the body";
+    assert!(code == 0 && text.matches(notice).count() == 1, "{text}");
+    let state = Snapshot::read(&snapshot_path(&case.path().join("OUTBOX"), 100)).unwrap();
+    let forces = &state.contacts.contact_force;
+    weighs((forces.iter().map(|force| force[0]).sum(), forces.len()), 0.078_48, 4);
+
+    let (code, text) = messages(&with_vertex([0.0, 0.0, -0.2]).path());
+    let fault = "contactor POLYR: vertex 4 is not used; expected a corner of triangles";
+    assert!(code == 2 && text.contains(fault), "{text}");
 }
 
 #[test]
