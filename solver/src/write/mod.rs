@@ -159,7 +159,7 @@ impl ResultFiles {
             LogTable::open(&case.join(log::TIMER_FILE), &seconds, steps, due, |row| estimator.add_seconds(row))?;
         let numbered = if options.text { text::number_offset(&outbox, scene, state)? } else { 0 };
         if options.text {
-            text_inputs::write_input_copies(&case.join("DATBOX"), &outbox)?;
+            text_inputs::write_input_copies(&case.join("DATBOX"), &outbox, options)?;
         }
         let postpro = PostproFiles::open(case, scene, state)?;
         Ok((ResultFiles { outbox, steps: log, timer, due, number_offset: numbered, postpro, part_bodies }, estimator))

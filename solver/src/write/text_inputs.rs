@@ -1,4 +1,5 @@
-//! Copies of DATBOX in OUTBOX, for `--text`: with them and a state, OUTBOX is the DATBOX of a continued run of LMGC90.
+//! Copies of DATBOX in OUTBOX, for `--text`: with them and a state, OUTBOX is the DATBOX of a continued run of LMGC90 or
+//! cd-solve.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -6,6 +7,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::BulkBehav;
+use cd_formats::compute::Compute;
 use cd_formats::drv_dof::{DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::scan::AsciiText;
@@ -14,11 +16,12 @@ use cd_formats::tact_behav::TactBehav;
 const DRIVEN_COPY: &str = "DRV_DOF.OUT";
 
 /// Names in OUTBOX, apart from those of tables.
-pub const INPUT_COPIES: [&str; 4] = ["BODIES.OUT", "BULK_BEHAV.OUT", "TACT_BEHAV.OUT", DRIVEN_COPY];
+pub const INPUT_COPIES: [&str; 5] = ["BODIES.OUT", "BULK_BEHAV.OUT", "TACT_BEHAV.OUT", DRIVEN_COPY, "COMPUTE.RON"];
 
 /// Writes BODIES.OUT, with centred bodies in the axes of DOF.OUT.k, BULK_BEHAV.OUT, TACT_BEHAV.OUT, DRV_DOF.OUT and the
-/// tables that it names, all with as many digits as their columns hold.
-pub fn write_input_copies(datbox: &Path, outbox: &Path) -> Result<(), Faults> {
+/// tables that it names, all with as many digits as their columns hold, and COMPUTE.RON with the options of the run, without
+/// which a continued run would have those of a folder of LMGC90.
+pub fn write_input_copies(datbox: &Path, outbox: &Path, options: &Compute) -> Result<(), Faults> {
     let file = datbox.join("BODIES.DAT");
     let bodies = Bodies::read(&file)?
         .centred()
@@ -32,6 +35,7 @@ pub fn write_input_copies(datbox: &Path, outbox: &Path) -> Result<(), Faults> {
         BulkBehav::read(&datbox.join("BULK_BEHAV.DAT"))?.to_long_text(),
         tact.to_long_text(),
         driven.to_long_text(),
+        options.to_text(),
     ];
     let mut files: Vec<(PathBuf, String)> = tables(&driven).map(|(name, text)| (outbox.join(name), text)).collect();
     files.extend(INPUT_COPIES.iter().map(|name| outbox.join(name)).zip(texts));

@@ -19,6 +19,9 @@ fn continued(outbox: &Path, number: &str) -> tempfile::TempDir {
     for name in INPUTS {
         fs::copy(outbox.join(format!("{name}.OUT")), datbox.join(format!("{name}.DAT"))).unwrap();
     }
+    if outbox.join("COMPUTE.RON").exists() {
+        fs::copy(outbox.join("COMPUTE.RON"), datbox.join("COMPUTE.RON")).unwrap();
+    }
     for name in ["DOF", "Vloc_Rloc"] {
         fs::copy(outbox.join(format!("{name}.{number}")), datbox.join(format!("{name}.INI"))).unwrap();
     }
@@ -89,6 +92,7 @@ fn an_outbox_is_a_datbox() {
         |kind: &str| (1..=6).map(|k| format!("{kind}.OUT.{k}")).chain([format!("{kind}.LAST")]).collect::<Vec<_>>();
     let mut expected =
         [numbered("DOF"), numbered("Vloc_Rloc"), INPUTS.map(|name| format!("{name}.OUT")).to_vec()].concat();
+    expected.push("COMPUTE.RON".into());
     expected.sort();
     assert_eq!(names, expected);
     for kind in ["DOF", "Vloc_Rloc"] {
@@ -107,9 +111,8 @@ fn an_outbox_is_a_datbox() {
 
     // From output 3 the second half differs by the digits of the files, 7 of velocities and displacements.
     let half = continued(&outbox, "OUT.3");
-    // The folder has no COMPUTE.RON, without which friction would act at corners.
-    let flags = ["--dt=1e-3", "--steps=30", "--output-every=10", "--tol=1e-10", "--text", "--face-friction=uniform"];
-    assert_eq!(solve(half.path().into(), &flags), 0);
+    // COMPUTE.RON has dt, the tolerance, the outputs and the friction of faces.
+    assert_eq!(solve(half.path().into(), &["--steps=30"]), 0);
     for (k, number) in [(1, 4), (3, 6)] {
         // Numbers begin with 1 again.
         let [ours, whole] = [half.path().join("OUTBOX"), outbox.clone()];
