@@ -23,7 +23,7 @@ mod refused;
 use serde::Deserialize;
 
 use crate::names::number_text;
-use crate::ron_text::known_names;
+use crate::ron_text::nearest_name;
 
 pub use error::LawError;
 pub use interface::{DamageLaw, InterfaceParameter, LawInterface, ModePair};
@@ -374,9 +374,16 @@ pub fn reference_gap_position(label: &str) -> Option<usize> {
     }
 }
 
+/// Names of the laws that the programs compute with, in a list that gives those of points apart: each is rejected where the
+/// others act.
+pub fn computed_list() -> String {
+    let (of_points, others): (Vec<&str>, Vec<&str>) = computed_labels().partition(|label| is_law_of_points(label));
+    format!("{}; between PT3Dx {}", others.join(", "), of_points.join(", "))
+}
+
 /// Names of the laws that the programs compute with.
-pub fn computed_labels() -> Vec<&'static str> {
-    LAW_TABLE.iter().filter(|entry| entry.computed).map(|entry| entry.label).collect()
+fn computed_labels() -> impl Iterator<Item = &'static str> {
+    LAW_TABLE.iter().filter(|entry| entry.computed).map(|entry| entry.label)
 }
 
 /// Value of a parameter that a law in use cannot have.
@@ -398,12 +405,18 @@ impl std::error::Error for ParameterFault {}
 
 /// Error of a law by its name and the number of parameters.
 fn law_error(label: &str, count: usize) -> LawError {
-    let computed = computed_labels();
     let (found, expected) = match (law_entry(label), refusal_reason(label)) {
         (_, Some(reason)) => {
-            (format!("its kind {label} is not computed: {reason}"), format!("computed are {}", computed.join(", ")))
+            (format!("its kind {label} is not computed: {reason}"), format!("computed are {}", computed_list()))
         }
-        (None, None) => (format!("its kind '{label}' is not known"), known_names(label, &computed)),
+        (None, None) => {
+            let near = nearest_name(label, &computed_labels().collect::<Vec<_>>());
+            let expected = match near {
+                Some(near) => format!("did you mean {near}?"),
+                None => format!("expected one of {}", computed_list()),
+            };
+            (format!("its kind '{label}' is not known"), expected)
+        }
         (Some(entry), None) => {
             let names: Vec<&str> = entry.parameters().map(LawParameter::label).collect();
             (format!("{label} with {count} parameters"), format!("expected {}: {}", names.len(), names.join(", ")))

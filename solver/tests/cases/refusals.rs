@@ -271,7 +271,7 @@ fn laws() {
     assert!(text.starts_with(line) && text.lines().count() == 1, "{text}");
 
     case.law("IQS_STICK", &[]);
-    let computed = format!("computed are {}", cd_formats::law_table::computed_labels().join(", "));
+    let computed = format!("computed are {}", cd_formats::law_table::computed_list());
     let reason = "LMGC90's 3D solver stops at its first contact";
     let lines = [("2", "law00"), ("4", "law01")].map(|(line, name)| {
         format!(
