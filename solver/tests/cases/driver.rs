@@ -215,6 +215,20 @@ fn forms_of_scripts_mean_the_same() {
     }
 }
 
+/// A relaxation is reported; the steps of the run are those without it.
+#[test]
+fn a_relaxation_is_reported() {
+    let case = falling();
+    let (code, out, _) = ran(&case, &SCRIPT.replace("relax = 1.666e-4, 1.0", "relax = 1.666e-4, 1./4."), &[]);
+    let line = "relaxation 0.25 has no counterpart; the motion can depend on it where friction leaves it open, see \
+                docs/explanation/limits.md";
+    assert!(code == 0 && out.contains(line), "{out}");
+    let relaxed = case.last();
+    let (_, out, _) = ran(&case, SCRIPT, &["--force"]);
+    assert!(!out.contains("relaxation"), "{out}");
+    assert_eq!(relaxed.x(1), case.last().x(1));
+}
+
 /// Loops of unknown length, and steps that a condition may skip, need an option.
 #[test]
 fn steps_that_are_not_counted_are_rejected() {

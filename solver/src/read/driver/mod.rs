@@ -240,7 +240,11 @@ impl<'a> DriverReader<'a> {
         if let Some(x) = relaxed.filter(|&x| x != 1.0) {
             self.remark(
                 call.line,
-                format!("{}: relaxation {x} has no counterpart, and the solution does not depend on it", call.name),
+                format!(
+                    "{}: relaxation {x} has no counterpart; the motion can depend on it where friction leaves it open, \
+                     see docs/explanation/limits.md",
+                    call.name
+                ),
             );
         }
     }
