@@ -28,15 +28,6 @@ use crate::state::Contact;
 /// A point far from it, as face corners are from each other, moves by up to three times that velocity as the face turns.
 const ERROR_MARGIN: f64 = 3.0;
 
-/// Error of a sliding velocity over the residual times the velocity that the contact impulses of a body give it: twice what
-/// faces at 0.999 of their static friction, with rolling resistance, moved by (fourteen times). There impulses of points at
-/// their limits can differ in direction, and errors are many times the natural map.
-const MAX_SLIDING_ERROR: f64 = 30.0;
-
-/// Number of tenfold refinements to decide which contacts leave static friction. Then a face slides that is loaded by 1.001 of
-/// its limit; a contact that is still undecided keeps static friction, and is judged again in the next step.
-const MAX_SLIDING_REFINEMENTS: usize = 2;
-
 /// Share of the summed velocities at a contact that is rounding: a hundred sweeps of a few units in the last place.
 const ROUNDING_SHARE: f64 = 1e-13;
 
@@ -62,8 +53,7 @@ pub struct VelocityErrors {
     errors: Vec<f64>,
     /// Error of the tangential velocity at each row over that of the velocity; empty if no face is bonded.
     leverages: Vec<f64>,
-    /// Rows whose velocity is an error, however large against the others: those of bonds where it fell with the residual, and
-    /// those with static friction where it can be left by the residual. Sorted.
+    /// Rows of bonds whose velocity fell with the residual: it is an error, however large against the others. Sorted.
     unsettled: Vec<usize>,
 }
 
@@ -160,44 +150,6 @@ impl StepBonds<'_> {
         (0..contact_problem.rows.len()).into_par_iter().with_min_len(PAR_MIN_LEN).filter(is_rigid).collect()
     }
 
-    /// Rows without a bond that have static friction and slide, but not for certain. A slide is certain if it is faster than
-    /// the error of a solution with the residual `usual` of an unrefined step, or if the step made it faster by more than
-    /// the error of this solution: friction brakes in several steps what the error of an earlier step has left.
-    fn undecided_slides(
-        &self,
-        SolvedProblem { contact_problem, solution, .. }: &SolvedProblem,
-        errors: &VelocityErrors,
-        usual: f64,
-    ) -> Vec<usize> {
-        if !self.laws.iter().any(ContactLaw::has_two_frictions) {
-            return Vec::new();
-        }
-        // Largest velocity by the impulse of a contact, by body, m/s; a body that does not move transmits no error.
-        let mut loads = vec![0.0f64; contact_problem.bodies.len()];
-        for (row, r) in contact_problem.rows.iter().zip(&solution.impulses) {
-            for body in row.bodies.map(|body| body.index()) {
-                if contact_problem.bodies[body].inverse_mass > 0.0 {
-                    loads[body] = loads[body].max(row.w_t * r.norm());
-                }
-            }
-        }
-        let is_undecided = |&k: &usize| {
-            let row = &contact_problem.rows[k];
-            let law = &self.laws[self.context.contacts[k].law as usize];
-            if !law.has_two_frictions() || row.friction == law.friction_dynamic || has_active_bond(row) {
-                return false;
-            }
-            let u = contact_problem.shifted_velocity(k, &solution.solver_bodies);
-            let sliding = (u - row.normal * row.normal.dot(&u)).norm();
-            let [a, b] = row.bodies.map(|body| loads[body.index()]);
-            let error = |residual: f64| MAX_SLIDING_ERROR * residual * a.max(b);
-            sliding <= error(usual)
-                && sliding - row.u_before.yz().norm() <= error(solution.residual)
-                && errors.contact_motion(k, row, &u).slides
-        };
-        (0..contact_problem.rows.len()).into_par_iter().with_min_len(PAR_MIN_LEN).filter(is_undecided).collect()
-    }
-
     /// Those of the `rigid` rows that open or slide.
     fn moving_rows(
         &self,
@@ -241,9 +193,9 @@ fn has_active_bond(row: &ContactConstraint) -> bool {
     row.bond.is_some() && row.impulse_shift != 0.0
 }
 
-/// Refines a converged solution tenfold as long as it is undecided which bonds break or, twice at most, which contacts leave
-/// static friction; returns the velocity errors of the result, `None` if no law has irreversible losses. The velocity of
-/// bonds that break must stay in a refinement. The number of refinements depends only on the loads of these contacts.
+/// Refines a converged solution tenfold as long as it is undecided which bonds break, and returns the velocity errors of the
+/// result; `None` if no law has irreversible losses. The velocity of bonds that break must stay in a refinement. The number
+/// of refinements depends only on the loads of the bonds.
 pub fn refine_until_decided(
     context: StepContext,
     laws: &[ContactLaw],
@@ -257,14 +209,11 @@ pub fn refine_until_decided(
     let mut errors = VelocityErrors::new(&solved.contact_problem, &solved.solution);
     let rigid = bonds.rigid_rows(&solved.contact_problem);
     let mut moving = bonds.moving_rows(solved, &errors, &rigid);
-    let usual_residual = solved.solution.residual.max(request.criteria.target_residual);
-    let mut slides = bonds.undecided_slides(solved, &errors, usual_residual);
     // Until there are two solutions, no bond is known to break.
     let mut is_settled = moving.is_empty();
     let mut sweeps_left = MOMENTUM_CYCLE.max(MAX_REFINEMENT_COST / (solved.contact_problem.rows.len() as u64).max(1));
     for refinement in 0..MAX_REFINEMENTS {
-        let slides_are_final = slides.is_empty() || refinement >= MAX_SLIDING_REFINEMENTS;
-        let is_decided = is_settled && slides_are_final && !bonds.are_undecided(solved, &errors, &rigid, &moving);
+        let is_decided = is_settled && !bonds.are_undecided(solved, &errors, &rigid, &moving);
         if !solved.solution.converged || is_decided || sweeps_left == 0 {
             break;
         }
@@ -289,14 +238,10 @@ pub fn refine_until_decided(
         };
         (errors.unsettled, moving) = bonds.moving_rows(solved, &errors, &rigid).into_iter().partition(is_error);
         is_settled = errors.unsettled.is_empty();
-        slides = bonds.undecided_slides(solved, &errors, usual_residual);
         if is_stuck {
             break;
         }
     }
-    // Rows with and without a bond: no row is in both lists.
-    errors.unsettled.extend(slides);
-    errors.unsettled.sort_unstable();
     Some(errors)
 }
 
