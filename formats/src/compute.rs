@@ -335,7 +335,7 @@ options! {
     penetration_tol: Option<f64> = None, f64, [value_parser = parse_number, value_name = "X"];
     /// Contact solver. nlgs: nonlinear Gauss-Seidel. nlgs-anderson, prox-newton, admm, interior-point: on the stored matrix, for small scenes. auto: nlgs, with the others as fallback if a small problem, or a cluster of contacts in a large one, stagnates.
     solver: ContactSolver = ContactSolver::Auto, ContactSolver, [value_enum, value_name = "SOLVER"];
-    /// Largest number of sweeps or iterations in a step; a step that needs more is reported as not converged, and the run continues. Default: set by accuracy.
+    /// Largest number of sweeps or iterations for one contact problem; a step that needs more is reported as not converged, and the run continues. A step that solves its problem again, as when contacts begin to close late, reports the sum, which may be larger. Default: set by accuracy.
     max_sweeps: Option<u64> = None, u64, [value_name = "N"];
     /// Number of sweeps between two checks of convergence. Default: chosen from the changes that sweeps make. LMGC90's examples check every 50.
     check_every: Option<u64> = None, u64, [value_name = "N"];
