@@ -138,6 +138,31 @@ fn one_pile_stands_or_falls() {
     }
 }
 
+/// Two cubes on a floor that meet: friction of their faces may press either of them to the floor, whose friction then moves
+/// the pair. Each of the motions solves the step.
+#[test]
+fn mirrored_cubes_that_meet_have_several_motions() {
+    let motion = |solver: ContactSolver| {
+        let mut case = Case::new();
+        case.law_of_all("RST_CLB", &[0.8, 0.0, 0.3]);
+        case.gravity = [0.0, 0.0, -9.81];
+        case.floor();
+        let [left, right] = [-1.0, 1.0].map(|side| case.block([0.25; 3], [0.25 * side, 0.0, 0.25], [X, Y, Z]));
+        case.launch(left, [2.0, 0.0, 0.0], [0.0; 3]);
+        case.launch(right, [-2.0, 0.0, 0.0], [0.0; 3]);
+        (case.options.dt, case.options.tol, case.options.solver) = (1e-3, Some(1e-12), solver);
+        let end = case.run(1);
+        assert_eq!(case.column("converged"), [1.0], "{solver}");
+        (end, [left, right])
+    };
+    let (swept, [left, right]) = motion(ContactSolver::Nlgs);
+    let (symmetric, pair) = motion(ContactSolver::ProxNewton);
+    // The residual of 1e-12, of 2 m/s, by the number of contacts and more.
+    is_symmetric(&symmetric, &[pair], 1e-9);
+    let along = swept.v(left).x + swept.v(right).x;
+    assert!(along.abs() > 1e-4, "{along}");
+}
+
 /// Rigid blocks between plates that close on them have nowhere to go.
 #[test]
 fn steps_without_a_solution_are_counted() {
