@@ -485,6 +485,8 @@ impl Compute {
             number(positive(softening), "gravity_softening", softening, "a finite length > 0 m");
             let is_summed = self.gravity != GravityMethod::Fmm;
             number(is_summed, "gravity_softening", softening, "gravity: direct or auto with it, not fmm");
+            let is_alone = !self.gravity_quadrupole;
+            number(is_alone, "gravity_softening", softening, "no gravity_quadrupole with it: balls have none");
         }
         number(positive(self.gravity_moved), "gravity_moved", self.gravity_moved, "a finite number > 0");
         number((0.0..=1.0).contains(&self.quench), "quench", self.quench, "0 to 1");

@@ -356,6 +356,22 @@ fn pair_and_one() -> Case {
 }
 
 #[test]
+fn attractions_of_pairs_are_kept() {
+    let law = "IQS_COH_DS_CLB(cohesive_stress: 2.0, full_range: 0.1, range: 0.1, dynamic_friction: 0.3, static_friction: 0.3)";
+    let scene = spheres("[(100.0, 0.0, 0.0), (0.0, 0.0, 0.0), (2.0, 0.0, 0.0)]", "");
+    let (before, behind) = scene.split_once("IQS_CLB(").unwrap();
+    let from = Case::of(&format!("{before}{law}{}", behind.split_once(')').unwrap().1)).solved(&[]);
+    let case = next(&from, "()").solved(&[]);
+    let attraction = |path: std::path::PathBuf| Snapshot::read(&path).unwrap().attractions.unwrap().contact_attraction;
+    // R = 1/2 m.
+    let force = 2.0 * std::f64::consts::PI * 0.25;
+    for path in [case.datbox("START.npz"), case.path().join("OUTBOX/snapshot-000000.npz")] {
+        let found: f64 = attraction(path).iter().sum();
+        assert!((found - force).abs() < 1e-12, "{found}");
+    }
+}
+
+#[test]
 fn the_largest_remnant_is_kept_and_moved() {
     let from = pair_and_one();
     let changes = "(bodies: [(select: Largest, remove_motion: RigidMotion, centre: (1.0, 2.0, 3.0), \

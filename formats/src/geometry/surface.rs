@@ -228,6 +228,11 @@ fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> 
     faults
 }
 
+/// Vertices of a surface, m.
+pub type VertexList = Vec<[f64; 3]>;
+/// Triangles of a surface by the numbers of their vertices, from 0.
+pub type TriangleList = Vec<[u32; 3]>;
+
 /// Surface without the vertices that no triangle has as a corner, numbered anew, and the number of these vertices.
 ///
 /// Such a vertex must be behind the planes of all triangles, up to `tolerance` times the extent: it is then inside of the
@@ -237,7 +242,7 @@ pub fn without_unused_vertices(
     vertices: &[[f64; 3]],
     triangles: &[[u32; 3]],
     tolerance: f64,
-) -> Option<(Vec<[f64; 3]>, Vec<[u32; 3]>, usize)> {
+) -> Option<(VertexList, TriangleList, usize)> {
     let mut numbers: Vec<Option<u32>> = vec![None; vertices.len()];
     for &corner in triangles.iter().flatten() {
         *numbers.get_mut(corner as usize)? = Some(0);

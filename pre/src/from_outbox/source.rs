@@ -244,6 +244,7 @@ impl SourceCase {
         state.contacts.contact_body = pairs;
         state.memory = self.snapshot.memory.as_ref().map(|memory| memory.select_rows(&kept));
         state.laws = self.snapshot.laws.as_ref().map(|laws| laws.select_rows(&kept));
+        state.attractions = self.snapshot.attractions.as_ref().map(|attractions| attractions.select_rows(&kept));
         move_rows(&mut state, &free, taken);
         state.shapes = self.snapshot.shapes.as_ref().map(|shapes| {
             // If a body's rotation has changed, its angular momentum is computed from its angular velocity.

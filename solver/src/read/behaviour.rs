@@ -363,6 +363,21 @@ fn unseen_pairs(scene: &Scene) -> Vec<UnseenPair> {
     unseen
 }
 
+/// Warning about bodies that may pass through each other and whose self-gravity does not account for it.
+pub fn pass_through_warning(scene: &Scene) -> Option<String> {
+    if !(scene.has_self_gravity() && scene.has_unseen_pairs) {
+        return None;
+    }
+    let option = match scene.gravity_solver().method_for(scene.free.len()) {
+        SummationMethod::Direct if scene.options.gravity_quadrupole => "with gravity_quadrupole as if they were apart",
+        SummationMethod::Direct => return None,
+        _ => "by fmm as points; gravity: direct attracts them as balls",
+    };
+    Some(format!(
+        "bodies that may pass through each other, as no row of TACT_BEHAV.DAT concerns them, attract {option}: their energy may change"
+    ))
+}
+
 /// Note about contactors of free bodies that no row lets touch others.
 ///
 /// `meant`: pairs of colours that the file declares to have no row.
