@@ -315,6 +315,7 @@ mod tests {
     #[test]
     fn a_cluster_without_inertia_is_about_its_centre_in_its_principal_axes() {
         let mut pair = body(0.0, None);
+        pair.equivalent_radius = 0.0; // else the centre stays where the file has it
         let mut other = pair.contactors[0].clone();
         let ShapeRecord::Polyhedron { vertices, .. } = &mut other.shape else { unreachable!() };
         vertices.iter_mut().for_each(|v| v[2] += 10.0);
@@ -327,7 +328,8 @@ mod tests {
             along.iter().zip([-8.0, -2.0, 2.0, 8.0].iter().flat_map(|x| [x; 4])).all(|(x, y)| (x - y).abs() < 1e-13)
         );
         assert!(found.vertices.iter().all(|v| (v.y.abs() - 2.0).abs() < 1e-13 && (v.x.abs() - 1.0).abs() < 1e-13));
-        // With given inertia the coordinates are unchanged.
+        // With a radius in the file the coordinates are unchanged.
+        pair.equivalent_radius = 1.0;
         pair.inertia = Some([1.0; 3]);
         assert!(body_solid(&pair).unwrap().unwrap().vertices.iter().any(|v| v.z == 13.0));
     }
@@ -395,6 +397,7 @@ mod tests {
     fn spheres_of_a_cluster_reach_as_far_as_they_do() {
         // A dumb-bell along y, 6 between its centres, off the origin.
         let mut pair = body(0.0, None);
+        pair.equivalent_radius = 0.0; // else the centre stays where the file has it
         let ball = |y: f64| Contactor {
             colour: "BLUEx".into(),
             shape: ShapeRecord::OffsetSphere { radius: 0.5, offset: [1.0, y, 0.0] },

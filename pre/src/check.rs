@@ -259,7 +259,7 @@ fn check_bulk_strength(report: &mut FaultReport, path: &str, law: &Law) {
         }
         (PairStrength::Stress(_), None) => {}
     }
-    if pair.value() != 0.0
+    if pair.strength_parameter() != 0.0
         && let Some((parameter, value)) = law.kind.parameter_values().first()
     {
         let path = format!("{path}.kind.{}", parameter.name());

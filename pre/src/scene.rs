@@ -493,7 +493,7 @@ impl Law {
     /// Replaces the cohesive stress or Hamaker constant by that of the bulk strength, if one is given. Both are checked.
     pub fn apply_bulk_strength(&mut self) {
         let (Some(bulk), Some(pair)) = (self.bulk_strength, self.kind.pair_cohesion()) else { return };
-        let of_one = pair.with_value(1.0).bulk_strength(bulk.nu, bulk.z, bulk.diameter.unwrap_or(1.0));
+        let of_one = pair.with_strength_parameter(1.0).bulk_strength(bulk.nu, bulk.z, bulk.diameter.unwrap_or(1.0));
         if let Some(kind) = self.kind.with_pair_value(bulk.tension / of_one) {
             self.kind = kind;
         }

@@ -2,7 +2,8 @@
 
 use std::f64::consts::PI;
 
-/// Attraction of two bodies that acts once, whatever the number of their contact points, and again whenever they are near.
+/// Cohesive force between two bodies: one force for each pair, however many contact points it has. It is no bond: it acts again
+/// when bodies that had parted come near.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairCohesion {
     pub strength: PairStrength,
@@ -47,16 +48,16 @@ impl PairCohesion {
         }
     }
 
-    /// Share of the force that acts at a gap (m): 1 up to `full_range`, 0 beyond `range`, linear in between.
+    /// Factor of the force at a gap (m): 1 up to `full_range`, 0 beyond `range`, linear in between.
     ///
     /// ```
     /// use cd_formats::law_table::{PairCohesion, PairStrength};
     /// let pair = PairCohesion { strength: PairStrength::Stress(1.0), full_range: 0.1, range: 0.3 };
-    /// let shares = [-0.1, 0.1, 0.2, 0.4].map(|gap| pair.share(gap));
-    /// assert!((shares[2] - 0.5).abs() < 1e-15);
-    /// assert_eq!([shares[0], shares[1], shares[3]], [1.0, 1.0, 0.0]);
+    /// let factors = [-0.1, 0.1, 0.2, 0.4].map(|gap| pair.gap_factor(gap));
+    /// assert!((factors[2] - 0.5).abs() < 1e-15);
+    /// assert_eq!([factors[0], factors[1], factors[3]], [1.0, 1.0, 0.0]);
     /// ```
-    pub fn share(&self, gap: f64) -> f64 {
+    pub fn gap_factor(&self, gap: f64) -> f64 {
         if gap <= self.full_range {
             1.0
         } else if gap <= self.range {
@@ -80,8 +81,8 @@ impl PairCohesion {
         nu * z * self.force(diameter / 4.0) / (PI * diameter * diameter)
     }
 
-    /// The same with another stress (Pa) or Hamaker constant (J).
-    pub fn with_value(self, value: f64) -> PairCohesion {
+    /// Returns a copy with another stress (Pa) or Hamaker constant (J).
+    pub fn with_strength_parameter(self, value: f64) -> PairCohesion {
         let strength = match self.strength {
             PairStrength::Stress(_) => PairStrength::Stress(value),
             PairStrength::VanDerWaals { distance, .. } => PairStrength::VanDerWaals { hamaker: value, distance },
@@ -90,7 +91,7 @@ impl PairCohesion {
     }
 
     /// Stress (Pa) or Hamaker constant (J).
-    pub fn value(&self) -> f64 {
+    pub fn strength_parameter(&self) -> f64 {
         match self.strength {
             PairStrength::Stress(stress) => stress,
             PairStrength::VanDerWaals { hamaker, .. } => hamaker,

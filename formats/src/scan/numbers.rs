@@ -87,7 +87,7 @@ fn plain_real(field: &str) -> Option<f64> {
     std::str::from_utf8(copy).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// Text of a number, without a heap allocation: [`REAL_WIDTH`] letters, or up to 32 while it is being made.
+/// Text of a number, without a heap allocation: 14 letters, or up to 32 while it is being made.
 pub type RealText = ArrayString<32>;
 
 /// Formats a real in 14 columns as C's `%14.7E`, eight digits: ` 1.2345679E+00`. For input files.

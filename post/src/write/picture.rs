@@ -35,7 +35,7 @@ const MIN_GRAIN_RADIUS: f64 = 1.0;
 
 /// Number of neighbours from which on grains share a colour.
 const MAX_COUNT_CLASS: u32 = 10;
-/// Colours of a picture by energy, each for half a power of ten, down from the largest.
+/// Number of the classes of a picture by energy above the lowest, each half a power of ten wide, down from the largest.
 const ENERGY_CLASSES: u32 = 10;
 
 /// Quantity that colours the grains.
@@ -190,7 +190,7 @@ impl ShapeOutline {
         }
     }
 
-    /// Radius, pixels; for a face half of its longer side.
+    /// Radius, pixels; for a face half of the longer side of the rectangle around it.
     fn radius(&self) -> f64 {
         match self {
             ShapeOutline::Circle { radius, .. } => *radius,

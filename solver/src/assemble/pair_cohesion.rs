@@ -1,12 +1,13 @@
-//! Attraction of laws with cohesion per pair of bodies, shared by the contacts of each pair.
+//! Cohesive force of laws with one force for each pair of bodies, divided among the contacts of the pair.
 
 use super::context::AssemblyContext;
 use crate::scene::BodyId;
 use crate::state::Contact;
 
-/// Two bodies, the lower index first, the law between them, and the shift of the image that touches, bit by bit.
+/// Two bodies, the lower index first, the law between them, and the bits of the shift of the image that touches.
 type AttractedPair = (BodyId, BodyId, u8, [u64; 3]);
 
+/// Key under which the contacts of a pair are collected.
 fn attracted_pair(contact: &Contact) -> AttractedPair {
     let Contact { candidate: a, antagonist: b, image, law, .. } = *contact;
     // 0.0 + x turns -0 into 0.
@@ -17,29 +18,31 @@ fn attracted_pair(contact: &Contact) -> AttractedPair {
 impl AssemblyContext<'_> {
     /// Attraction at each contact, N; empty if no law has cohesion per pair.
     ///
-    /// Contact i of a pair has its own force F_i, by the size of its two contactors, and the share s_i of its gap. It attracts with
-    /// F_i s_i max(s)/Σ s over the contacts of the pair: together they attract with the force of the nearest, however many they are.
+    /// Contact i of a pair has its own force F_i, by the effective radius of its two contactors, and the factor s_i of its gap. It
+    /// attracts with F_i s_i max(s)/Σ s over the contacts of the pair: together they attract with the force of the nearest,
+    /// however many they are.
     pub(super) fn pair_attractions(&self, contacts: &[Contact]) -> Vec<f64> {
         if !self.state.laws.iter().any(|law| law.pair_cohesion().is_some()) {
             return Vec::new();
         }
         let law_of = |k: usize| self.state.laws[contacts[k].law as usize].pair_cohesion();
-        let mut shares: Vec<f64> =
-            (0..contacts.len()).map(|k| law_of(k).map_or(0.0, |pair| pair.share(contacts[k].gap))).collect();
+        let mut factors: Vec<f64> =
+            (0..contacts.len()).map(|k| law_of(k).map_or(0.0, |law| law.gap_factor(contacts[k].gap))).collect();
+        // Spheres and plates have one contact a pair, with nothing to divide.
         if self.has_blocks {
             let mut near: Vec<(AttractedPair, usize)> =
-                (0..contacts.len()).filter(|&k| shares[k] > 0.0).map(|k| (attracted_pair(&contacts[k]), k)).collect();
+                (0..contacts.len()).filter(|&k| factors[k] > 0.0).map(|k| (attracted_pair(&contacts[k]), k)).collect();
             near.sort_unstable();
-            for of_pair in near.chunk_by(|a, b| a.0 == b.0) {
-                let nearest = of_pair.iter().map(|&(_, k)| shares[k]).fold(0.0, f64::max);
-                let sum: f64 = of_pair.iter().map(|&(_, k)| shares[k]).sum();
-                of_pair.iter().for_each(|&(_, k)| shares[k] *= nearest / sum);
+            for contacts_of_pair in near.chunk_by(|a, b| a.0 == b.0) {
+                let largest = contacts_of_pair.iter().map(|&(_, k)| factors[k]).fold(0.0, f64::max);
+                let sum: f64 = contacts_of_pair.iter().map(|&(_, k)| factors[k]).sum();
+                contacts_of_pair.iter().for_each(|&(_, k)| factors[k] *= largest / sum);
             }
         }
-        let attraction = |(k, share): (usize, f64)| match law_of(k) {
-            Some(pair) if share > 0.0 => share * pair.force(self.effective_radius(&contacts[k])),
+        let attraction = |(k, factor): (usize, f64)| match law_of(k) {
+            Some(law) if factor > 0.0 => factor * law.force(self.effective_radius(&contacts[k])),
             _ => 0.0,
         };
-        shares.into_iter().enumerate().map(attraction).collect()
+        factors.into_iter().enumerate().map(attraction).collect()
     }
 }

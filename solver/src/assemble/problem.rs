@@ -259,8 +259,8 @@ impl ContactProblem {
         self.contact_arm(k, side).cross(r) + self.friction_couple(k, r)
     }
 
-    /// n (n×d)·r: angular impulse about n by which the friction of an impulse `r` at row `k` is smaller than at the contact
-    /// point, N m s.
+    /// n (n×d)·r: change of the angular impulse about n, N m s, because the friction of an impulse `r` at row `k` acts at the
+    /// offset d from the contact point.
     pub fn friction_couple(&self, k: usize, r: &Vec3) -> Vec3 {
         self.rows[k].normal * self.friction_lever(k).dot(r)
     }

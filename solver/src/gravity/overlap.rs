@@ -14,7 +14,7 @@ pub struct BallAttraction {
 /// Attraction of two homogeneous balls of these `masses` (kg) and `radii` (m), the second at `r` (m) from the first, |r| less
 /// than the sum of the radii; `constant` is G, m³/(kg s²).
 ///
-/// With a the larger and b the smaller radius, and |r| = r,
+/// With a the larger and b the smaller radius, the masses m and M, r = |r|, and W' = dW/dd,
 ///
 /// ```text
 /// r <= a - b:  U = -G m M (3 a² - r² - 3 b²/5)/(2 a³),  F = G m M r/a³

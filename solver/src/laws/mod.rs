@@ -645,7 +645,7 @@ impl ContactLaw {
     pub fn set_cohesion(&mut self, value: f64) -> bool {
         match &mut self.cohesion {
             Some(Cohesion::Wet { force, .. }) => *force = value,
-            Some(Cohesion::Pair(pair)) => *pair = pair.with_value(value),
+            Some(Cohesion::Pair(pair)) => *pair = pair.with_strength_parameter(value),
             Some(Cohesion::Bond { normal, now, .. }) if *normal > 0.0 => *now = value,
             None | Some(Cohesion::Bond { .. }) => return false,
         }
@@ -794,7 +794,7 @@ mod tests {
             let states = [(0.0, false), (0.0, true), (range, false), (range, true), (range + 0.5, false)];
             let interfaces = [0.0, 0.25, 1.0];
             for ((gap, bonded), soundness) in states.into_iter().flat_map(|at| interfaces.map(|sound| (at, sound))) {
-                let pair_attraction = law.pair_cohesion().map_or(0.0, |pair| pair.share(gap) * pair.force(2.0));
+                let pair_attraction = law.pair_cohesion().map_or(0.0, |pair| pair.gap_factor(gap) * pair.force(2.0));
                 let at = LawInput { gap, bonded, gap_forecast: GapForecast::Due, pair_attraction, ..touching() };
                 let Some(shift) = law.contact_shift(&at) else { continue };
                 let normal_force = 2.0;

@@ -35,7 +35,7 @@ pub fn solve_until_admissible(
     request: SolveRequest,
     clock: &mut StageClock,
 ) -> Option<SolvedProblem> {
-    let (mut sweeps, mut replaced_laws) = (0, None);
+    let (mut sweeps, mut original_laws) = (0, None);
     loop {
         let contact_problem = assemble::contact_problem(scene, state, q_c, contacts, free.velocities()); // M4  W, b
         clock.add_lap(|times| &mut times.assembly);
@@ -79,14 +79,14 @@ pub fn solve_until_admissible(
             q_c.pushed_at_centre.extend(pushed);
             continue;
         }
-        let may_replace = !solution.converged && replaced_laws.is_none();
+        let may_replace = !solution.converged && original_laws.is_none();
         if may_replace && rebound_passes(scene, state, q_c, contacts, moving) {
-            replaced_laws = Some(state.laws.clone());
+            original_laws = Some(state.laws.clone());
             state.laws.iter_mut().for_each(ContactLaw::remove_restitution);
             continue;
         }
         solution.sweeps = sweeps;
-        return Some(SolvedProblem { request, contact_problem, solution, replaced_laws });
+        return Some(SolvedProblem { request, contact_problem, solution, original_laws });
     }
 }
 

@@ -23,5 +23,5 @@ pub struct SolvedProblem {
     pub contact_problem: ContactProblem,
     pub solution: ContactSolution,
     /// Laws of the state, if the step is solved without their restitution; they return at its end.
-    pub replaced_laws: Option<Vec<ContactLaw>>,
+    pub original_laws: Option<Vec<ContactLaw>>,
 }

@@ -65,7 +65,7 @@ pub fn step(scene: &Scene, state: &mut State, times: &mut StageTimes) -> Option<
     if !events.shakes.is_empty() {
         report.flight_error = 0.0; // a shake is an impulse, and exact
     }
-    if let Some(laws) = solved.replaced_laws.take() {
+    if let Some(laws) = solved.original_laws.take() {
         state.laws = laws;
     }
     integrate::advance_state(scene, state, &q_c, outcome.v, outcome.w); // M6  V⁺, x⁺ = x_c + θ h V⁺

@@ -94,7 +94,9 @@ fn current_law(name: &LawName, law: &ContactLaw) -> LawName {
             (LawParameter::Friction | LawParameter::StaticFriction, _) => law.friction_static,
             (LawParameter::DynamicFriction, _) => law.friction_dynamic,
             (LawParameter::LiquidCohesion, Some(Cohesion::Wet { force, .. })) => force,
-            (LawParameter::CohesiveStress | LawParameter::HamakerConstant, Some(Cohesion::Pair(pair))) => pair.value(),
+            (LawParameter::CohesiveStress | LawParameter::HamakerConstant, Some(Cohesion::Pair(pair))) => {
+                pair.strength_parameter()
+            }
             (LawParameter::NormalCohesion, Some(Cohesion::Bond { now, .. })) => now,
             (LawParameter::TangentialCohesion, Some(Cohesion::Bond { normal, tangential, now })) if normal > 0.0 => {
                 tangential * (now / normal)

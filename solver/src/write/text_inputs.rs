@@ -19,8 +19,8 @@ const DRIVEN_COPY: &str = "DRV_DOF.OUT";
 pub const INPUT_COPIES: [&str; 5] = ["BODIES.OUT", "BULK_BEHAV.OUT", "TACT_BEHAV.OUT", DRIVEN_COPY, "COMPUTE.RON"];
 
 /// Writes BODIES.OUT, with centred bodies in the axes of DOF.OUT.k, BULK_BEHAV.OUT, TACT_BEHAV.OUT, DRV_DOF.OUT and the
-/// tables that it names, all with as many digits as their columns hold, and COMPUTE.RON with the options of the run, without
-/// which a continued run would have those of a folder of LMGC90.
+/// tables that it names, all with as many digits as their columns hold, and COMPUTE.RON with the options of the run on which
+/// results depend, without which a continued run would have those of a folder of LMGC90.
 pub fn write_input_copies(datbox: &Path, outbox: &Path, options: &Compute) -> Result<(), Faults> {
     let file = datbox.join("BODIES.DAT");
     let bodies = Bodies::read(&file)?
@@ -30,12 +30,14 @@ pub fn write_input_copies(datbox: &Path, outbox: &Path, options: &Compute) -> Re
     // With rows of laws that are not defined, which the run has reported.
     let tact = datbox.join("TACT_BEHAV.DAT");
     let (tact, _) = TactBehav::parse_with_notices(&tact, &AsciiText::read_file(&tact)?)?;
+    let Compute { steps, end_time, threads, .. } = Compute::default();
     let texts = [
         bodies.to_long_text(),
         BulkBehav::read(&datbox.join("BULK_BEHAV.DAT"))?.to_long_text(),
         tact.to_long_text(),
         driven.to_long_text(),
-        options.to_text(),
+        // The length of the run and its threads are its own: they change no result, and a resumed run may have others.
+        Compute { steps, end_time, threads, ..options.clone() }.to_text(),
     ];
     let mut files: Vec<(PathBuf, String)> = tables(&driven).map(|(name, text)| (outbox.join(name), text)).collect();
     files.extend(INPUT_COPIES.iter().map(|name| outbox.join(name)).zip(texts));

@@ -361,8 +361,8 @@ fn times_and_events_that_cannot_be() {
     unknown.options.events =
         vec![Event::at_time(0.0, friction), Event::at_time(0.0, EventAction::SetCohesion("law00".into(), 1.0))];
     let lines = [
-        "CASE/DATBOX/COMPUTE.RON:38:41: event 1, action 1: law 'other' is not in use; expected one of law00, law01",
-        "CASE/DATBOX/COMPUTE.RON:39:41: event 2, action 1: law 'law00' has no cohesion; expected a law with cohesion",
+        "CASE/DATBOX/COMPUTE.RON:39:41: event 1, action 1: law 'other' is not in use; expected one of law00, law01",
+        "CASE/DATBOX/COMPUTE.RON:40:41: event 2, action 1: law 'law00' has no cohesion; expected a law with cohesion",
     ];
     written_refused(&unknown, &[], &lines);
     let twice =

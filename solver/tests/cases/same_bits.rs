@@ -141,7 +141,7 @@ fn threads_change_nothing() {
     let copies = ["BODIES", "BULK_BEHAV", "DRV_DOF", "TACT_BEHAV"].map(|name| format!("{name}.OUT"));
     let mut expected = [0, 15, 30, 45, 60].map(|k| format!("snapshot-{k:06}.npz")).to_vec();
     expected.extend(copies.into_iter().chain(numbered("DOF")).chain(numbered("Vloc_Rloc")));
-    expected.extend(["DOF.LAST", "Vloc_Rloc.LAST", "steps.csv", "turn.dat"].map(String::from));
+    expected.extend(["COMPUTE.RON", "DOF.LAST", "Vloc_Rloc.LAST", "steps.csv", "turn.dat"].map(String::from));
     expected.sort();
     assert_eq!(names, expected);
     for threads in ["2", "3", "5"] {

@@ -196,9 +196,9 @@ impl<'a> DriverReader<'a> {
 
     fn read_solver(&mut self, call: &ScriptCall) {
         self.read_tolerance(call, [1, 2, 3]);
-        let block = self.read_output_number(call, 4, &["gsit1", "nb_iter_check", "gs_it1"], "check_every");
+        let block = self.read_optional_count(call, 4, &["gsit1", "nb_iter_check", "gs_it1"], "check_every");
         self.take(call, "check_every", block, |options, n| options.check_every = Some(n));
-        let blocks = self.read_output_number(call, 5, &["gsit2", "nb_block_iter", "gs_it2"], "max_sweeps");
+        let blocks = self.read_optional_count(call, 5, &["gsit2", "nb_block_iter", "gs_it2"], "max_sweeps");
         let most = block.zip(blocks).map(|(sweeps, checks)| sweeps.saturating_mul(checks));
         self.take(call, "max_sweeps", most, |options, n| options.max_sweeps = Some(n));
     }
@@ -206,7 +206,7 @@ impl<'a> DriverReader<'a> {
     /// Takes the interval of the output from the argument at a position.
     fn read_output(&mut self, call: &ScriptCall, position: usize) {
         let keywords = ["nsteps", "freq", "Nstep_writeDof", "nstep", "f_write"];
-        let value = self.read_output_number(call, position, &keywords, "output_every");
+        let value = self.read_optional_count(call, position, &keywords, "output_every");
         self.take(call, "output_every", value, |options, n| options.output_every = Some(n));
     }
 
@@ -388,8 +388,8 @@ impl<'a> DriverReader<'a> {
         }
     }
 
-    /// Positive integer that an argument states; otherwise a remark, since results do not depend on it.
-    fn read_output_number(
+    /// Positive integer that an argument states; otherwise a remark, and the option keeps its default.
+    fn read_optional_count(
         &mut self,
         call: &ScriptCall,
         position: usize,

@@ -23,7 +23,7 @@ pub struct AndersonAcceleration {
     norm: f64,
 }
 
-/// Growth of |f| beyond which the history is dropped, relative to the last kept |f|; see docs/explanation/performance.md.
+/// Growth of |f| beyond which the history is dropped, relative to the last kept |f|.
 const MAX_RESIDUAL_GROWTH: f64 = 1.5;
 
 impl AndersonAcceleration {
