@@ -358,7 +358,7 @@ fn balls_without_contacts_swing_through_each_other_and_keep_their_energy() {
         states.iter().map(|state| (energy(state) - energy(&states[0])).abs()).fold(0.0, f64::max) / scale
     };
     let [coarse, fine] = [error(200.0), error(400.0)];
-    // Of second order, over some ten swings.
+    // The error of the energy over some ten swings is of second order in the step.
     assert!(coarse < 1e-2 && fine < 0.35 * coarse, "{coarse} {fine}");
 }
 
