@@ -14,6 +14,7 @@ use crate::error::Faults;
 use crate::messages::parse_number;
 use crate::names::{number_text, rounded_number};
 use crate::orbit::OrbitSpec;
+use crate::probe::{EndCondition, Probe, check_probes};
 use crate::report::FaultReport;
 pub use crate::ron_file::from_ron;
 use crate::ron_text;
@@ -389,6 +390,10 @@ options! {
     text: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Scheduled events, as in COMPUTE.RON: [(time: 100.0, action: AddSpin((0.0, 0.0, 1e-5)))].
     events: Vec<Event> = Vec::new(), Events, [value_name = "RON"];
+    /// Quantities that are written to POSTPRO/probe-NAME.csv step by step: [(name: "lid", quantity: Force(on: Colour("LIDxx")))].
+    probes: Vec<Probe> = Vec::new(), Probes, [value_name = "RON"];
+    /// Conditions that end the run before end_time: [AtRest(speed: 1e-4, during: 0.1)].
+    until: Vec<EndCondition> = Vec::new(), EndConditions, [value_name = "RON"];
 }
 
 /// List given on the command line.
@@ -398,6 +403,10 @@ pub struct FlagList<T>(Vec<T>);
 pub type Events = FlagList<Event>;
 /// External fields of a run.
 pub type Fields = FlagList<ExternalField>;
+/// Probes of a run.
+pub type Probes = FlagList<Probe>;
+/// Conditions that end a run.
+pub type EndConditions = FlagList<EndCondition>;
 
 impl<T: serde::de::DeserializeOwned> std::str::FromStr for FlagList<T> {
     type Err = ron_text::FlagError;
@@ -427,10 +436,10 @@ impl Compute {
         self.sphere_orientation || self.text
     }
 
-    /// Name and value of every option that results depend on: all except `steps`, `end_time`, `threads` and
-    /// `text`.
+    /// Name and value of every option that the motion of bodies depends on: all except `steps`, `end_time`, `until`,
+    /// `probes`, `threads` and `text`.
     pub fn result_options(&self) -> BTreeMap<String, String> {
-        const OPTIONS_WITHOUT_EFFECT: [&str; 4] = ["steps", "end_time", "threads", "text"];
+        const OPTIONS_WITHOUT_EFFECT: [&str; 6] = ["steps", "end_time", "until", "probes", "threads", "text"];
         let values = self.option_values().into_iter().filter(|(name, _)| !OPTIONS_WITHOUT_EFFECT.contains(name));
         values.map(|(name, value)| (name.to_string(), value)).collect()
     }
@@ -552,6 +561,7 @@ impl Compute {
         for (k, event) in self.events.iter().enumerate() {
             self.check_event(event, &format!("{at}events.{k}"), report);
         }
+        check_probes(&self.probes, &self.until, at, report);
     }
 
     /// Reports the values of the event at `path` that no run could use.

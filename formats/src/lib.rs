@@ -38,6 +38,7 @@
 //! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities and forces |
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
+//! | [`probe`] | series of quantities followed step by step, and conditions that end a run |
 //! | [`postpro`] | `DATBOX/POSTPRO.DAT`: files with rows of figures, requested as in LMGC90 |
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
 //! | [`accuracy`], [`presets`] | the presets of accuracy of COMPUTE.RON, and their values |
@@ -94,6 +95,7 @@ pub mod orbit;
 pub mod origin;
 pub mod postpro;
 pub mod presets;
+pub mod probe;
 pub mod report;
 pub mod ron_file;
 pub mod ron_text;

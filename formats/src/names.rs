@@ -99,6 +99,11 @@ pub(crate) fn path_in_words(path: &str) -> String {
     words.join(", ")
 }
 
+/// Whether a text can be part of the name of a file on any system: letters, digits, `-` and `_`, at most 60.
+pub fn is_file_name(text: &str) -> bool {
+    (1..=60).contains(&text.len()) && text.bytes().all(|c| c.is_ascii_alphanumeric() || c == b'-' || c == b'_')
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,5 +1,6 @@
 //! Checks of the bodies of DATBOX with the digits that are written: bodies that cd-solve would reject are rejected here.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use cd_formats::bodies::Bodies;
@@ -9,6 +10,7 @@ use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
 use cd_formats::error::{Faults, RecordFault};
 use cd_formats::names::{number_text, rounded_number};
+use cd_formats::probe::{named_bodies, unknown_bodies};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::AsciiText;
 use cd_formats::tact_behav::TactBehav;
@@ -39,6 +41,7 @@ pub fn check_files<'a>(
         }
     }
     let (Some(bodies), Some(bulk)) = (bodies, bulk) else { return };
+    check_probes(&bodies, options, report);
     let mut imposed = vec![false; bodies.0.len()];
     for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
         imposed.get_mut(row.body).into_iter().for_each(|imposed| *imposed = true);
@@ -73,5 +76,17 @@ pub fn check_files<'a>(
         let more = if more > 0 { format!(" (and {more} more like it)") } else { String::new() };
         let found = format!("body {} as written in BODIES.DAT{more}: {fault}", k + 1);
         report.add_fault(&path, found, expected.trim_start_matches("expected "));
+    }
+}
+
+/// Reports probes and end conditions of bodies that are not among `bodies`.
+fn check_probes(bodies: &Bodies, options: &Compute, report: &mut FaultReport) {
+    let colours: BTreeSet<&str> =
+        bodies.0.iter().flat_map(|body| &body.contactors).map(|contactor| contactor.colour.as_str()).collect();
+    let colours: Vec<&str> = colours.into_iter().collect();
+    for (path, selection) in named_bodies(&options.probes, &options.until) {
+        if let Some((found, expected)) = unknown_bodies(selection, bodies.0.len(), &colours) {
+            report.add_fault(&format!("compute.{path}"), found, expected);
+        }
     }
 }

@@ -37,6 +37,11 @@ pub fn is_stop_requested() -> bool {
     STOP_FLAG.get().is_some_and(|stop| stop.load(Ordering::Relaxed))
 }
 
+/// Requests this process to stop, as a signal does.
+pub fn request_stop() {
+    stop_flag().store(true, Ordering::Relaxed);
+}
+
 /// Makes [`is_stopped`] wait for the agreement of the ranks, from now on.
 pub fn stop_by_agreement() {
     STOPS_BY_AGREEMENT.store(true, Ordering::Relaxed);

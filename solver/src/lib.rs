@@ -41,6 +41,7 @@ pub mod integrate;
 pub mod laws;
 pub mod math;
 mod plan;
+mod probe;
 mod progress;
 pub mod ranks;
 pub mod read;

@@ -18,6 +18,7 @@ use crate::detect;
 use crate::integrate::{ContactConfiguration, predict_configuration};
 use crate::math::Vec3;
 use crate::plan::{StepBound, roundoff_warning, step_bounds};
+use crate::probe::Probes;
 use crate::progress::ProgressDisplay;
 use crate::ranks::{self, Communicator, RankTraffic};
 use crate::scene::{BodyId, Scene};
@@ -80,7 +81,7 @@ pub struct RunMode {
 /// Advances the state to the last step and writes the results; returns the summary.
 pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> Result<String, RunFailure> {
     let start = Instant::now();
-    let last = scene.last_step();
+    let mut last = scene.last_step();
     let communicator = ranks::communicator();
     let (mut results, estimator) = RunOutput::open(communicator.rank() == 0, case, scene, &state, mode.part_bodies)?;
     let mut statistics = RunStatistics {
@@ -100,6 +101,13 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
 
     let progress = ProgressDisplay::new(state.step, last.max(state.step));
     let reported_share = warn_at_start(&mut statistics, scene, &mut state, mode.resumed, &progress);
+    let probes = Probes::new(scene);
+    if mode.resumed {
+        // A run that a condition has ended does not go on.
+        let values = probes.values(scene, &state, None);
+        statistics.met_condition = probes.met_condition(scene, &mut state, &values, Duration::ZERO);
+        last = if statistics.met_condition.is_some() { state.step } else { last };
+    }
     let mut exchange = None;
     if mode.step_loop {
         let opened = StepExchange::open(std::io::stdin().lock(), std::io::stdout().lock(), state.x.len());
@@ -133,12 +141,18 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         }
         progress.show_step(&state, &report);
         results.write(|files| files.add_postpro(scene, &mut state, &report, first)).map_err(RunFailure::Unwritten)?;
+        let values = probes.values(scene, &state, report.start.as_ref());
+        results.write(|files| files.add_probes(&state, &values)).map_err(RunFailure::Unwritten)?;
         let estimator = &mut statistics.estimator;
         results
             .write(|files| files.add_step(scene, &state, &report, &lap, estimator))
             .map_err(RunFailure::Unwritten)?;
         statistics.stage_times.accumulate(&lap);
         agreement::agree_on_step(communicator, &state).map_err(|mismatch| RunFailure::Broken(mismatch.to_string()))?;
+        if let Some(condition) = probes.met_condition(scene, &mut state, &values, start.elapsed()) {
+            statistics.met_condition = Some(condition);
+            last = state.step;
+        }
         let stopped = activity::is_stopped() && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
             if state.step == last || stopped {

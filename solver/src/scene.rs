@@ -6,6 +6,7 @@ use cd_formats::drv_dof::Evolution;
 use cd_formats::field::FieldModel;
 pub use cd_formats::ids::BodyId;
 use cd_formats::postpro::{PostproCommand, PostproKind};
+use cd_formats::probe::{BodySelection, Probe, ProbeQuantity};
 use cd_formats::snapshot::{LawName, MaterialName};
 
 use crate::features::BARE;
@@ -421,6 +422,28 @@ impl Scene {
     /// Whether a command of POSTPRO.DAT needs the solver's criteria.
     pub fn has_solver_file(&self) -> bool {
         self.postpro.iter().any(|command| command.kind == PostproKind::SolverInformations)
+    }
+
+    /// Whether figures of a step are computed from its start.
+    pub fn keeps_step_start(&self) -> bool {
+        let is_force = |probe: &Probe| matches!(probe.quantity, ProbeQuantity::Force { .. });
+        !self.postpro.is_empty() || self.options.probes.iter().any(is_force)
+    }
+
+    /// Bodies of a selection, rising.
+    pub fn selected_bodies(&self, bodies: &BodySelection) -> Vec<BodyId> {
+        match bodies {
+            BodySelection::Body(number) => vec![BodyId::new(number - 1)],
+            BodySelection::Free => self.free.clone(),
+            BodySelection::Colour(colour) => {
+                let has_colour = |of_object: u16| self.colours[usize::from(of_object)] == *colour;
+                let is_selected = |&body: &BodyId| match if self.is_general() { self.parts_of(body) } else { &[] } {
+                    [] => has_colour(self.bodies[body.index()].colour),
+                    parts => parts.iter().any(|part| has_colour(part.colour)),
+                };
+                (0..self.bodies.len()).map(BodyId::new).filter(is_selected).collect()
+            }
+        }
     }
 
     /// Last step of the run.

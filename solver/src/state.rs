@@ -341,6 +341,8 @@ pub struct State {
     pub ledger: Ledger,
     /// Sums for the files of POSTPRO.DAT.
     pub postpro: PostproSums,
+    /// Time since when all bodies have been at rest, s, if a condition at rest ends the run.
+    pub rest_since: Option<f64>,
 }
 
 /// Steps between two measurements of the errors of shortcuts.

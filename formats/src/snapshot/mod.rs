@@ -130,6 +130,9 @@ pub struct SnapshotMeta {
     /// Only if POSTPRO.DAT requests such sums.
     #[serde(default, skip_serializing_if = "PostproSums::is_zero")]
     pub postpro: PostproSums,
+    /// Time since when all bodies have been at rest, s; only if a condition at rest ends the run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest_since: Option<f64>,
     /// Options of the run as in COMPUTE.RON, flags included; see [`crate::compute::Compute::result_options`]. Empty in
     /// snapshots of versions without this field.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -357,6 +360,7 @@ impl Default for SnapshotMeta {
             attraction: None,
             fallback: FallbackState::default(),
             postpro: PostproSums::default(),
+            rest_since: None,
             options: BTreeMap::new(),
             parts: Vec::new(),
         }

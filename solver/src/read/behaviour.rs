@@ -12,6 +12,7 @@ use cd_formats::law_table::{
     reference_gap_position,
 };
 use cd_formats::names::{count_text, number_text, rounded_number};
+use cd_formats::probe::{named_bodies, unknown_bodies};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::{AsciiText, TextLine};
 use cd_formats::snapshot::LawName;
@@ -433,6 +434,18 @@ pub fn check_events(scene: &Scene, report: &mut FaultReport) {
                 report.add_fault(&path, format!("law '{name}' has no friction"), "a law with friction");
             }
             Some(_) => {}
+        }
+    }
+}
+
+/// Rejects probes and conditions of bodies that the scene does not have.
+pub fn check_probes(scene: &Scene, report: &mut FaultReport) {
+    let colours: Vec<&str> = scene.colours.iter().map(String::as_str).collect();
+    for (path, bodies) in named_bodies(&scene.options.probes, &scene.options.until) {
+        if let Some((found, expected)) = unknown_bodies(bodies, scene.bodies.len(), &colours) {
+            report.add_fault(&path, found, expected);
+        } else if scene.selected_bodies(bodies).is_empty() {
+            report.add_fault(&path, "the scene has no such body", "bodies of the scene");
         }
     }
 }

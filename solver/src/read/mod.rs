@@ -93,6 +93,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let (source, text) = faults.gather_result(events_text(&datbox, flags)).unwrap_or_default();
     let mut of_events = FaultReport::new(&source, &text);
     behaviour::check_events(&scene, &mut of_events);
+    behaviour::check_probes(&scene, &mut of_events);
     behaviour::check_text(&mut scene);
     let motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
     scene.notes.extend(bodies::period_gap_notes(&scene, &motion.q));
@@ -179,6 +180,7 @@ fn initial_state(
         fallback: FallbackState::default(),
         ledger: Ledger::default(),
         postpro: PostproSums::default(),
+        rest_since: None,
     }
 }
 

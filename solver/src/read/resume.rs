@@ -391,6 +391,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     state.events_done = meta.parameters.events_done as usize;
     state.ledger = meta.ledger;
     state.postpro = meta.postpro;
+    state.rest_since = meta.rest_since;
     state.fallback = meta.fallback;
     let exchanges = interval.interval_body.into_iter().zip(interval.interval_virial);
     state.interval = OutputInterval {

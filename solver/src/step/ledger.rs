@@ -190,7 +190,7 @@ pub fn update_ledger(
         rotational: motion.rotational,
         potential: free.potential,
         gravity: free.gravity,
-        start: (!scene.postpro.is_empty()).then(|| StepStart {
+        start: scene.keeps_step_start().then(|| StepStart {
             x: q_c.x.clone(),
             q: q_c.q.clone(),
             v: state.v.clone(),

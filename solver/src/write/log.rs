@@ -27,6 +27,8 @@ pub enum ColumnKind {
     Known,
     Sum,
     Largest,
+    /// Mean over the steps of the row, weighted by their lengths in the column before, `h`, whose kind is `Sum`.
+    Mean,
 }
 
 /// Name and kind of a column.
@@ -69,14 +71,15 @@ impl LogCell {
         }
     }
 
-    /// Combines the figure with that of a later step.
-    fn add(&mut self, kind: ColumnKind, later: LogCell) {
+    /// Combines the figure with that of a later step, which has this share of the length of both.
+    fn add(&mut self, kind: ColumnKind, later: LogCell, share: f64) {
         *self = match (kind, *self, later) {
             (ColumnKind::Last, _, later) => later,
             (ColumnKind::Known, known, LogCell::Real(x)) if x.is_nan() => known,
             (ColumnKind::Known, _, later) => later,
             (ColumnKind::Sum, LogCell::Count(a), LogCell::Count(b)) => LogCell::Count(a + b),
             (ColumnKind::Sum, a, b) => LogCell::Real(a.to_f64() + b.to_f64()),
+            (ColumnKind::Mean, a, b) => LogCell::Real(a.to_f64() + (b.to_f64() - a.to_f64()) * share),
             (ColumnKind::Largest, LogCell::Count(a), LogCell::Count(b)) => LogCell::Count(a.max(b)),
             (ColumnKind::Largest, a, b) => LogCell::Real(a.to_f64().max(b.to_f64())),
         };
@@ -203,8 +206,10 @@ impl LogTable {
         match &mut self.pending {
             None => self.pending = Some(cells),
             Some(pending) => {
+                let length = self.columns.iter().position(|(name, _)| *name == "h");
+                let share = length.map_or(1.0, |h| cells[h].to_f64() / (pending[h].to_f64() + cells[h].to_f64()));
                 let columns = pending.iter_mut().zip(&self.columns).zip(cells);
-                columns.for_each(|((sum, (_, kind)), cell)| sum.add(*kind, cell));
+                columns.for_each(|((sum, (_, kind)), cell)| sum.add(*kind, cell, share));
             }
         }
         if due.is_due_after(step, self.last) { self.finish_rows(take) } else { Ok(()) }

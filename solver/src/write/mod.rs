@@ -4,6 +4,7 @@ pub mod errors;
 pub mod exchange;
 mod log;
 pub mod postpro;
+mod probes;
 mod problem;
 mod snapshot;
 pub mod summary;
@@ -25,6 +26,7 @@ use crate::state::State;
 use crate::step::{StageTimes, StepReport};
 
 use self::postpro::PostproFiles;
+use self::probes::ProbeFiles;
 use errors::ErrorEstimator;
 use log::{LogCell, LogTable, RowSchedule};
 pub use problem::{check_dump_step, write_problem};
@@ -39,6 +41,7 @@ pub struct ResultFiles {
     /// Offset of the numbers of text files.
     number_offset: u64,
     postpro: PostproFiles,
+    probes: ProbeFiles,
     /// Number of bodies in a part of a snapshot.
     part_bodies: Option<usize>,
 }
@@ -94,7 +97,9 @@ pub fn check_no_results(case: &Path, scene: &Scene) -> Result<(), Faults> {
     let of_texts = texts.map(|path| (path, "--text would overwrite it; use --force to remove such files"));
     let of_commands = postpro::paths(case, scene).into_iter();
     let of_commands = of_commands.map(|path| (path, "POSTPRO.DAT would overwrite it; use --force to do so"));
-    match of_texts.chain(of_commands).find(|(path, _)| path_exists(path)) {
+    let of_probes = probes::paths(case, scene).into_iter();
+    let of_probes = of_probes.map(|path| (path, "a probe would overwrite it; use --force to do so"));
+    match of_texts.chain(of_commands).chain(of_probes).find(|(path, _)| path_exists(path)) {
         Some((path, expected)) => {
             let folder = path.parent().unwrap_or(case);
             Err(Fault::new(folder, None, "results", format!("{} exists", shown(&path)), expected).into())
@@ -162,7 +167,10 @@ impl ResultFiles {
             text_inputs::write_input_copies(&case.join("DATBOX"), &outbox, options)?;
         }
         let postpro = PostproFiles::open(case, scene, state)?;
-        Ok((ResultFiles { outbox, steps: log, timer, due, number_offset: numbered, postpro, part_bodies }, estimator))
+        let probes = ProbeFiles::open(case, scene, state)?;
+        let files =
+            ResultFiles { outbox, steps: log, timer, due, number_offset: numbered, postpro, probes, part_bodies };
+        Ok((files, estimator))
     }
 
     /// Adds a step to the logs, and the rows that they write to `estimator`.
@@ -190,17 +198,24 @@ impl ResultFiles {
         self.postpro.add_step(scene, state, report, first)
     }
 
+    /// Adds the values of the probes after a step.
+    pub fn add_probes(&mut self, state: &State, values: &[Vec<f64>]) -> Result<(), Faults> {
+        self.probes.add_step(state, values)
+    }
+
     /// Writes the rows of the steps since the last ones at the end of the run.
     pub fn finish_rows(&mut self, estimator: &mut ErrorEstimator) -> Result<(), Faults> {
         self.steps.finish_rows(|row| estimator.add_figures(row))?;
-        self.timer.finish_rows(|row| estimator.add_seconds(row))
+        self.timer.finish_rows(|row| estimator.add_seconds(row))?;
+        self.probes.finish_rows()
     }
 
     /// Flushes the rows so far, so that other programs can read them.
     pub fn flush_to_file(&mut self) -> Result<(), Faults> {
         self.steps.flush_to_file()?;
         self.timer.flush_to_file()?;
-        self.postpro.flush_to_file()
+        self.postpro.flush_to_file()?;
+        self.probes.flush_to_file()
     }
 
     /// Writes DOF.LAST and Vloc_Rloc.LAST, at the end of a run.
@@ -213,6 +228,7 @@ impl ResultFiles {
         self.steps.sync_to_disk()?;
         self.timer.sync_to_disk()?;
         self.postpro.sync_to_disk()?;
+        self.probes.sync_to_disk()?;
         if scene.options.text {
             text::write_text(&self.outbox, scene, state, self.number_offset)?;
         }

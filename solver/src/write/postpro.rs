@@ -14,7 +14,7 @@ use crate::state::{SolvedContact, State};
 use crate::step::{StepReport, StepStart};
 
 /// Folder of the files, next to DATBOX.
-const FOLDER: &str = "POSTPRO";
+pub const FOLDER: &str = "POSTPRO";
 
 /// Names of the files of a command.
 fn file_names(kind: &PostproKind) -> Vec<String> {

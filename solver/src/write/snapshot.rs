@@ -81,6 +81,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
         attraction: state.attraction.as_ref().map(|attraction| attraction.record.clone()),
         fallback: state.fallback,
         postpro: state.postpro,
+        rest_since: state.rest_since,
         options: options.result_options(),
         parts: Vec::new(),
     }

@@ -20,6 +20,8 @@ use super::errors::{self, ErrorEstimator, ErrorSource, ForceNoise};
 #[derive(Debug, Clone, Default)]
 pub struct RunStatistics {
     pub steps: u64,
+    /// Condition that has ended the run before its last step.
+    pub met_condition: Option<String>,
     /// Total length of the steps in units of `dt`.
     pub dt_count: u64,
     /// Longest step, s.
@@ -125,6 +127,9 @@ fn add_steps(summary: &mut SummaryLines, scene: &Scene, state: &State, statistic
         "steps",
         format!("{} in this run, to step {}, t = {} s", statistics.steps, state.step, rounded_number(state.time)),
     );
+    if let Some(condition) = &statistics.met_condition {
+        summary.add("ended by", condition);
+    }
     let dt = scene.options.dt;
     if scene.options.adaptive().is_on() {
         let mean = (statistics.dt_count as f64 / statistics.steps.max(1) as f64) * dt;

@@ -35,6 +35,7 @@ mod periodic;
 mod plates_and_cylinders;
 mod polyhedra;
 mod postpro;
+mod probes;
 #[cfg(feature = "mpi")]
 mod ranks;
 mod refusals;

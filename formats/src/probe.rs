@@ -1,0 +1,199 @@
+//! Probes of a run, which follow chosen quantities step by step, and conditions that end it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::names::{is_file_name, number_text};
+use crate::report::FaultReport;
+use crate::ron_text;
+
+/// Series of a quantity, in the file `POSTPRO/probe-NAME.csv`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Probe {
+    /// Letters, digits, `-` and `_`.
+    pub name: String,
+    /// Number of steps between two rows.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub every: u64,
+    pub quantity: ProbeQuantity,
+}
+
+fn one() -> u64 {
+    1
+}
+
+fn is_one(every: &u64) -> bool {
+    *every == 1
+}
+
+/// Quantity of a probe.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum ProbeQuantity {
+    /// Force (N) by which other bodies push these at contacts, and its torque (N m) about the point `about` (m), by default
+    /// their centre of mass.
+    Force {
+        on: BodySelection,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        about: Option<[f64; 3]>,
+    },
+    /// Position of the centre of mass (m), its velocity (m/s), and the angular velocity (rad/s) of a rigid body with the
+    /// angular momentum and inertia of these.
+    Motion { of: BodySelection },
+    /// Kinetic energy of translation and of rotation (J), largest speed of a point of a body (m/s), and mass (kg) of these.
+    Energy { of: BodySelection },
+}
+
+/// Bodies of a probe.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum BodySelection {
+    /// Body of this number in BODIES.DAT, from 1.
+    Body(usize),
+    /// All bodies with a contactor of this colour.
+    Colour(String),
+    /// All bodies whose motion is not imposed.
+    Free,
+}
+
+/// Condition that ends a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum EndCondition {
+    /// No point of a free body has been faster than `speed` (m/s) for `during` (s).
+    AtRest { speed: f64, during: f64 },
+    /// The centres of mass of two selections are farther from each other than `distance` (m).
+    Separation { between: (BodySelection, BodySelection), distance: f64 },
+    /// A column of a probe is larger than `value` after a step.
+    Above { probe: String, column: String, value: f64 },
+    /// A column of a probe is smaller than `value` after a step.
+    Below { probe: String, column: String, value: f64 },
+    /// The run has taken this long on the clock, s. It stops as by Ctrl-C, and `--resume` continues it.
+    WallTime(f64),
+}
+
+impl ProbeQuantity {
+    /// Columns after `step`, `time` and `h`.
+    pub fn columns(&self) -> &'static [&'static str] {
+        match self {
+            ProbeQuantity::Force { .. } => &["force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z"],
+            ProbeQuantity::Motion { .. } => {
+                &["x", "y", "z", "v_x", "v_y", "v_z", "angular_x", "angular_y", "angular_z"]
+            }
+            ProbeQuantity::Energy { .. } => &["kinetic_energy", "rotational_energy", "largest_speed", "mass"],
+        }
+    }
+
+    /// Bodies of the quantity.
+    pub fn bodies(&self) -> &BodySelection {
+        match self {
+            ProbeQuantity::Force { on: bodies, .. }
+            | ProbeQuantity::Motion { of: bodies }
+            | ProbeQuantity::Energy { of: bodies } => bodies,
+        }
+    }
+
+    /// Name of the field with the bodies.
+    fn bodies_field(&self) -> &'static str {
+        match self {
+            ProbeQuantity::Force { .. } => "on",
+            ProbeQuantity::Motion { .. } | ProbeQuantity::Energy { .. } => "of",
+        }
+    }
+}
+
+impl EndCondition {
+    /// Text of the condition as in COMPUTE.RON.
+    pub fn to_text(&self) -> String {
+        ron_text::ron_options().to_string(self).unwrap_or_default()
+    }
+}
+
+/// Bodies that the probes and conditions name, with the paths of their values in COMPUTE.RON.
+pub fn named_bodies<'a>(
+    probes: &'a [Probe],
+    until: &'a [EndCondition],
+) -> impl Iterator<Item = (String, &'a BodySelection)> {
+    let of_probes = probes
+        .iter()
+        .enumerate()
+        .map(|(k, probe)| (format!("probes.{k}.quantity.{}", probe.quantity.bodies_field()), probe.quantity.bodies()));
+    let of_conditions = until.iter().enumerate().flat_map(|(k, condition)| {
+        let bodies = match condition {
+            EndCondition::Separation { between: (a, b), .. } => vec![a, b],
+            EndCondition::AtRest { .. }
+            | EndCondition::Above { .. }
+            | EndCondition::Below { .. }
+            | EndCondition::WallTime(_) => Vec::new(),
+        };
+        bodies.into_iter().enumerate().map(move |(side, bodies)| (format!("until.{k}.between.{side}"), bodies))
+    });
+    of_probes.chain(of_conditions)
+}
+
+/// Reports the values of probes and conditions that no run could use; `at` is the prefix of their paths.
+pub fn check_probes(probes: &[Probe], until: &[EndCondition], at: &str, report: &mut FaultReport) {
+    for (k, Probe { name, every, quantity }) in probes.iter().enumerate() {
+        let path = format!("{at}probes.{k}");
+        let is_other = probes[..k].iter().all(|other| other.name != *name);
+        let sound = is_file_name(name) && is_other;
+        let expected = "a name of its own, of letters, digits, - and _";
+        report.require(sound, &format!("{path}.name"), format!("'{name}'"), expected);
+        report.require(*every > 0, &format!("{path}.every"), every.to_string(), "at least 1 step");
+        if let ProbeQuantity::Force { about: Some(about), .. } = quantity {
+            let path = format!("{path}.quantity.about");
+            report.require(about.iter().all(|x| x.is_finite()), &path, format!("{about:?}"), "finite coordinates (m)");
+        }
+    }
+    let positive = |x: f64| x.is_finite() && x > 0.0;
+    for (k, condition) in until.iter().enumerate() {
+        let path = format!("{at}until.{k}");
+        match condition {
+            EndCondition::AtRest { speed, during } => {
+                report.require_number(positive(*speed), &format!("{path}.speed"), *speed, "a finite speed > 0 m/s");
+                let expected = "a finite time > 0 s";
+                report.require_number(positive(*during), &format!("{path}.during"), *during, expected);
+                let is_first = !until[..k].iter().any(|other| matches!(other, EndCondition::AtRest { .. }));
+                report.require(is_first, &path, condition.to_text(), "one AtRest");
+            }
+            EndCondition::Separation { distance, .. } => {
+                let expected = "a finite distance > 0 m";
+                report.require_number(positive(*distance), &format!("{path}.distance"), *distance, expected);
+            }
+            EndCondition::WallTime(seconds) => {
+                report.require_number(positive(*seconds), &path, *seconds, "a finite time > 0 s");
+            }
+            EndCondition::Above { probe, column, value } | EndCondition::Below { probe, column, value } => {
+                let expected = "a finite number";
+                report.require_number(value.is_finite(), &format!("{path}.value"), *value, expected);
+                match probes.iter().find(|known| known.name == *probe) {
+                    None => {
+                        let names: Vec<&str> = probes.iter().map(|known| known.name.as_str()).collect();
+                        let found = format!("'{probe}' is no probe");
+                        report.unknown(&format!("{path}.probe"), found, probe, &names);
+                    }
+                    Some(known) if !known.quantity.columns().contains(&column.as_str()) => {
+                        let found = format!("'{column}' is no column of probe '{probe}'");
+                        report.unknown(&format!("{path}.column"), found, column, known.quantity.columns());
+                    }
+                    Some(_) => {}
+                }
+            }
+        }
+    }
+}
+
+/// Fault of bodies that a scene of `count` bodies with these colours does not have: found and expected values.
+pub fn unknown_bodies(bodies: &BodySelection, count: usize, colours: &[&str]) -> Option<(String, String)> {
+    match bodies {
+        BodySelection::Body(number) if (1..=count).contains(number) => None,
+        BodySelection::Body(number) => {
+            Some((number_text(*number as f64), format!("1 to {count}, a body of BODIES.DAT")))
+        }
+        BodySelection::Colour(colour) if colours.contains(&colour.as_str()) => None,
+        BodySelection::Colour(colour) => {
+            Some((format!("no body has the colour '{colour}'"), format!("one of {}", colours.join(", "))))
+        }
+        BodySelection::Free => None,
+    }
+}

@@ -1,0 +1,197 @@
+//! Probes, whose quantities are computed after every step, and the conditions that end a run.
+
+use std::time::Duration;
+
+use cd_formats::probe::{EndCondition, Probe, ProbeQuantity};
+use nalgebra::Matrix3;
+
+use crate::activity;
+use crate::math::{Vec3, to_world};
+use crate::scene::{BodyId, Scene};
+use crate::state::State;
+use crate::step::StepStart;
+
+/// Probes and end conditions of a run, with their bodies.
+pub struct Probes {
+    /// Bodies of each probe, rising.
+    of_probes: Vec<Vec<BodyId>>,
+    /// Bodies of the two sides of each condition; empty where it has none.
+    of_conditions: Vec<[Vec<BodyId>; 2]>,
+}
+
+/// Values of the columns of each probe after a step.
+pub type ProbeValues = Vec<Vec<f64>>;
+
+impl Probes {
+    /// Selects the bodies of the options of a scene.
+    pub fn new(scene: &Scene) -> Self {
+        let of_condition = |condition: &EndCondition| match condition {
+            EndCondition::Separation { between: (a, b), .. } => [scene.selected_bodies(a), scene.selected_bodies(b)],
+            EndCondition::AtRest { .. }
+            | EndCondition::Above { .. }
+            | EndCondition::Below { .. }
+            | EndCondition::WallTime(_) => [Vec::new(), Vec::new()],
+        };
+        Probes {
+            of_probes: scene
+                .options
+                .probes
+                .iter()
+                .map(|probe| scene.selected_bodies(probe.quantity.bodies()))
+                .collect(),
+            of_conditions: scene.options.until.iter().map(of_condition).collect(),
+        }
+    }
+
+    /// Values of all probes in a state, after the step that began with `start`; without it, forces have no values.
+    pub fn values(&self, scene: &Scene, state: &State, start: Option<&StepStart>) -> ProbeValues {
+        let of_probe = |(probe, bodies): (&Probe, &Vec<BodyId>)| match &probe.quantity {
+            ProbeQuantity::Force { about, .. } => {
+                start.map_or(Vec::new(), |start| contact_force(scene, state, start, bodies, *about))
+            }
+            ProbeQuantity::Motion { .. } => motion(scene, state, bodies),
+            ProbeQuantity::Energy { .. } => energy(scene, state, bodies),
+        };
+        scene.options.probes.iter().zip(&self.of_probes).map(of_probe).collect()
+    }
+
+    /// Text of the first condition that holds in a state with these values, of a run that has taken `elapsed` so far.
+    /// Updates the time since when all bodies have been at rest.
+    pub fn met_condition(
+        &self,
+        scene: &Scene,
+        state: &mut State,
+        values: &ProbeValues,
+        elapsed: Duration,
+    ) -> Option<String> {
+        let mut met = None;
+        for (condition, [a, b]) in scene.options.until.iter().zip(&self.of_conditions) {
+            let column = |probe: &str, column: &str| {
+                let position = scene.options.probes.iter().position(|known| known.name == probe)?;
+                let columns = scene.options.probes[position].quantity.columns();
+                values[position].get(columns.iter().position(|name| *name == column)?).copied()
+            };
+            let holds = match condition {
+                EndCondition::AtRest { speed, during } => {
+                    if largest_speed(scene, state, &scene.free) > *speed {
+                        state.rest_since = None;
+                    } else if state.rest_since.is_none() {
+                        state.rest_since = Some(state.time - state.h);
+                    }
+                    // A thousandth of a step of slack, as at the end of a run.
+                    let slack = 1e-3 * scene.options.dt;
+                    state.rest_since.is_some_and(|since| state.time - since >= *during - slack)
+                }
+                EndCondition::Separation { distance, .. } => {
+                    let centre = |bodies: &[BodyId]| mean_motion(scene, state, bodies).centre;
+                    (centre(a) - centre(b)).norm() > *distance
+                }
+                EndCondition::Above { probe, column: name, value } => column(probe, name).is_some_and(|x| x > *value),
+                EndCondition::Below { probe, column: name, value } => column(probe, name).is_some_and(|x| x < *value),
+                EndCondition::WallTime(seconds) => {
+                    if elapsed.as_secs_f64() > *seconds {
+                        activity::request_stop();
+                    }
+                    false
+                }
+            };
+            if holds && met.is_none() {
+                met = Some(condition.to_text());
+            }
+        }
+        met
+    }
+}
+
+/// Mean force of the contacts with other bodies on `bodies` in the step, N, and its torque, N m, about `about` (m), else about
+/// their centre of mass in the configuration of the contacts.
+fn contact_force(
+    scene: &Scene,
+    state: &State,
+    start: &StepStart,
+    bodies: &[BodyId],
+    about: Option<[f64; 3]>,
+) -> Vec<f64> {
+    let is_selected = |body: BodyId| bodies.binary_search(&body).is_ok();
+    let mass: f64 = bodies.iter().map(|body| scene.bodies[body.index()].mass).sum();
+    let centre = bodies.iter().map(|body| start.x[body.index()] * scene.bodies[body.index()].mass).sum::<Vec3>() / mass;
+    let about = about.map_or(centre, Vec3::from);
+    let (mut force, mut torque) = (Vec3::zeros(), Vec3::zeros());
+    for solved in &state.contacts {
+        let [a, b] = [solved.contact.candidate, solved.contact.antagonist].map(is_selected);
+        // Forces between two of these bodies cancel.
+        if a == b {
+            continue;
+        }
+        let frame = solved.contact.frame();
+        let [push, couple] = [solved.impulse, solved.moment].map(|local| to_world(&frame, &local) / state.h);
+        for (body, arm, sign) in start.arms(solved).into_iter().filter(|(body, ..)| is_selected(*body)) {
+            force += push * sign;
+            torque += ((start.x[body.index()] + arm - about).cross(&push) + couple) * sign;
+        }
+    }
+    [force, torque].iter().flat_map(|v| [v.x, v.y, v.z]).collect()
+}
+
+/// Motion of several bodies as one rigid body.
+struct MeanMotion {
+    /// Centre of mass, m.
+    centre: Vec3,
+    /// Its velocity, m/s.
+    velocity: Vec3,
+    /// Angular velocity of a rigid body with their angular momentum and inertia, rad/s.
+    angular_velocity: Vec3,
+}
+
+/// Motion of `bodies` as one rigid body.
+fn mean_motion(scene: &Scene, state: &State, bodies: &[BodyId]) -> MeanMotion {
+    if let [body] = bodies {
+        let i = body.index();
+        return MeanMotion { centre: state.x[i], velocity: state.v[i], angular_velocity: state.w[i] };
+    }
+    let mass_of = |body: &BodyId| scene.bodies[body.index()].mass;
+    let mass: f64 = bodies.iter().map(mass_of).sum();
+    let centre = bodies.iter().map(|body| state.x[body.index()] * mass_of(body)).sum::<Vec3>() / mass;
+    let velocity = bodies.iter().map(|body| state.v[body.index()] * mass_of(body)).sum::<Vec3>() / mass;
+    let (mut momentum, mut inertia) = (Vec3::zeros(), Matrix3::zeros());
+    for body in bodies {
+        let (i, rigid_body) = (body.index(), &scene.bodies[body.index()]);
+        let arm = state.x[i] - centre;
+        momentum += arm.cross(&(state.v[i] - velocity)) * rigid_body.mass
+            + rigid_body.angular_momentum(&state.q[i], &state.w[i]);
+        let axes = state.q[i].to_rotation_matrix();
+        inertia += axes * Matrix3::from_diagonal(&rigid_body.inertia.into()) * axes.transpose()
+            + (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * rigid_body.mass;
+    }
+    let angular_velocity = inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * momentum);
+    MeanMotion { centre, velocity, angular_velocity }
+}
+
+/// Columns of [`ProbeQuantity::Motion`].
+fn motion(scene: &Scene, state: &State, bodies: &[BodyId]) -> Vec<f64> {
+    let MeanMotion { centre, velocity, angular_velocity } = mean_motion(scene, state, bodies);
+    [centre, velocity, angular_velocity].iter().flat_map(|v| [v.x, v.y, v.z]).collect()
+}
+
+/// Columns of [`ProbeQuantity::Energy`].
+fn energy(scene: &Scene, state: &State, bodies: &[BodyId]) -> Vec<f64> {
+    let mass_of = |body: &BodyId| scene.bodies[body.index()].mass;
+    let kinetic = |body: &BodyId| 0.5 * mass_of(body) * state.v[body.index()].norm_squared();
+    let rotational =
+        |body: &BodyId| scene.bodies[body.index()].rotational_energy(&state.q[body.index()], &state.w[body.index()]);
+    vec![
+        bodies.iter().map(kinetic).sum(),
+        bodies.iter().map(rotational).sum(),
+        largest_speed(scene, state, bodies),
+        bodies.iter().map(mass_of).sum(),
+    ]
+}
+
+/// Largest |v| + |w| R of `bodies`, m/s, with the radius R of a sphere of equal volume.
+fn largest_speed(scene: &Scene, state: &State, bodies: &[BodyId]) -> f64 {
+    let speed = |body: &BodyId| {
+        let i = body.index();
+        state.v[i].norm() + state.w[i].norm() * scene.bodies[i].radius
+    };
+    bodies.iter().map(speed).fold(0.0, f64::max)
+}

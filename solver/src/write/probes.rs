@@ -1,0 +1,73 @@
+//! Files of the probes: a row every few steps, in the folder POSTPRO next to OUTBOX.
+
+use std::path::{Path, PathBuf};
+
+use cd_formats::error::Faults;
+use cd_formats::probe::{Probe, ProbeQuantity};
+
+use super::log::{Column, ColumnKind, LogCell, LogTable, RowSchedule};
+use super::postpro;
+use crate::scene::Scene;
+use crate::state::State;
+
+/// Path of the file of a probe.
+fn path_of(case: &Path, probe: &Probe) -> PathBuf {
+    case.join(postpro::FOLDER).join(format!("probe-{}.csv", probe.name))
+}
+
+/// Paths of the files of all probes of a scene.
+pub fn paths(case: &Path, scene: &Scene) -> Vec<PathBuf> {
+    scene.options.probes.iter().map(|probe| path_of(case, probe)).collect()
+}
+
+/// Open files of all probes, each with the schedule of its rows.
+pub struct ProbeFiles(Vec<(LogTable, RowSchedule)>);
+
+impl ProbeFiles {
+    /// Opens the files for a run that continues from `state`: rows up to its step are kept.
+    pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<Self, Faults> {
+        let options = &scene.options;
+        let open = |probe: &Probe| {
+            // Forces are means over the steps of a row, other quantities those of its last step.
+            let kind = match probe.quantity {
+                ProbeQuantity::Force { .. } => ColumnKind::Mean,
+                ProbeQuantity::Motion { .. } | ProbeQuantity::Energy { .. } => ColumnKind::Last,
+            };
+            let mut columns: Vec<Column> =
+                vec![("step", ColumnKind::Last), ("time", ColumnKind::Last), (STEP_LENGTH, ColumnKind::Sum)];
+            columns.extend(probe.quantity.columns().iter().map(|name| (*name, kind)));
+            let due = RowSchedule { log_every: probe.every, output_every: options.output_every };
+            let steps = [scene.start.0, state.step];
+            Ok((LogTable::open(&path_of(case, probe), &columns, steps, due, |_| ())?, due))
+        };
+        Ok(ProbeFiles(options.probes.iter().map(open).collect::<Result<_, Faults>>()?))
+    }
+
+    /// Adds the values of the probes after a step, by probe and column.
+    pub fn add_step(&mut self, state: &State, values: &[Vec<f64>]) -> Result<(), Faults> {
+        for ((file, due), values) in self.0.iter_mut().zip(values) {
+            let mut cells: Vec<LogCell> = vec![state.step.into(), state.time.into(), state.h.into()];
+            cells.extend(values.iter().map(|&x| LogCell::from(x)));
+            file.add_step(cells, *due, |_| ())?;
+        }
+        Ok(())
+    }
+
+    /// Writes the rows of the steps since the last ones at the end of the run.
+    pub fn finish_rows(&mut self) -> Result<(), Faults> {
+        self.0.iter_mut().try_for_each(|(file, _)| file.finish_rows(|_| ()))
+    }
+
+    /// Writes the rows so far, so that other programs can read them.
+    pub fn flush_to_file(&mut self) -> Result<(), Faults> {
+        self.0.iter_mut().try_for_each(|(file, _)| file.flush_to_file())
+    }
+
+    /// Writes the rows so far and waits until they are on the disk.
+    pub fn sync_to_disk(&mut self) -> Result<(), Faults> {
+        self.0.iter_mut().try_for_each(|(file, _)| file.sync_to_disk())
+    }
+}
+
+/// Column of the length of the steps of a row, s.
+const STEP_LENGTH: &str = "h";
