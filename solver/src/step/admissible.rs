@@ -5,11 +5,11 @@
 //! with restitution through one. Then the problem is changed and solved again.
 
 use super::clock::StageClock;
-use super::context::SolvedProblem;
+use super::context::{PredictedStep, SolvedProblem};
 use super::ends::solved_velocities;
 use super::turning::{approach, overturned_bodies, pushed_bodies};
 use crate::activity::{self, StepStage};
-use crate::assemble::{self, FreeMotion};
+use crate::assemble;
 use crate::detect;
 use crate::integrate::ContactConfiguration;
 use crate::laws::ContactLaw;
@@ -17,7 +17,8 @@ use crate::scene::Scene;
 use crate::solve::{self, SolveRequest};
 use crate::state::{Contact, State, Velocities};
 
-/// Solves the contact problem of the step, and again after each of these changes, until none is needed:
+/// Solves the contact problem of the step, and again after each of these changes to `predicted` and to the laws, until
+/// none is needed:
 ///
 /// 1. `contacts` gains the pairs that were open and that the solution closes;
 /// 2. `q_c.closed_by_others` gains the open contacts that were left out as their bodies miss each other, and that the solution closes;
@@ -25,16 +26,16 @@ use crate::state::{Contact, State, Velocities};
 /// 4. `q_c.pushed_at_centre` gains those of them that the free velocities or the solution move into a surface without a rotation;
 /// 5. the laws of `state` lose their restitution, once, if an unfinished solution takes a rebounding body through a surface.
 ///
-/// The first four are finite, since a pair or body enters once. Returns `None` if the program was requested to stop.
+/// Changes 1 to 4 come to an end, since each adds a pair or a body that it adds only once. Returns `None` if the
+/// program was requested to stop.
 pub fn solve_until_admissible(
     scene: &Scene,
     state: &mut State,
-    q_c: &mut ContactConfiguration,
-    free: &FreeMotion,
-    contacts: &mut Vec<Contact>,
+    predicted: &mut PredictedStep,
     request: SolveRequest,
     clock: &mut StageClock,
 ) -> Option<SolvedProblem> {
+    let PredictedStep { q_c, free, contacts } = predicted;
     let (mut sweeps, mut original_laws) = (0, None);
     loop {
         let contact_problem = assemble::contact_problem(scene, state, q_c, contacts, free.velocities()); // M4  W, b
@@ -45,7 +46,7 @@ pub fn solve_until_admissible(
         sweeps += solution.sweeps;
         clock.add_lap(|times| &mut times.solve);
         let (v, w) = solved_velocities(&solution, free, q_c);
-        // Velocities that move the bodies.
+        // Velocities with which the bodies move to the step's end, where some keep their orientation.
         let moving_w = ContactConfiguration::without_spins(&w, &q_c.orientation_kept);
         let moving = Velocities { v: &v, w: &moving_w };
         let late = detect::late_contacts(scene, q_c, free.velocities(), moving, contacts);
@@ -59,8 +60,10 @@ pub fn solve_until_admissible(
             continue;
         }
         let free_w = ContactConfiguration::without_spins(&free.w, &q_c.pushed_at_centre);
-        let of_problem = Velocities { v: &free.v, w: &free_w };
-        let closed_by_others = assemble::contacts_closed_by_others(scene, state, q_c, contacts, of_problem, moving);
+        // Free velocities of the contact problem, in which bodies that contacts push at their centres do not rotate.
+        let free_of_problem = Velocities { v: &free.v, w: &free_w };
+        let closed_by_others =
+            assemble::contacts_closed_by_others(scene, state, q_c, contacts, free_of_problem, moving);
         if !closed_by_others.is_empty() {
             q_c.closed_by_others.extend(closed_by_others);
             continue;
@@ -79,8 +82,8 @@ pub fn solve_until_admissible(
             q_c.pushed_at_centre.extend(pushed);
             continue;
         }
-        let may_replace = !solution.converged && original_laws.is_none();
-        if may_replace && rebound_passes(scene, state, q_c, contacts, moving) {
+        let may_drop_restitution = !solution.converged && original_laws.is_none();
+        if may_drop_restitution && rebound_passes(scene, state, q_c, contacts, moving) {
             original_laws = Some(state.laws.clone());
             state.laws.iter_mut().for_each(ContactLaw::remove_restitution);
             continue;

@@ -52,11 +52,11 @@ pub fn close_bonds(scene: &Scene, state: &mut State, contact_problem: &ContactPr
     let bonded: Vec<(usize, f64)> =
         state.contacts.iter().enumerate().filter_map(|(k, solved)| Some((k, opening(solved)?))).collect();
     let contacts: Vec<Contact> = bonded.iter().map(|(k, _)| state.contacts[*k].contact).collect();
-    let too_far = bonded.iter().zip(&contacts).filter(|((k, _), _)| is_too_far(&state.contacts[*k]));
-    let too_far: Vec<&Contact> = too_far.map(|(_, contact)| contact).collect();
-    let moves = assemble::connected_bodies(scene, &contacts, &too_far);
+    let opened = bonded.iter().zip(&contacts).filter(|((k, _), _)| is_too_far(&state.contacts[*k]));
+    let opened: Vec<&Contact> = opened.map(|(_, contact)| contact).collect();
+    let is_connected = assemble::connected_bodies(scene, &contacts, &opened);
     let is_corrected =
-        |contact: &Contact| [contact.candidate, contact.antagonist].iter().any(|body| moves[body.index()]);
+        |contact: &Contact| [contact.candidate, contact.antagonist].iter().any(|body| is_connected[body.index()]);
     let corrected = bonded.iter().zip(&contacts).filter(|(_, contact)| is_corrected(contact));
     let corrected: Vec<(usize, f64)> = corrected.map(|(bond, _)| *bond).collect();
     let (shifts, turns) = corrections(contact_problem, &corrected, scene.bodies.len());
@@ -73,7 +73,8 @@ pub fn close_bonds(scene: &Scene, state: &mut State, contact_problem: &ContactPr
     }
 }
 
-/// Displacements (m) and turns (rad) of all bodies that close the `openings` (m) of rows.
+/// Displacements (m) and turns (rad) of all bodies that close the `openings`: indices of rows, each with its opening
+/// in m.
 fn corrections(contact_problem: &ContactProblem, openings: &[(usize, f64)], bodies: usize) -> (Vec<Vec3>, Vec<Vec3>) {
     let (mut shifts, mut turns) = (vec![Vec3::zeros(); bodies], vec![Vec3::zeros(); bodies]);
     for _ in 0..SWEEPS {
@@ -82,12 +83,12 @@ fn corrections(contact_problem: &ContactProblem, openings: &[(usize, f64)], bodi
             let [a, b] = row.bodies;
             let (w_n, _) = contact_problem.delassus_diagonal(k);
             let arms = [contact_problem.contact_arm(k, 0), contact_problem.contact_arm(k, 1)];
-            let moved = |body: BodyId, arm: &Vec3| shifts[body.index()] + turns[body.index()].cross(arm);
-            let remaining = opening + row.normal.dot(&(moved(a, &arms[0]) - moved(b, &arms[1])));
+            let displacement_at = |body: BodyId, arm: &Vec3| shifts[body.index()] + turns[body.index()].cross(arm);
+            let remaining = opening + row.normal.dot(&(displacement_at(a, &arms[0]) - displacement_at(b, &arms[1])));
             for ((body, arm), sign) in [a, b].into_iter().zip(&arms).zip([-1.0, 1.0]) {
-                let push = row.normal * (sign * remaining / w_n);
-                shifts[body.index()] += contact_problem.velocity_change(body, &push);
-                turns[body.index()] += contact_problem.angular_velocity_change(body, &arm.cross(&push));
+                let share_of_gap = row.normal * (sign * remaining / w_n);
+                shifts[body.index()] += contact_problem.velocity_change(body, &share_of_gap);
+                turns[body.index()] += contact_problem.angular_velocity_change(body, &arm.cross(&share_of_gap));
             }
         }
     }

@@ -41,7 +41,7 @@ pub fn conflicting_bodies(
     let free: Vec<f64> = rows.iter().map(|&k| velocity(&problem, k)).collect();
     // Closing velocities below `tol` times those of the free motion are errors that a converged step may have.
     let scale: f64 = rows.iter().zip(&free).map(|(&k, u)| u.min(0.0).powi(2) / problem.rows[k].w_n).sum();
-    let least = tol * tol * scale;
+    let negligible = tol * tol * scale;
     let mut impulses = vec![0.0; rows.len()];
     for sweep in 1..=MAX_CONFLICT_SWEEPS {
         for (&k, r) in rows.iter().zip(&mut impulses) {
@@ -53,18 +53,19 @@ pub fn conflicting_bodies(
         if !sweep.is_multiple_of(SWEEPS_PER_CHECK) {
             continue;
         }
-        let (mut closing, mut effect, mut alone) = (0.0, 0.0, 0.0);
+        // -r·u, r·W r and S², with the symbols above.
+        let (mut closing, mut effect, mut sum_alone) = (0.0, 0.0, 0.0);
         let (mut largest, mut worst) = (0.0, None);
         for ((&k, r), free) in rows.iter().zip(&impulses).zip(&free).filter(|((_, r), _)| **r > 0.0) {
             let (row, u) = (&problem.rows[k], velocity(&problem, k));
             closing -= r * u;
             effect += r * (u - free);
-            alone += u * u / row.w_n;
+            sum_alone += u * u / row.w_n;
             if -r * u > largest {
                 (largest, worst) = (-r * u, Some(row.bodies));
             }
         }
-        if alone > least && closing > MIN_CONFLICT * (effect.max(0.0) * alone).sqrt() {
+        if sum_alone > negligible && closing > MIN_CONFLICT * (effect.max(0.0) * sum_alone).sqrt() {
             return worst;
         }
     }

@@ -7,7 +7,16 @@ use crate::scene::Scene;
 use crate::solve::{ContactSolution, SolveRequest};
 use crate::state::Contact;
 
-/// Results of integration, forces and detection.
+/// Results of integration, forces and detection, which change while the contact problem is solved until it is
+/// admissible.
+pub struct PredictedStep {
+    pub q_c: ContactConfiguration,
+    pub free: FreeMotion,
+    /// Contacts ordered by key.
+    pub contacts: Vec<Contact>,
+}
+
+/// Scene and final results of integration, forces and detection.
 #[derive(Clone, Copy)]
 pub struct StepContext<'a> {
     pub scene: &'a Scene,

@@ -40,8 +40,8 @@ pub fn solved_velocities(
     q_c: &ContactConfiguration,
 ) -> (Vec<Vec3>, Vec<Vec3>) {
     // Imposed velocities stay as they were.
-    let motion = |((record, v), w): ((&SolverBody, &Vec3), &Vec3)| {
-        if record.inverse_mass > 0.0 { (record.v, record.w) } else { (*v, *w) }
+    let motion = |((solver_body, v), w): ((&SolverBody, &Vec3), &Vec3)| {
+        if solver_body.inverse_mass > 0.0 { (solver_body.v, solver_body.w) } else { (*v, *w) }
     };
     let bodies = solution.solver_bodies.par_iter().zip(&free.v).zip(&free.w);
     let (v, mut w): (Vec<Vec3>, Vec<Vec3>) = bodies.with_min_len(PAR_MIN_LEN).map(motion).unzip();
@@ -66,12 +66,12 @@ pub fn finish_contacts(
     let velocities = Velocities { v: &v, w: &w };
     let pushed_w = ContactConfiguration::without_spins(&w, &q_c.pushed_at_centre);
     let pushed = Velocities { v: &v, w: &pushed_w };
-    let end =
+    let post_solve =
         PostSolve { scene, state, q_c, contact_problem, solution, velocity_errors, velocities, pushed, warning_depth };
     // The division into parts depends only on the number of rows.
     let parts = ends.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
     let parts: Vec<(ContactTotals, Vec<ContactExchange>)> =
-        parts.map(|(part, (ends, contacts))| end.finish_chunk(part * ITEMS_PER_TASK, contacts, ends)).collect();
+        parts.map(|(part, (ends, contacts))| post_solve.finish_chunk(part * ITEMS_PER_TASK, contacts, ends)).collect();
     let totals = parts.iter().fold(ContactTotals::default(), |sum, (totals, _)| sum + *totals);
     let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
     drop(pushed_w);
@@ -173,7 +173,7 @@ impl PostSolve<'_> {
         let mut rolls = contact_problem.rolling_constraints[roll..].iter().zip(&solution.moments[roll..]).peekable();
         for ((k, contact), end) in (first..).zip(contacts).zip(ends) {
             let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
-            let moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, m)| m);
+            let moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, moment)| moment);
             *end = self.finish_contact(k, contact, moment);
             // Penetration between two driven bodies is imposed, not an error of the contact.
             let gap = contact.gap - contact_problem.law_memory(k).reference_gap;
@@ -200,8 +200,8 @@ impl PostSolve<'_> {
             if end.impulse != Vec3::zeros() {
                 totals.contacts_active += 1;
                 if !law.is_regularised() {
-                    let may_close = law.max_closing_speed(row.u_before.x);
-                    totals.penetration_added += (-gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
+                    let allowed_closing = law.max_closing_speed(row.u_before.x);
+                    totals.penetration_added += (-gap - q_c.h * (end.velocity.x + allowed_closing) - depth).max(0.0);
                 }
                 let virial = self.accumulate_totals(k, r, end, &mut totals);
                 totals.virial += virial;
@@ -248,13 +248,16 @@ impl PostSolve<'_> {
         // Largest tangential impulse, N s, less rounding: the impulse at the limit lies on the cone.
         let bound = row.friction * local.x * (1.0 - 1e-12);
         let at_limit = if errors.is_some() && row.friction > 0.0 { motion.slides } else { local.yz().norm() >= bound };
-        let holds = matches!(contact_problem.regularised_row(k), Some(RegularisedRow::Interface { .. }));
-        let status = match local.x > 0.0 {
-            _ if law.is_coupled() || holds => ContactStatus::Stick,
-            _ if law.strain_spring().is_some() && local.x != 0.0 => ContactStatus::Stick,
-            false => ContactStatus::NoContact,
-            true if at_limit => ContactStatus::Slide,
-            true => ContactStatus::Stick,
+        let has_interface = matches!(contact_problem.regularised_row(k), Some(RegularisedRow::Interface { .. }));
+        let pulls_or_pushes = law.strain_spring().is_some() && local.x != 0.0;
+        let status = if law.is_coupled() || has_interface || pulls_or_pushes {
+            ContactStatus::Stick
+        } else {
+            match local.x > 0.0 {
+                false => ContactStatus::NoContact,
+                true if at_limit => ContactStatus::Slide,
+                true => ContactStatus::Stick,
+            }
         };
         let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, motion));
         SolvedContact {
@@ -282,25 +285,27 @@ impl PostSolve<'_> {
         if walls[contact.candidate.index()] && walls[contact.antagonist.index()] {
             return 0.0; // not counted in the ledger
         }
-        let mean = 0.5 * (velocity + row.u_before);
+        let mean_velocity = 0.5 * (velocity + row.u_before);
         let (candidate, antagonist) = (contact.candidate.index(), contact.antagonist.index());
         let force = r + contact.normal * row.impulse_shift;
         let arms = contact_problem.arms_of(k, contact, &q_c.x);
-        let turned =
+        // Sum of the angular velocities at the step's start and end, rad/s.
+        let doubled_mean_spin =
             |body: usize| if is_pushed_at_centre(BodyId::new(body)) { Vec3::zeros() } else { w[body] + q_c.w[body] };
         let rolls = *moment != Vec3::zeros();
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
-        let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };
+        let turning_work =
+            if rolls { 0.5 * moment.dot(&(doubled_mean_spin(candidate) - doubled_mean_spin(antagonist))) } else { 0.0 };
         let moment = if contact_problem.has_friction_offsets() {
             moment + contact_problem.friction_couple(k, r)
         } else {
             moment
         };
         // A wall's centre has no meaning for the stress of the grains: for a wall the branch ends at the contact point.
-        let to_point = |body: usize, arm: Vec3| if walls[body] { Vec3::zeros() } else { arm };
-        let branch = to_point(antagonist, arms[1]) - to_point(candidate, arms[0]);
-        totals.contact_work += impulse.dot(&mean) + turning_work;
-        totals.friction_work += impulse.y * mean.y + impulse.z * mean.z + turning_work;
+        let branch_arm = |body: usize, arm: Vec3| if walls[body] { Vec3::zeros() } else { arm };
+        let branch = branch_arm(antagonist, arms[1]) - branch_arm(candidate, arms[0]);
+        totals.contact_work += impulse.dot(&mean_velocity) + turning_work;
+        totals.friction_work += impulse.y * mean_velocity.y + impulse.z * mean_velocity.z + turning_work;
         if !bodies[antagonist].driven {
             // The impulse on the antagonist acts at its own position, not at that of the image.
             totals.angular_momentum += contact.image.cross(&force);
@@ -310,14 +315,16 @@ impl PostSolve<'_> {
             // The impulse of a driven body on the other one: minus the impulse on the driven body.
             let force = force * -sign;
             if walls[body] {
-                let moved = (v[body] + state.v[body]) + turned(body).cross(&arm);
-                totals.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
+                let doubled_mean_velocity = (v[body] + state.v[body]) + doubled_mean_spin(body).cross(&arm);
+                totals.outside_work +=
+                    0.5 * (force.dot(&doubled_mean_velocity) - sign * moment.dot(&doubled_mean_spin(body)));
             } else {
                 // The reactions of its imposed components balance these of the impulse on it.
-                let (held, couple) = (&bodies[body], arm.cross(&force) - moment * sign);
-                let couple = held.imposed_rotation_part(&q_c.q[body], &couple);
-                totals.outside_work +=
-                    0.5 * (held.imposed_part(&force).dot(&(v[body] + state.v[body])) + couple.dot(&turned(body)));
+                let (driven_body, couple) = (&bodies[body], arm.cross(&force) - moment * sign);
+                let couple = driven_body.imposed_rotation_part(&q_c.q[body], &couple);
+                totals.outside_work += 0.5
+                    * (driven_body.imposed_part(&force).dot(&(v[body] + state.v[body]))
+                        + couple.dot(&doubled_mean_spin(body)));
             }
             if !bodies[other].driven {
                 totals.momentum += force;

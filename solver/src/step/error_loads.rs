@@ -24,7 +24,8 @@ use crate::assemble::ContactProblem;
 use crate::math::{Mat3, Twist, Vec3, Wrench};
 use crate::solve::ContactSolution;
 
-/// Share of its strength below which shear is not judged where traction uses up the strength of a bond.
+/// Smallest pressure on a bond from which its limit of shear is computed, over its strength: where traction uses up the
+/// strength, the limit would be 0.
 const MIN_SHEAR_SHARE: f64 = 0.01;
 
 /// Determinant of T over the cube of its trace below which bonds are in a line, to rounding: an area of 1:1000 has 1e-7.
@@ -52,15 +53,16 @@ impl BondedPair {
             if contact_problem.bodies[body].inverse_mass > 0.0 { body } else { ground }
         };
         let nodes = [0, 1].map(node);
-        let mean = |side| rows.iter().map(|&k| contact_problem.contact_arm(k, side)).sum::<Vec3>() / rows.len() as f64;
+        let mean_arm =
+            |side| rows.iter().map(|&k| contact_problem.contact_arm(k, side)).sum::<Vec3>() / rows.len() as f64;
         let strength = rows.iter().map(|&k| contact_problem.rows[k].impulse_shift.abs()).sum();
-        let arms = [0, 1].map(mean);
+        let arms = [0, 1].map(mean_arm);
         let mut pair = BondedPair { nodes, rows, arms, inverse_spread: None, strength };
-        let of_bond = |k: &usize| {
+        let bond_spread = |k: &usize| {
             let x = pair.position(contact_problem, *k);
             Mat3::identity() * x.norm_squared() - x * x.transpose()
         };
-        let spread: Mat3 = pair.rows.iter().map(of_bond).sum();
+        let spread: Mat3 = pair.rows.iter().map(bond_spread).sum();
         if spread.determinant() > MIN_SPREAD * spread.trace().powi(3) {
             pair.inverse_spread = spread.try_inverse();
         }
@@ -76,13 +78,13 @@ impl BondedPair {
 
     /// Velocity of the candidate relative to the antagonist at the centre of the bonds.
     fn motion(&self, contact_problem: &ContactProblem, solution: &ContactSolution) -> Twist {
-        let (mut v, mut turning) = (Vec3::zeros(), Vec3::zeros());
+        let (mut v, mut turning_sum) = (Vec3::zeros(), Vec3::zeros());
         for &k in &self.rows {
             let u = contact_problem.shifted_velocity(k, &solution.solver_bodies);
             v += u / self.rows.len() as f64;
-            turning += self.position(contact_problem, k).cross(&u);
+            turning_sum += self.position(contact_problem, k).cross(&u);
         }
-        Twist { v, w: self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * turning) }
+        Twist { v, w: self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * turning_sum) }
     }
 
     /// Largest impulse with which a bond carries the impulse `load` about the centre of the bonds, over its limit.
@@ -95,10 +97,10 @@ impl BondedPair {
         let share = |&k: &usize| {
             let row = &contact_problem.rows[k];
             let impulse = load.force / count + turn.cross(&self.position(contact_problem, k));
-            let along = row.normal.dot(&impulse);
+            let normal_impulse = row.normal.dot(&impulse);
             let strength = row.impulse_shift.abs();
             let shear = row.friction * pressure.max(MIN_SHEAR_SHARE * strength);
-            (along.abs() / strength).max((impulse - row.normal * along).norm() / shear)
+            (normal_impulse.abs() / strength).max((impulse - row.normal * normal_impulse).norm() / shear)
         };
         self.rows.iter().map(share).fold(0.0, f64::max)
     }
@@ -106,21 +108,30 @@ impl BondedPair {
 
 /// Pairs of bodies with bonds in the `bonded` rows, the strongest first, without those of which a bond is `broken` (sorted).
 fn bonded_pairs(contact_problem: &ContactProblem, bonded: &[usize], broken: &[usize]) -> Vec<BondedPair> {
-    let of_pair = |rows: &[usize]| {
-        let holds = rows.iter().all(|k| broken.binary_search(k).is_err());
-        holds.then(|| BondedPair::new(contact_problem, rows.to_vec()))
+    let unbroken_pair = |rows: &[usize]| {
+        let is_unbroken = rows.iter().all(|k| broken.binary_search(k).is_err());
+        is_unbroken.then(|| BondedPair::new(contact_problem, rows.to_vec()))
     };
     let same_bodies = |a: &usize, b: &usize| contact_problem.rows[*a].bodies == contact_problem.rows[*b].bodies;
-    let mut pairs: Vec<BondedPair> = bonded.chunk_by(same_bodies).filter_map(of_pair).collect();
+    let mut pairs: Vec<BondedPair> = bonded.chunk_by(same_bodies).filter_map(unbroken_pair).collect();
     pairs.sort_by(|a, b| b.strength.total_cmp(&a.strength));
     pairs
+}
+
+/// Branch that carries another one in a tree of bonds, by the bonds of a pair.
+#[derive(Clone, Copy)]
+struct Carrier {
+    /// Index in the tree.
+    branch: usize,
+    /// Index in the list of pairs.
+    pair: usize,
 }
 
 /// Body of a tree of bonds.
 struct Branch {
     body: usize,
-    /// Node that carries it, and the pair by which it does; `None` for the root of a free cluster.
-    carrier: Option<(usize, usize)>,
+    /// Branch that carries it; `None` for the root.
+    carrier: Option<Carrier>,
     /// Position from the root, m.
     position: Vec3,
     /// Motion that the bonds must stop.
@@ -155,24 +166,25 @@ pub fn largest_error_load(
         let origin = Branch { body: root, carrier: None, position: Vec3::zeros(), motion: Twist::default() };
         let mut tree = vec![origin];
         let from_root = pairs_of[root].iter().map(|&p| Reverse((p, 0)));
+        // Pairs by which the tree may grow, the strongest first, each with the index of the branch from which it does.
         let mut next: BinaryHeap<Reverse<(usize, usize)>> = from_root.collect();
-        while let Some(Reverse((p, at))) = next.pop() {
-            let (pair, from) = (&pairs[p], &tree[at]);
-            let side = usize::from(pair.nodes[0] == from.body);
+        while let Some(Reverse((p, k))) = next.pop() {
+            let (pair, carrier) = (&pairs[p], &tree[k]);
+            let side = usize::from(pair.nodes[0] == carrier.body);
             let body = pair.nodes[side];
             if std::mem::replace(&mut is_reached[body], true) {
                 continue;
             }
             let sign = if side == 0 { 1.0 } else { -1.0 };
             let relative = pair.motion(contact_problem, solution);
-            let w = from.motion.w + relative.w * sign;
-            let of_carrier = if from.body == ground { Vec3::zeros() } else { pair.arms[1 - side] };
+            let w = carrier.motion.w + relative.w * sign;
+            let carrier_arm = if carrier.body == ground { Vec3::zeros() } else { pair.arms[1 - side] };
             let arm = pair.arms[side];
-            let at_bonds = from.motion.velocity_at(&of_carrier) + relative.v * sign;
-            let motion = Twist { v: at_bonds - w.cross(&arm), w };
-            let position = from.position + of_carrier - arm;
+            let velocity_at_bonds = carrier.motion.velocity_at(&carrier_arm) + relative.v * sign;
+            let motion = Twist { v: velocity_at_bonds - w.cross(&arm), w };
+            let position = carrier.position + carrier_arm - arm;
             next.extend(pairs_of[body].iter().map(|&p| Reverse((p, tree.len()))));
-            tree.push(Branch { body, carrier: Some((at, p)), position, motion });
+            tree.push(Branch { body, carrier: Some(Carrier { branch: k, pair: p }), position, motion });
         }
         if root != ground {
             subtract_rigid_motion(contact_problem, &mut tree);
@@ -185,19 +197,19 @@ pub fn largest_error_load(
 /// Makes the motions of a free cluster relative to the motion of a rigid body that has their momentum and angular momentum.
 fn subtract_rigid_motion(contact_problem: &ContactProblem, tree: &mut [Branch]) {
     let mass = |branch: &Branch| 1.0 / contact_problem.bodies[branch.body].inverse_mass;
-    let total: f64 = tree.iter().map(mass).sum();
-    let centre = tree.iter().map(|branch| branch.position * mass(branch)).sum::<Vec3>() / total;
-    let mean = tree.iter().map(|branch| branch.motion.v * mass(branch)).sum::<Vec3>() / total;
+    let total_mass: f64 = tree.iter().map(mass).sum();
+    let centre = tree.iter().map(|branch| branch.position * mass(branch)).sum::<Vec3>() / total_mass;
+    let mean_velocity = tree.iter().map(|branch| branch.motion.v * mass(branch)).sum::<Vec3>() / total_mass;
     let (mut inertia, mut angular_momentum) = (Mat3::zeros(), Vec3::zeros());
     for branch in tree.iter() {
-        let (x, own) = (branch.position - centre, inertia_of(contact_problem, branch.body));
-        inertia += own + (Mat3::identity() * x.norm_squared() - x * x.transpose()) * mass(branch);
-        angular_momentum += own * branch.motion.w + x.cross(&branch.motion.v) * mass(branch);
+        let (x, own_inertia) = (branch.position - centre, inertia_of(contact_problem, branch.body));
+        inertia += own_inertia + (Mat3::identity() * x.norm_squared() - x * x.transpose()) * mass(branch);
+        angular_momentum += own_inertia * branch.motion.w + x.cross(&branch.motion.v) * mass(branch);
     }
-    let turning = inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * angular_momentum);
+    let mean_spin = inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * angular_momentum);
     for branch in tree {
-        branch.motion.v -= mean + turning.cross(&(branch.position - centre));
-        branch.motion.w -= turning;
+        branch.motion.v -= mean_velocity + mean_spin.cross(&(branch.position - centre));
+        branch.motion.w -= mean_spin;
     }
 }
 
@@ -212,17 +224,17 @@ fn tree_load(
     // Impulse that stops each body and those that it carries, about the root.
     let mut carried = vec![Wrench::default(); tree.len()];
     let mut largest = 0.0f64;
-    for at in (usize::from(on_walls)..tree.len()).rev() {
-        let Branch { body, carrier, position, motion } = &tree[at];
+    for k in (usize::from(on_walls)..tree.len()).rev() {
+        let Branch { body, carrier, position, motion } = &tree[k];
         let momentum = motion.v / contact_problem.bodies[*body].inverse_mass;
-        carried[at].force += momentum;
-        carried[at].torque += position.cross(&momentum) + inertia_of(contact_problem, *body) * motion.w;
-        let Some((below, p)) = *carrier else { continue };
-        let (pair, load) = (&pairs[p], carried[at]);
+        carried[k].force += momentum;
+        carried[k].torque += position.cross(&momentum) + inertia_of(contact_problem, *body) * motion.w;
+        let Some(Carrier { branch: carrier_branch, pair }) = *carrier else { continue };
+        let (pair, load) = (&pairs[pair], carried[k]);
         let centre = position + pair.arms[usize::from(pair.nodes[1] == *body)];
         largest = largest.max(pair.load_share(contact_problem, solution, load.about(&centre)));
-        carried[below].force += load.force;
-        carried[below].torque += load.torque;
+        carried[carrier_branch].force += load.force;
+        carried[carrier_branch].torque += load.torque;
     }
     largest
 }

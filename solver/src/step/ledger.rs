@@ -129,12 +129,12 @@ pub fn update_ledger(
         ledger.angular_momentum_expected[k] += free.angular_impulse[k] + contact_totals.angular_momentum[k];
     }
 
-    let flight = |&i: &BodyId| {
+    let flight_error = |&i: &BodyId| {
         let (i, mass) = (i.index(), scene.bodies[i.index()].mass);
         let is_in_flight = outcome.v[i] == free.v[i];
         if is_in_flight { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
     };
-    let flights: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(flight).collect();
+    let flights: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(flight_error).collect();
     // Bodies that rest from the start have only the momentum that forces give and contacts take in a step.
     let impulse_of_forces =
         |&i: &BodyId| scene.bodies[i.index()].mass * (free.v[i.index()] - state.v[i.index()]).norm();
@@ -143,17 +143,17 @@ pub fn update_ledger(
     ledger.momentum_scale = ledger.momentum_scale.max(motion.scale).max(impulse_of_forces.iter().sum());
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
     ledger.penetration_largest = ledger.penetration_largest.max(contact_totals.penetration_largest / scene.mean_radius);
-    let active = contact_totals.contacts_active.max(1) as f64;
-    let mean = |sum: f64| sum / active / scene.mean_radius.max(f64::MIN_POSITIVE); // there may be no grains
+    let active_count = contact_totals.contacts_active.max(1) as f64;
+    let mean_over_radius = |sum: f64| sum / active_count / scene.mean_radius.max(f64::MIN_POSITIVE); // there may be no grains
     // At most the penetration that exists now.
-    ledger.penetration_left =
-        ledger.penetration_left.min(mean(contact_totals.penetration_sum)) + mean(contact_totals.penetration_added);
+    ledger.penetration_left = ledger.penetration_left.min(mean_over_radius(contact_totals.penetration_sum))
+        + mean_over_radius(contact_totals.penetration_added);
     ledger.sweeps += solution.sweeps;
     if !solution.converged {
         ledger.steps_unconverged += 1;
         ledger.last_unconverged = Some(state.step + 1);
     }
-    let worst = |row: ContactId| {
+    let worst_contact = |row: ContactId| {
         let (bodies, solved) = (contact_problem.rows[row.index()].bodies, &outcome.contacts[row.index()]);
         WorstContact { bodies, point: solved.contact.point }
     };
@@ -172,7 +172,7 @@ pub fn update_ledger(
         replacement_reason: solution.replacement_reason,
         norms: (scene.options.lmgc90_norms || scene.has_solver_file())
             .then(|| lmgc90_norms(contact_problem, &solution.impulses, &solution.solver_bodies)),
-        worst: solution.worst.map(worst),
+        worst: solution.worst.map(worst_contact),
         conflict: if solution.converged {
             None
         } else {
@@ -181,7 +181,7 @@ pub fn update_ledger(
         overlap: contact_totals.overlap,
         inert_overlap: contact_totals.inert_overlap,
         penetration_largest: contact_totals.penetration_largest,
-        penetration_mean: contact_totals.penetration_sum / active,
+        penetration_mean: contact_totals.penetration_sum / active_count,
         narrow_phase_error: None,
         fallback_suppressed: request.skips_fallback() && !solution.converged,
         virial: contact_totals.virial / h,
@@ -233,11 +233,11 @@ impl MotionTotals {
 
     /// Angular momentum of the free bodies about the origin, kg m^2/s.
     pub fn total_angular_momentum(scene: &Scene, state: &State) -> Vec3 {
-        let of = |&i: &BodyId| {
+        let of_body = |&i: &BodyId| {
             let (i, body) = (i.index(), &scene.bodies[i.index()]);
             state.x[i].cross(&state.v[i]) * body.mass + body.angular_momentum(&state.q[i], &state.w[i])
         };
-        scene.free.iter().map(of).sum()
+        scene.free.iter().map(of_body).sum()
     }
 }
 
@@ -275,8 +275,8 @@ impl BalanceErrors {
         let motion = MotionTotals::from_bodies(scene, &state.q, state.velocities());
         let ratio = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
         let (kinetic, potential) = (motion.kinetic + motion.rotational, potential_energy(scene, state, &state.x));
-        let scale = [kinetic, potential, ledger.energy_start, ledger.contact_work, ledger.outside_work];
-        let energy_scale = scale.iter().fold(0.0, |s: f64, e| s.max(e.abs()));
+        let energies = [kinetic, potential, ledger.energy_start, ledger.contact_work, ledger.outside_work];
+        let energy_scale = energies.iter().fold(0.0, |largest: f64, energy| largest.max(energy.abs()));
         let unaccounted = kinetic + potential - ledger.energy_start - ledger.contact_work - ledger.outside_work;
         let largest_distance = scene.free.iter().map(|&i| state.x[i.index()].norm()).fold(0.0, f64::max);
         let linear = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();

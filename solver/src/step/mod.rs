@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 use self::admissible::solve_until_admissible;
 use self::clock::StageClock;
-use self::context::StepContext;
+use self::context::{PredictedStep, StepContext};
 use self::ends::finish_contacts;
 use self::ledger::update_ledger;
 use self::turning::approach;
@@ -41,21 +41,23 @@ pub fn step(scene: &Scene, state: &mut State, times: &mut StageTimes) -> Option<
     let clock = &mut StageClock::start(times);
     let before = StateBackup::new(scene, state);
     activity::begin_stage(StepStage::Forces, 0);
-    let (events, mut q_c) = begin_step(scene, state); // M1  x_c = x + (1-θ) h V
+    let (events, q_c) = begin_step(scene, state); // M1  x_c = x + (1-θ) h V
     clock.add_lap(|times| &mut times.integration);
     let mut free = assemble::free_velocity(scene, state, &q_c, &events.shakes); // M2  V_free = V + h M⁻¹ F(x_c)
     state.attraction = free.attraction.take();
     clock.add_lap(|times| &mut times.gravity);
     activity::begin_stage(StepStage::Detection, 0);
-    let mut contacts = detect::listed_contacts(scene, &q_c, free.velocities(), &mut state.detection_cache); // M3  g, (n, t, s)
+    let contacts = detect::listed_contacts(scene, &q_c, free.velocities(), &mut state.detection_cache); // M3  g, (n, t, s)
     let narrow_phase_error = sample_narrow_phase_error(scene, state, &q_c, free.velocities(), &contacts);
     clock.add_lap(|times| &mut times.detection);
     let request = solve_request(scene, state, &q_c, &contacts, free.velocities());
-    let solved = solve_until_admissible(scene, state, &mut q_c, &free, &mut contacts, request, clock); // M4, M5  W, b, r
+    let mut predicted = PredictedStep { q_c, free, contacts };
+    let solved = solve_until_admissible(scene, state, &mut predicted, request, clock); // M4, M5  W, b, r
     let Some(mut solved) = solved else {
         before.restore_to(state);
         return None;
     };
+    let PredictedStep { q_c, free, contacts } = predicted;
     let context = StepContext { scene, q_c: &q_c, free: &free, contacts: &contacts };
     let errors = refine_until_decided(context, &state.laws, request, &mut solved);
     solve::update_backoff(&mut state.fallback, request, state.step, q_c.step_multiple, &solved.solution);
@@ -141,18 +143,19 @@ fn solve_request(
     let options = &scene.options;
     let tol = options.tol().min(travel_tolerance(scene, q_c, contacts, free));
     // Errors of a restitution impulse are not corrected by later steps.
-    let of_restitution = if state.laws.iter().any(ContactLaw::has_restitution) { MIN_TOLERANCE_FACTOR } else { 1.0 };
+    let restitution_factor =
+        if state.laws.iter().any(ContactLaw::has_restitution) { MIN_TOLERANCE_FACTOR } else { 1.0 };
     // Errors in breaking bonds or starting to slide are not corrected either.
-    let of_losses = if state.laws.iter().any(ContactLaw::has_irreversible_loss) {
+    let loss_factor = if state.laws.iter().any(ContactLaw::has_irreversible_loss) {
         LOSS_TOLERANCE_FACTOR.min(MAX_LOSS_RESIDUAL / tol)
     } else {
         1.0
     };
     // Velocity errors scale with the residual times the velocity change of the step, which grows with its length.
-    let of_length = 1.0 / q_c.step_multiple as f64;
-    let of_penetration = penetration_tolerance_factor(options.penetration_tol(), state.ledger.penetration_left);
+    let length_factor = 1.0 / q_c.step_multiple as f64;
+    let penetration_factor = penetration_tolerance_factor(options.penetration_tol(), state.ledger.penetration_left);
     let criteria = StoppingCriteria {
-        target_residual: tol * of_restitution.min(of_losses).min(of_penetration).min(of_length),
+        target_residual: tol * restitution_factor.min(loss_factor).min(penetration_factor).min(length_factor),
         // One sweep for each `dt`; LMGC90's blocks have a set number of sweeps.
         min_sweeps: if options.check_every.is_some() { 0 } else { q_c.step_multiple },
         check_every: options.check_every,
@@ -176,13 +179,13 @@ const LOSS_TOLERANCE_FACTOR: f64 = 0.1;
 /// Largest residual with which irreversible losses are decided: a load of 0.9 or 1.1 of a limit is then on its side of it.
 const MAX_LOSS_RESIDUAL: f64 = 1e-3;
 
-/// Factor on `tol` for the residual sought, <= 1, where the penetration `left` by earlier solutions (over the mean radius)
-/// exceeds `penetration_tol`: with twice as much, 1/4.
+/// Factor on `tol` for the residual sought, <= 1, where the penetration that earlier solutions have left (over the mean
+/// radius) exceeds `penetration_tol`: with twice as much, 1/4.
 ///
 /// The approach velocity that a residual leaves becomes overlap, which laws keep. Where loaded grains move slowly for a long
 /// time it accumulates, and a smaller residual is needed.
-fn penetration_tolerance_factor(penetration_tol: f64, left: f64) -> f64 {
-    let factor = penetration_tol / left.max(penetration_tol);
+fn penetration_tolerance_factor(penetration_tol: f64, penetration_left: f64) -> f64 {
+    let factor = penetration_tol / penetration_left.max(penetration_tol);
     (factor * factor).max(MIN_TOLERANCE_FACTOR)
 }
 

@@ -49,17 +49,17 @@ pub fn overturned_bodies(
         return Vec::new();
     }
     let span = q_c.reach_time(scene);
-    let (mut turned, mut through) = (vec![false; scene.bodies.len()], BTreeSet::new());
+    let (mut is_turned, mut through) = (vec![false; scene.bodies.len()], BTreeSet::new());
     // The orientation of a sphere changes no gap.
     let can_turn = |body: &&BodyId| !scene.bodies[body.index()].is_sphere() && !q_c.orientation_kept.contains(body);
     let turn = |body: BodyId| (body, span * (solved.w[body.index()] - free.w[body.index()]).norm());
     let bodies = scene.free.par_iter().with_min_len(PAR_MIN_LEN).filter(can_turn);
-    let found: Vec<(BodyId, f64)> = bodies.map(|body| turn(*body)).filter(|(_, turn)| *turn > MIN_TURN).collect();
-    if found.is_empty() {
+    let turns: Vec<(BodyId, f64)> = bodies.map(|body| turn(*body)).filter(|(_, turn)| *turn > MIN_TURN).collect();
+    if turns.is_empty() {
         return Vec::new();
     }
-    for (body, turn) in found {
-        turned[body.index()] = true;
+    for (body, turn) in turns {
+        is_turned[body.index()] = true;
         if turn > MAX_TURN {
             through.insert(body);
         }
@@ -67,7 +67,7 @@ pub fn overturned_bodies(
     let motion = StepMotion { scene, q_c, span, velocities: solved };
     for contact in contacts {
         let pushed_through = both_sides(contact).into_iter().filter(|&(own, other)| {
-            turned[own.0.index()] && motion.is_deeper(contact, [own, other], turned[other.0.index()], 1.0)
+            is_turned[own.0.index()] && motion.is_deeper(contact, [own, other], is_turned[other.0.index()], 1.0)
         });
         through.extend(pushed_through.map(|(own, _)| own.0));
     }
@@ -145,8 +145,8 @@ impl StepMotion<'_> {
             (-contact.normal, at_antagonist, at_candidate)
         };
         let q = rotate_by_vector(&q_c.q[i], &(w[i] * span));
-        let turning = if turns { Vec3::zeros() } else { w[k].cross(&other) };
-        let below = own + (v[k] + turning - v[i]) * span - q * part.offset;
-        outward.dot(&below) + part.geometry.support_height(&(q * part.axes), &-outward)
+        let surface_turning = if turns { Vec3::zeros() } else { w[k].cross(&other) };
+        let centre_from_surface = own + (v[k] + surface_turning - v[i]) * span - q * part.offset;
+        outward.dot(&centre_from_surface) + part.geometry.support_height(&(q * part.axes), &-outward)
     }
 }

@@ -30,9 +30,9 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
     let h = step_multiple as f64 * scene.options.dt;
     let max_growth = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 } else { 1.0 };
     let longer = h > max_growth * state.h * (1.0 + SPEED_DIGITS);
-    let moving_walls = || scene.drives.iter().any(|drive| drive.ever_moves());
+    let has_moving_walls = || scene.drives.iter().any(|drive| drive.ever_moves());
     // A torque or damping in every step changes all free bodies equally, but not walls.
-    let pushed = state.torque != Vec3::zeros() && !scene.drives.is_empty() || state.quench > 0.0 && moving_walls();
+    let pushed = state.torque != Vec3::zeros() && !scene.drives.is_empty() || state.quench > 0.0 && has_moving_walls();
     let time_before = (1.0 - scene.options.theta) * h;
     if time_before == 0.0 || !(unbounded || longer || pushed) {
         return false;
@@ -63,21 +63,23 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
 /// speed u (m/s, < 0) of a contact: the nearest in the file between the two contactors does not close more slowly.
 ///
 /// The file has velocities in the contact configuration of its last step, from which the bodies have turned by up to
-/// ω `before`, so that points at the distance r move by ω² r `before` faster.
-fn bounded_by_file(state: &State, start: &ContactConfiguration, contact: &Contact, u: f64, before: f64) -> bool {
+/// ω `time_before`, so that points at the distance r move by ω² r `time_before` faster.
+fn bounded_by_file(state: &State, start: &ContactConfiguration, contact: &Contact, u: f64, time_before: f64) -> bool {
     let pair = |c: &Contact| (c.candidate, c.antagonist, c.part_numbers);
     let first = state.contacts.partition_point(|old| pair(&old.contact) < pair(contact));
-    let of_pair = state.contacts[first..].iter().take_while(|old| pair(&old.contact) == pair(contact));
-    let of_file = of_pair.filter(|old| old.contact.features.0 == UNKNOWN_FEATURE);
+    let of_same_pair = state.contacts[first..].iter().take_while(|old| pair(&old.contact) == pair(contact));
+    let without_features = of_same_pair.filter(|old| old.contact.features.0 == UNKNOWN_FEATURE);
     let distance = |old: &SolvedContact| (old.contact.point - contact.point).norm_squared();
-    let Some(nearest) = of_file.min_by(|a, b| distance(a).total_cmp(&distance(b))) else { return false };
-    let turned = |body: BodyId| {
+    let Some(nearest) = without_features.min_by(|a, b| distance(a).total_cmp(&distance(b))) else { return false };
+    let centripetal_acceleration = |body: BodyId| {
         let i = body.index();
         start.w[i].norm_squared() * (contact.point - start.x[i]).norm()
     };
     let velocities = Velocities { v: &state.v, w: &start.w };
-    let digits = SPEED_DIGITS * relative_velocity(contact, &start.x, velocities).norm();
-    u >= nearest.velocity.x - digits - before * (turned(contact.candidate) + turned(contact.antagonist))
+    let rounding = SPEED_DIGITS * relative_velocity(contact, &start.x, velocities).norm();
+    u >= nearest.velocity.x
+        - rounding
+        - time_before * (centripetal_acceleration(contact.candidate) + centripetal_acceleration(contact.antagonist))
 }
 
 /// Work that the choice of θ = 1 adds in a step that is taken with it, compared with the scene's θ, J: the bodies'

@@ -60,7 +60,7 @@ pub struct VelocityErrors {
 impl VelocityErrors {
     /// Errors of a solution.
     pub fn new(contact_problem: &ContactProblem, solution: &ContactSolution) -> Self {
-        let of_row = |(k, r): (usize, &Vec3)| {
+        let row_error = |(k, r): (usize, &Vec3)| {
             // The natural map of such rows is another one, and their contacts lose nothing.
             if contact_problem.rows[k].can_close && contact_problem.regularised_row(k).is_none() {
                 velocity_error(contact_problem, solution, k, r)
@@ -68,10 +68,10 @@ impl VelocityErrors {
                 0.0
             }
         };
-        let of_rows: Vec<f64> =
-            solution.impulses.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(of_row).collect();
+        let row_errors: Vec<f64> =
+            solution.impulses.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(row_error).collect();
         let mut errors = vec![0.0f64; contact_problem.bodies.len()];
-        for (row, error) in contact_problem.rows.iter().zip(of_rows) {
+        for (row, error) in contact_problem.rows.iter().zip(row_errors) {
             // A body that does not move transmits no error.
             for body in row.bodies.into_iter().filter(|&body| contact_problem.bodies[body.index()].inverse_mass > 0.0) {
                 errors[body.index()] = errors[body.index()].max(error);
@@ -98,8 +98,8 @@ impl VelocityErrors {
         }
         let opening = row.normal.dot(u);
         let sliding = (u - row.normal * opening).norm();
-        let (least, least_sliding) = (self.contact_error(row.bodies), self.tangential_error(k, row));
-        ContactMotion { opens: opening > ERROR_MARGIN * least, slides: sliding > ERROR_MARGIN * least_sliding }
+        let (error, sliding_error) = (self.contact_error(row.bodies), self.tangential_error(k, row));
+        ContactMotion { opens: opening > ERROR_MARGIN * error, slides: sliding > ERROR_MARGIN * sliding_error }
     }
 
     /// Whether the solution leaves open whether the bond of row `k` breaks. This is so if the bond is at its limit to
@@ -123,13 +123,14 @@ impl VelocityErrors {
         let r = &solution.impulses[k];
         let normal = row.normal.dot(r);
         let tangential = (r - row.normal * normal).norm();
-        let traction = row.w_n * row.impulse_shift.abs();
+        let traction_speed = row.w_n * row.impulse_shift.abs();
         // Where all traction is used up, the limit of shear is 0.
-        let shear = row.w_t * row.friction * normal.max(MIN_RESOLVED_SHARE * row.impulse_shift.abs());
-        let near = |left: f64, error: f64| left <= ERROR_MARGIN * error;
-        near(row.w_n * normal, error) && error > MIN_RESOLVED_SHARE * traction
-            || near(row.w_t * (row.friction * normal - tangential), sliding_error)
-                && sliding_error > MIN_RESOLVED_SHARE * shear
+        let shear_speed = row.w_t * row.friction * normal.max(MIN_RESOLVED_SHARE * row.impulse_shift.abs());
+        // Strengths times W are changes of velocity, which are compared with the errors.
+        let is_at_limit = |margin: f64, error: f64| margin <= ERROR_MARGIN * error;
+        is_at_limit(row.w_n * normal, error) && error > MIN_RESOLVED_SHARE * traction_speed
+            || is_at_limit(row.w_t * (row.friction * normal - tangential), sliding_error)
+                && sliding_error > MIN_RESOLVED_SHARE * shear_speed
             || error * h > LARGEST_OPENING * radius
     }
 }
@@ -226,15 +227,15 @@ pub fn refine_until_decided(
         sweeps_left = sweeps_left.saturating_sub(solved.solution.sweeps - sweeps);
         errors = VelocityErrors::new(&solved.contact_problem, &solved.solution);
         // An error falls like the residual, the velocity of a bond that breaks stays: the root of the ratio divides them.
-        let share = (solved.solution.residual / residual).sqrt();
+        let dividing_ratio = (solved.solution.residual / residual).sqrt();
         let is_stuck = solved.solution.residual > 0.5 * residual;
         let is_error = |k: &usize| {
             if is_stuck {
                 // Nothing new is known of the bonds that moved before.
                 return refinement > 0 && moving.binary_search(k).is_err();
             }
-            let before = rigid.binary_search(k).map_or(0.0, |at| speeds[at]);
-            speed(solved, *k) < share * before
+            let speed_before = rigid.binary_search(k).map_or(0.0, |position| speeds[position]);
+            speed(solved, *k) < dividing_ratio * speed_before
         };
         (errors.unsettled, moving) = bonds.moving_rows(solved, &errors, &rigid).into_iter().partition(is_error);
         is_settled = errors.unsettled.is_empty();
@@ -321,16 +322,16 @@ fn velocity_error(contact_problem: &ContactProblem, solution: &ContactSolution, 
 fn natural_map(n: &Vec3, friction: f64, rho: f64, u: &Vec3, r: &Vec3) -> Vec3 {
     let sliding = (u - n * n.dot(u)).norm();
     let z = r - (u + n * (friction * sliding)) * rho;
-    let along = n.dot(&z);
-    let across = z - n * along;
-    let size = across.norm();
-    let nearest = if size <= friction * along {
+    let z_n = n.dot(&z);
+    let z_t = z - n * z_n;
+    let z_t_length = z_t.norm();
+    let nearest = if z_t_length <= friction * z_n {
         z
-    } else if friction * size <= -along {
+    } else if friction * z_t_length <= -z_n {
         Vec3::zeros()
     } else {
-        let normal = (along + friction * size) / (1.0 + friction * friction);
-        let tangential = if size > 0.0 { across * (friction * normal / size) } else { Vec3::zeros() };
+        let normal = (z_n + friction * z_t_length) / (1.0 + friction * friction);
+        let tangential = if z_t_length > 0.0 { z_t * (friction * normal / z_t_length) } else { Vec3::zeros() };
         n * normal + tangential
     };
     r - nearest
