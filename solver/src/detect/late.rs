@@ -27,17 +27,18 @@ pub fn late_contacts(
     listed: &[Contact],
 ) -> Vec<Contact> {
     let alerts = scene.visibility.table.iter().flatten().map(|rule| rule.alert);
-    let Some(alert) = alerts.reduce(f64::min).filter(|_| !listed.is_empty()) else { return Vec::new() };
+    let Some(smallest_alert) = alerts.reduce(f64::min).filter(|_| !listed.is_empty()) else { return Vec::new() };
     // Each of the two bodies gets half of the margin.
-    let margin = 0.5 * LISTING_MARGIN * alert;
+    let margin = 0.5 * LISTING_MARGIN * smallest_alert;
     let extents = rotating_extents(scene);
-    let turned = |i: usize| {
+    let rotation_change = |i: usize| {
         let extent = extents.get(i).copied().unwrap_or(0.0);
         if extent > 0.0 { extent * (solved.w[i] - free.w[i]).norm() } else { 0.0 }
     };
     let span = q_c.reach_time(scene);
-    let changed = |i: usize| span * ((solved.v[i] - free.v[i]).norm() + turned(i)) > margin;
-    let searched: Vec<bool> = (0..scene.bodies.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(changed).collect();
+    let exceeds_margin = |i: usize| span * ((solved.v[i] - free.v[i]).norm() + rotation_change(i)) > margin;
+    let searched: Vec<bool> =
+        (0..scene.bodies.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(exceeds_margin).collect();
     if !searched.contains(&true) {
         return Vec::new();
     }
@@ -59,9 +60,9 @@ pub fn late_contacts(
         };
         let mut all: Vec<Contact> = listed.iter().filter(is_surface).chain(&found).copied().collect();
         all.sort_unstable_by_key(Contact::key);
-        let mut left = parts::without_inner_edges(scene, q_c, &bounds, all);
-        left.retain(|contact| !is_listed(contact));
-        return left;
+        let mut kept = parts::without_inner_edges(scene, q_c, &bounds, all);
+        kept.retain(|contact| !is_listed(contact));
+        return kept;
     }
     let ball = |&i: &BodyId| {
         let (i, radius) = (i.index(), scene.bodies[i.index()].radius);
@@ -69,13 +70,14 @@ pub fn late_contacts(
     };
     let balls: Vec<SweptBall> = scene.spheres.iter().map(ball).collect();
     let reach: Vec<f64> = balls.iter().map(|ball| ball.radius + ball.path.norm()).collect();
-    let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
-    let spheres = near.into_iter().filter_map(|near| visible_spheres(scene, near)).filter_map(|([i, j], rule)| {
-        let [a, b] = [i, j].map(|k| &balls[k.index()]);
-        let between = a.centre - b.centre - scene.nearest_image_shift(&a.centre, &b.centre);
-        let closes = least_distance(&between, &(a.path - b.path)) < a.radius + b.radius;
-        closes.then_some(([i, j].map(|k| scene.spheres[k.index()]), rule.law))
-    });
+    let near_pairs = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
+    let spheres =
+        near_pairs.into_iter().filter_map(|pair| visible_spheres(scene, pair)).filter_map(|([i, j], rule)| {
+            let [a, b] = [i, j].map(|k| &balls[k.index()]);
+            let between = a.centre - b.centre - scene.nearest_image_shift(&a.centre, &b.centre);
+            let closes = least_distance(&between, &(a.path - b.path)) < a.radius + b.radius;
+            closes.then_some(([i, j].map(|k| scene.spheres[k.index()]), rule.law))
+        });
     let mut pairs: Vec<ListedPair> = spheres.collect();
     for &plane in &scene.planes {
         let rule_with_plate = |&sphere: &BodyId| {
@@ -83,22 +85,23 @@ pub fn late_contacts(
             let rule = scene.visibility.interaction_rule(s.class, p.class).filter(|_| !(s.driven && p.driven))?;
             Some(([sphere, plane], rule.law))
         };
-        let moved = scene.spheres.iter().filter(|&&sphere| searched[sphere.index()] || searched[plane.index()]);
-        pairs.extend(moved.filter_map(rule_with_plate).filter(|(pair, _)| {
+        let searched_spheres =
+            scene.spheres.iter().filter(|&&sphere| searched[sphere.index()] || searched[plane.index()]);
+        pairs.extend(searched_spheres.filter_map(rule_with_plate).filter(|(pair, _)| {
             let BodyShape::Plane { half_lengths } = scene.bodies[plane.index()].shape else { return false };
-            let near = contact_geometry(scene, q_c, *pair).gap
+            let is_near = contact_geometry(scene, q_c, *pair).gap
                 <= bounds.travel[pair[0].index()] + bounds.surface_travel(pair[1].index(), half_lengths.norm());
-            near && gap_closes(&sphere_contact(scene, q_c, *pair, 0), q_c, solved, span)
+            is_near && gap_closes(&sphere_contact(scene, q_c, *pair, 0), q_c, solved, span)
         }));
     }
     // Inner contacts of flush joints can only be recognised together with the contacts that support the sphere.
     let is_plane = |body: BodyId| matches!(scene.bodies[body.index()].shape, BodyShape::Plane { .. });
-    let (mut of_planes, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|(pair, _)| is_plane(pair[1]));
-    if !of_planes.is_empty() {
-        let before = listed.iter().filter(|contact| is_plane(contact.antagonist));
-        of_planes.extend(before.map(|contact| ([contact.candidate, contact.antagonist], contact.law)));
+    let (mut plate_pairs, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|(pair, _)| is_plane(pair[1]));
+    if !plate_pairs.is_empty() {
+        let listed_on_plates = listed.iter().filter(|contact| is_plane(contact.antagonist));
+        plate_pairs.extend(listed_on_plates.map(|contact| ([contact.candidate, contact.antagonist], contact.law)));
     }
-    let mut pairs = joints::without_inner_rims(scene, q_c, &bounds, of_planes);
+    let mut pairs = joints::without_inner_rims(scene, q_c, &bounds, plate_pairs);
     pairs.extend(others);
     pairs.sort_unstable();
     let found = pairs.into_iter().map(|(pair, law)| sphere_contact(scene, q_c, pair, law));

@@ -61,9 +61,9 @@ fn surface_contacts(
         return parts::listed_contacts(scene, q_c, &bounds, scene.options.narrow_phase(), cache);
     }
     let mut pairs = sphere_sphere_pairs(scene, q_c, &bounds, cache);
-    let mut of_planes = joints::without_inner_rims(scene, q_c, &bounds, sphere_plate_pairs(scene, q_c, &bounds));
-    if !of_planes.is_empty() {
-        pairs.append(&mut of_planes);
+    let mut plate_pairs = joints::without_inner_rims(scene, q_c, &bounds, sphere_plate_pairs(scene, q_c, &bounds));
+    if !plate_pairs.is_empty() {
+        pairs.append(&mut plate_pairs);
         sort_runs_by_key(&mut pairs, |pair| *pair);
     }
     pairs.par_iter().with_min_len(256).map(|&(pair, law)| sphere_contact(scene, q_c, pair, law)).collect()
@@ -99,18 +99,19 @@ pub fn narrow_phase_error(
     let gaps = |contacts: &[Contact]| {
         let mut gaps = BTreeMap::new();
         for contact in contacts {
-            let least: &mut f64 = gaps.entry(pair(contact)).or_insert(f64::INFINITY);
-            *least = least.min(contact.gap);
+            let smallest: &mut f64 = gaps.entry(pair(contact)).or_insert(f64::INFINITY);
+            *smallest = smallest.min(contact.gap);
         }
         gaps
     };
     let (found, exact) = (gaps(contacts), gaps(&exact));
-    let both = found.keys().chain(exact.keys().filter(|pair| !found.contains_key(pair)));
-    let differences = both.filter_map(|pair| match (found.get(pair), exact.get(pair)) {
+    let all_pairs = found.keys().chain(exact.keys().filter(|pair| !found.contains_key(pair)));
+    let differences = all_pairs.filter_map(|pair| match (found.get(pair), exact.get(pair)) {
         (Some(gap), Some(other)) => (gap.min(*other) <= 0.0).then(|| (gap - other).abs()),
         (gap, other) => gap.or(other).filter(|gap| **gap <= 0.0).map(|gap| -gap),
     });
-    let (count, sum, largest) =
-        differences.fold((0, 0.0, 0.0f64), |(count, sum, most), x| (count + 1, sum + x, most.max(x)));
+    let (count, sum, largest) = differences.fold((0, 0.0, 0.0f64), |(count, sum, largest), difference| {
+        (count + 1, sum + difference, largest.max(difference))
+    });
     NarrowPhaseError { mean: sum / count.max(1) as f64, largest }
 }

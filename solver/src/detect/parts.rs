@@ -39,8 +39,8 @@ impl DetectionCache {
         let moved = contactors.par_iter_mut().zip(&scene.parts).zip(last).with_min_len(CONTACTORS_PER_TASK);
         moved.for_each(|((now, part), ((x, q), travel))| {
             // |q - q'| = 2 sin(θ/4), and a surface point moves by 2 R sin(θ/2) <= 2 R |q - q'|.
-            let turned = (now.axes.coords - q.coords).norm().min((now.axes.coords + q.coords).norm());
-            *travel += (now.centre - *x).norm() + 2.0 * part.bounding_radius * turned;
+            let rotation = (now.axes.coords - q.coords).norm().min((now.axes.coords + q.coords).norm());
+            *travel += (now.centre - *x).norm() + 2.0 * part.bounding_radius * rotation;
             (*x, *q, now.accumulated_travel) = (now.centre, now.axes, *travel);
         });
         let all = contactors.par_iter().with_min_len(CONTACTORS_PER_TASK);
@@ -69,8 +69,8 @@ impl DetectionCache {
 impl DetectionCache {
     /// Removes the cached direction of two contactors, so that the next step searches it anew.
     fn forget_feature(&mut self, parts: &[PartId; 2]) {
-        if let Ok(at) = self.order_by_parts.binary_search_by_key(parts, |&k| self.pairs[k as usize].0) {
-            self.memories[self.order_by_parts[at] as usize] = CachedFeature::default();
+        if let Ok(position) = self.order_by_parts.binary_search_by_key(parts, |&k| self.pairs[k as usize].0) {
+            self.memories[self.order_by_parts[position] as usize] = CachedFeature::default();
         }
     }
 }
@@ -259,12 +259,11 @@ impl ListedContacts {
             }
             Err(Separated { n, s }) => {
                 // No separation is known of another image; an image is nearest only up to half a period.
-                let of_image =
+                let image_margins =
                     self.periods.iter().zip(c.as_slice()).filter_map(|(period, c)| Some((*period)? / 2.0 - c.abs()));
-                let until = of_image.fold(s, f64::min) + pair.accumulated_travel()
+                let valid_travel = image_margins.fold(s, f64::min) + pair.accumulated_travel()
                     - ROUNDING_MARGIN * (a.listing_radius + b.listing_radius);
-                separations[*index] =
-                    SeparatingAxis { n: Some([n.x, n.y, n.z].map(|x| x as f32)), valid_travel: until };
+                separations[*index] = SeparatingAxis { n: Some([n.x, n.y, n.z].map(|x| x as f32)), valid_travel };
                 return;
             }
         };
@@ -294,25 +293,25 @@ fn contacts_by_key(found: &[ListedContacts], bodies: usize, width: SimdWidth) ->
     let ends: Vec<usize> = order.iter().map(end).collect();
     // Each task searches the run of its first contact.
     let contact = |position: &mut Option<usize>, k: usize| {
-        let mut at = position.unwrap_or_else(|| ends.partition_point(|end| *end <= k));
-        while ends[at] <= k {
-            at += 1;
+        let mut run_position = position.unwrap_or_else(|| ends.partition_point(|end| *end <= k));
+        while ends[run_position] <= k {
+            run_position += 1;
         }
-        let run = runs[order[at] as usize];
-        if *position != Some(at)
-            && let Some(&later) = order.get(at + 1)
+        let run = runs[order[run_position] as usize];
+        if *position != Some(run_position)
+            && let Some(&later) = order.get(run_position + 1)
         {
             width.prefetch(runs[later as usize]);
         }
-        *position = Some(at);
-        run[k + run.len() - ends[at]]
+        *position = Some(run_position);
+        run[k + run.len() - ends[run_position]]
     };
     let all = (0..count).into_par_iter().with_min_len(CONTACTS_PER_TASK);
     let mut contacts: Vec<Contact> = all.map_init(|| None, contact).collect();
     // The contacts of one candidate may come from several tasks or several parts.
-    contacts.par_chunk_by_mut(|a, b| a.candidate == b.candidate).for_each(|of_one| {
-        if !of_one.is_sorted_by_key(Contact::key) {
-            of_one.sort_unstable_by_key(Contact::key);
+    contacts.par_chunk_by_mut(|a, b| a.candidate == b.candidate).for_each(|of_candidate| {
+        if !of_candidate.is_sorted_by_key(Contact::key) {
+            of_candidate.sort_unstable_by_key(Contact::key);
         }
     });
     contacts
@@ -376,7 +375,7 @@ fn pairs_by_candidate(pairs: &[VisiblePair], scene: &Scene, bodies: &[u32]) -> V
     let mut grouped: Vec<VisiblePair> = order.par_iter().with_min_len(PAR_MIN_LEN).map(pair).collect();
     let candidate = |(parts, _): &VisiblePair| scene.parts[parts[0].index()].body;
     let by_candidate = grouped.par_chunk_by_mut(|a, b| candidate(a) == candidate(b));
-    by_candidate.for_each(|of_one| of_one.sort_unstable_by_key(|(parts, _)| *parts));
+    by_candidate.for_each(|of_candidate| of_candidate.sort_unstable_by_key(|(parts, _)| *parts));
     grouped
 }
 
@@ -387,25 +386,25 @@ fn part_order(pairs: &[VisiblePair], parts: usize) -> Vec<u32> {
     group_by_key(&first, parts).0
 }
 
-/// Values of the last step for each of the pairs; `order` and `before` are in the order of the parts.
+/// Values of the last step for each of the pairs; `order` and `old_values` are in the order of the parts.
 fn previous_values<T: Clone + Default>(
     pairs: &[VisiblePair],
     order: &[u32],
-    before: impl Iterator<Item = ([PartId; 2], T)>,
+    old_values: impl Iterator<Item = ([PartId; 2], T)>,
 ) -> Vec<T> {
-    let mut carried = vec![T::default(); pairs.len()];
-    let mut before = before.peekable();
+    let mut values = vec![T::default(); pairs.len()];
+    let mut old_values = old_values.peekable();
     for &k in order {
         let parts = &pairs[k as usize].0;
-        while before.next_if(|(old, _)| old < parts).is_some() {}
-        if let Some((_, old)) = before.next_if(|(old, _)| old == parts) {
-            carried[k as usize] = old;
+        while old_values.next_if(|(old, _)| old < parts).is_some() {}
+        if let Some((_, old)) = old_values.next_if(|(old, _)| old == parts) {
+            values[k as usize] = old;
         }
     }
-    carried
+    values
 }
 
-/// Calls `take` with the result for a pair, points relative to the candidate's centre; for polyhedra the call may be
+/// Calls `record` with the result for a pair, points relative to the candidate's centre; for polyhedra the call may be
 /// deferred.
 fn narrow_phase_pair<'a>(
     pair: CandidatePair<'a>,
@@ -413,7 +412,7 @@ fn narrow_phase_pair<'a>(
     memory: &CachedFeature,
     hint: Option<[f32; 3]>,
     polyhedra: &mut PairBatch<'a, CandidatePair<'a>>,
-    take: &mut impl FnMut(CandidatePair<'a>, PairResult),
+    record: &mut impl FnMut(CandidatePair<'a>, PairResult),
 ) {
     let CandidatePair { a, b, c, range, .. } = pair;
     let one_point = |found: narrow::ContactGeometry| {
@@ -425,7 +424,7 @@ fn narrow_phase_pair<'a>(
         // A plate is a cuboid.
         (PosedShape::Polyhedron(p), PosedShape::Polyhedron(q) | PosedShape::Plane { cuboid: q, .. }) => {
             let hint = hint.map(|n| Vec3::from(n.map(f64::from)));
-            return polyhedra.push_pair(pair, [p, q], &c, range, narrow, memory, hint, take);
+            return polyhedra.push_pair(pair, [p, q], &c, range, narrow, memory, hint, record);
         }
         (PosedShape::Sphere { radius: r }, PosedShape::Sphere { radius: s }) => {
             [one_point(narrow::sphere_sphere(&zero, *r, &c, *s))].into_iter().collect()
@@ -466,19 +465,19 @@ fn narrow_phase_pair<'a>(
     };
     let nearest = found.iter().min_by(|a, b| a.gap().total_cmp(&b.gap()));
     if let Some(nearest) = nearest.filter(|nearest| nearest.gap() > range.alert) {
-        return take(pair, Err(Separated { n: -nearest.normal, s: nearest.gap() }));
+        return record(pair, Err(Separated { n: -nearest.normal, s: nearest.gap() }));
     }
     for manifold in &found {
-        take(pair, Ok((CachedFeature::default(), manifold)));
+        record(pair, Ok((CachedFeature::default(), manifold)));
     }
 }
 
 /// Manifold of a polyhedron and a body at -`c` with the sides exchanged, so that the body is the candidate.
 fn swapped_manifold(found: &Manifold, c: &Vec3) -> Manifold {
-    let turned = |point: &ContactPoint| ContactPoint {
+    let swapped = |point: &ContactPoint| ContactPoint {
         position: point.position + c,
         gap: point.gap,
         features: (point.features.1, point.features.0),
     };
-    Manifold { normal: -found.normal, points: found.points.iter().map(turned).collect(), area: found.area }
+    Manifold { normal: -found.normal, points: found.points.iter().map(swapped).collect(), area: found.area }
 }

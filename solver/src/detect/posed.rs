@@ -20,11 +20,12 @@ pub struct PosedContactor<'a> {
     pub travel: f64,
     /// Radius of the bounding ball with travel and half of the listing distance, m.
     pub listing_radius: f64,
-    /// Displacement of the centre in the step, m, and rotation, rad.
+    /// Displacement of the centre in the step, m.
     pub path: Vec3,
+    /// Rotation in the step, rad.
     pub turn: Vec3,
     /// Largest distance from the centre of the points that a rotation moves, m: 0 for a sphere.
-    pub rim: f64,
+    pub rotating_extent: f64,
     /// Radius of the bounding ball, m.
     pub radius: f64,
     /// Largest deviation of the centre's trajectory from a straight line due to the body's rotation, m.
@@ -79,7 +80,11 @@ fn posed_contactor<'a>(
         listing_radius: part.bounding_radius + travel + 0.5 * scene.listing_range,
         path: bounds.centre_path(i) + turn.cross(&arm),
         turn,
-        rim: if matches!(part.geometry, ContactorShape::Sphere { .. }) { 0.0 } else { part.bounding_radius },
+        rotating_extent: if matches!(part.geometry, ContactorShape::Sphere { .. }) {
+            0.0
+        } else {
+            part.bounding_radius
+        },
         radius: part.bounding_radius,
         bend: (0.5 * turn.norm_squared() * arm.norm()).min(travel),
         accumulated_travel: 0.0,
@@ -112,14 +117,15 @@ pub struct CandidatePair<'a> {
     pub index: usize,
     pub a: &'a PosedContactor<'a>,
     pub b: &'a PosedContactor<'a>,
-    /// Vector from the centre of `a` to that of `b`, and the part of it from `b` to its periodic image, m.
+    /// Vector from the centre of `a` to that of the nearest periodic image of `b`, m.
     pub c: Vec3,
+    /// Vector from `b` to this image, m.
     pub image: Vec3,
     pub range: ListingRange,
     /// Index into `Scene::laws`.
     pub law: u8,
     /// Gap up to which points are listed whatever the motion, m; infinite if all points are.
-    pub always: f64,
+    pub unconditional_gap: f64,
     /// Part of the alert distance within which passing bodies are still listed, m.
     pub margin: f64,
 }
@@ -158,18 +164,18 @@ impl<'a> CandidatePair<'a> {
         let c = b.centre + image - a.centre;
         let cohesion_range = law.interaction_range(radius);
         // Contactors farther apart than this touch in this step only if a contact pushes them.
-        let (mut travel, mut always) = (a.travel + b.travel, f64::INFINITY);
+        let (mut travel, mut unconditional_gap) = (a.travel + b.travel, f64::INFINITY);
         let nearby = nearby * a.radius.min(b.radius);
         let margin = LISTING_MARGIN * rule.alert;
         if travel > nearby.max(margin) {
             travel = travel.min(surface_approach(a, b, &c, Vec3::norm) + margin).max(nearby);
-            always = cohesion_range.max(rule.alert).max(nearby);
+            unconditional_gap = cohesion_range.max(rule.alert).max(nearby);
         }
         // Faces may rest on each other at the gap that they had at the start.
         let joint = if law.acts_apart() { rule.alert } else { 0.0 };
         let patch = cohesion_range.max(travel).max(joint).max(FULL_MANIFOLD_GAP * a.radius.min(b.radius));
         let range = ListingRange { alert: patch.max(rule.alert), patch, joint, area: law.range_of_stress(radius) };
-        CandidatePair { index, a, b, c, image, range, law: rule.law, always, margin }
+        CandidatePair { index, a, b, c, image, range, law: rule.law, unconditional_gap, margin }
     }
 
     /// Effective radius of two contactors, m.
@@ -182,20 +188,22 @@ impl<'a> CandidatePair<'a> {
     pub fn is_near(&self) -> bool {
         let CandidatePair { a, b, c, .. } = self;
         let reach = a.listing_radius + b.listing_radius;
-        let near = c.norm_squared() <= reach * reach;
-        let rest = reach - (a.travel + b.travel);
-        near && (self.always == f64::INFINITY || swept::least_distance(c, &(b.path - a.path)) <= rest + a.bend + b.bend)
+        let may_be_near = c.norm_squared() <= reach * reach;
+        let reach_without_travel = reach - (a.travel + b.travel);
+        may_be_near
+            && (self.unconditional_gap == f64::INFINITY
+                || swept::least_distance(c, &(b.path - a.path)) <= reach_without_travel + a.bend + b.bend)
     }
 
     /// Gap up to which points with this normal (from the antagonist to the candidate) are listed, m.
     fn listing_gap(&self, normal: &Vec3) -> f64 {
         // The inside of a cylinder curves towards a body that moves along it.
-        let curves = matches!(self.b.shape, PosedShape::Cylinder { hollow: true, .. });
-        if self.always == f64::INFINITY || curves {
+        let is_curved = matches!(self.b.shape, PosedShape::Cylinder { hollow: true, .. });
+        if self.unconditional_gap == f64::INFINITY || is_curved {
             return self.range.alert;
         }
         let closing = surface_approach(self.a, self.b, &self.c, |against| (-normal.dot(against)).max(0.0));
-        self.always.max(closing + self.margin).min(self.range.alert)
+        self.unconditional_gap.max(closing + self.margin).min(self.range.alert)
     }
 
     /// Accumulated displacement of both surfaces, m.
@@ -230,8 +238,8 @@ impl<'a> CandidatePair<'a> {
 fn surface_approach(a: &PosedContactor, b: &PosedContactor, c: &Vec3, along: impl Fn(&Vec3) -> f64) -> f64 {
     let path = a.path - b.path;
     let turn = (a.turn - b.turn).norm();
-    let at_rest = along(&path) + a.turn.norm() * a.rim + b.turn.norm() * b.rim;
-    let with_a = along(&(path + a.turn.cross(c))) + turn * b.rim;
-    let with_b = along(&(path + b.turn.cross(c))) + turn * a.rim;
-    at_rest.min(with_a).min(with_b)
+    let in_fixed_axes = along(&path) + a.turn.norm() * a.rotating_extent + b.turn.norm() * b.rotating_extent;
+    let with_a = along(&(path + a.turn.cross(c))) + turn * b.rotating_extent;
+    let with_b = along(&(path + b.turn.cross(c))) + turn * a.rotating_extent;
+    in_fixed_axes.min(with_a).min(with_b)
 }

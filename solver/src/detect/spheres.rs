@@ -68,8 +68,8 @@ pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, bounds: &Tr
             let (s, pair) = (sphere.index(), [sphere, plane]);
             let travel = bounds.travel[s] + plate_travel;
             // Most spheres are far from the plate and need neither law nor geometry.
-            let from = q_c.x[s] - q_c.x[p] - scene.nearest_image_shift(&q_c.x[s], &q_c.x[p]);
-            let gap = ((into_axes * from).abs() - half_lengths).max() - scene.bodies[s].radius;
+            let from_plate = q_c.x[s] - q_c.x[p] - scene.nearest_image_shift(&q_c.x[s], &q_c.x[p]);
+            let gap = ((into_axes * from_plate).abs() - half_lengths).max() - scene.bodies[s].radius;
             let [sphere, plane] = [s, p].map(|i| &scene.bodies[i]);
             let near = gap <= scene.listing_range + travel && !(sphere.driven && plane.driven);
             let rule = scene.visibility.interaction_rule(sphere.class, plane.class).filter(|_| near)?;
@@ -78,8 +78,8 @@ pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, bounds: &Tr
             // A plate is convex: a passing sphere stays beyond the plane through the nearest point. If the plate turns,
             // its surface bends.
             let closing = || {
-                let relative_path = bounds.centre_path(s) - path - turn.cross(&from);
-                let bend = 0.5 * turn.norm_squared() * from.norm();
+                let relative_path = bounds.centre_path(s) - path - turn.cross(&from_plate);
+                let bend = 0.5 * turn.norm_squared() * from_plate.norm();
                 found.gap - ((-found.normal.dot(&relative_path)).max(0.0) + bend).min(travel)
             };
             is_listed(scene, pair, rule, found.gap, approach, closing).then_some((pair, rule.law))

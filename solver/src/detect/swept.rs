@@ -143,9 +143,9 @@ impl<'a> BoxTree<'a> {
                 stack.extend([k + b.second, k + 1]);
                 continue;
             }
-            for at in a.first..a.end {
-                let i = self.order[at as usize];
-                let start = b.first.max(at + 1) as usize;
+            for position in a.first..a.end {
+                let i = self.order[position as usize];
+                let start = b.first.max(position + 1) as usize;
                 let others = &self.order[start..start.max(b.end as usize)];
                 let one = &self.balls[i as usize];
                 for &j in others {
@@ -166,21 +166,21 @@ impl<'a> BoxTree<'a> {
 /// Whether a ball of one node can reach a ball of the other at some time of the step.
 fn can_meet(a: &BoxNode, b: &BoxNode) -> bool {
     // Part of the step in which the boxes, which grow as their balls separate, overlap along all axes.
-    let mut part = [0.0, 1.0f64];
+    let mut interval = [0.0, 1.0f64];
     for k in 0..3 {
         for (one, other) in [(a, b), (b, a)] {
             // Condition that the lower side of one is not above the upper side of the other: rate s <= limit.
             let (rate, limit) = (one.paths[k][0] - other.paths[k][1], other.balls[k][1] - one.balls[k][0]);
             if rate > 0.0 {
-                part[1] = part[1].min(limit / rate);
+                interval[1] = interval[1].min(limit / rate);
             } else if rate < 0.0 {
-                part[0] = part[0].max(limit / rate);
+                interval[0] = interval[0].max(limit / rate);
             } else if limit < 0.0 {
                 return false;
             }
         }
     }
-    part[0] <= part[1] + ROUNDING_MARGIN
+    interval[0] <= interval[1] + ROUNDING_MARGIN
 }
 
 /// All pairs i < j of balls that touch or overlap within the step, in an order that does not depend on threads.

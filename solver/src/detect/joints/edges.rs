@@ -5,8 +5,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::inner::{
-    ContactHeight, FLUSH_TOLERANCE, FacePlane, JointScratch, MAX_CONTACTS_ALL_PAIRS, NearbyContactor, SurfaceContact,
-    UpperContactor, any_is_low,
+    ContactHeight, FLUSH_TOLERANCE, FacePlane, InnerContact, JointScratch, MAX_CONTACTS_ALL_PAIRS, NearbyContactor,
+    SurfaceContact, UpperContactor, any_is_low,
 };
 use super::solid::ConvexSolid;
 use crate::detect::posed::{CandidatePair, PosedContactor, PosedShape};
@@ -40,7 +40,7 @@ pub fn remove_inner_edges(
     }
     let runs = search.runs;
     replace_inner_contacts(scene, travel_bounds.nearby, contactors, &runs, &inner, contacts);
-    inner.iter().map(|(touch, _)| runs[touch.index as usize].parts).collect()
+    inner.iter().map(|inner| runs[inner.contact.index as usize].parts).collect()
 }
 
 /// Whether two contactors may have a common surface. Ends of cylinders alone form none.
@@ -120,7 +120,7 @@ impl<'a> InnerEdgeSearch<'a> {
     }
 
     /// All inner contacts in the order of their runs, each with the normal of a plane that hides it.
-    fn inner_contacts(&self) -> Vec<(SurfaceContact, Vec3)> {
+    fn inner_contacts(&self) -> Vec<InnerContact> {
         let count = self.contactors.len();
         let of_chunk = |scratch: &mut JointScratch, chunk: usize| {
             let mut inner = Vec::new();
@@ -132,33 +132,37 @@ impl<'a> InnerEdgeSearch<'a> {
         let chunks = (0..count.div_ceil(CONTACTORS_PER_TASK)).into_par_iter();
         let mut inner = chunks.map_init(JointScratch::new, of_chunk).collect::<Vec<_>>().concat();
         // Both contactors of a contact may find it.
-        inner.sort_by_key(|(touch, _)| touch.index);
-        inner.dedup_by_key(|(touch, _)| touch.index);
+        inner.sort_by_key(|inner| inner.contact.index);
+        inner.dedup_by_key(|inner| inner.contact.index);
         inner
     }
 
     /// Appends the inner contacts of contactor A, the one with the number `part`.
-    fn collect_inner_contacts(&self, part: usize, scratch: &mut JointScratch, inner: &mut Vec<(SurfaceContact, Vec3)>) {
+    fn collect_inner_contacts(&self, part: usize, scratch: &mut JointScratch, inner: &mut Vec<InnerContact>) {
         let a = &self.contactors[part];
         self.list_near_contacts(part, scratch);
         let JointScratch { near, heights, .. } = &mut *scratch;
         if heights.len() <= MAX_CONTACTS_ALL_PAIRS && !any_is_low(heights) {
             return;
         }
-        let Some(over) = self.upper_contactor(a) else { return };
+        let Some(upper) = self.upper_contactor(a) else { return };
         let near = std::mem::take(near);
         if near.len() > 1 {
-            let touch = |k: usize| self.surface_contact(a, RunView(near[k]));
-            let plane = |by: &SurfaceContact| {
-                over.supporting_plane(by, &self.nearby_contactor(by)?, self.runs[by.index as usize].gap)
+            let contact_at = |k: usize| self.surface_contact(a, RunView(near[k]));
+            let supporting_plane = |covering: &SurfaceContact| {
+                upper.supporting_plane(
+                    covering,
+                    &self.nearby_contactor(covering)?,
+                    self.runs[covering.index as usize].gap,
+                )
             };
-            let test = |hidden: &SurfaceContact, covering: &SurfaceContact, plane: &FacePlane| {
+            let is_inner = |hidden: &SurfaceContact, covering: &SurfaceContact, plane: &FacePlane| {
                 let (Some(b), Some(c)) = (self.nearby_contactor(hidden), self.nearby_contactor(covering)) else {
                     return false;
                 };
-                over.is_inner(plane, &c, &b, &hidden.normal, self.surface_points(hidden))
+                upper.is_inner(plane, &c, &b, &hidden.normal, self.surface_points(hidden))
             };
-            scratch.find_inner_contacts(near.len(), touch, plane, test, inner);
+            scratch.find_inner_contacts(near.len(), contact_at, supporting_plane, is_inner, inner);
         }
         scratch.near = near;
     }
@@ -178,8 +182,9 @@ impl<'a> InnerEdgeSearch<'a> {
         near.extend(views.iter().filter(|&&view| self.attracts || run(RunView(view)).gap <= reach));
         let height = |&view: &u32| {
             let view = RunView(view);
-            let (normal, at, _) = seen_from(&self.contacts[run(view).start as usize], view.is_turned());
-            ContactHeight::new(normal, at - a.centre, 2.0 * other(view).radius)
+            let ContactSide { normal, point, .. } =
+                ContactSide::new(&self.contacts[run(view).start as usize], view.is_turned());
+            ContactHeight::new(normal, point - a.centre, 2.0 * other(view).radius)
         };
         heights.clear();
         heights.extend(near.iter().map(height));
@@ -199,13 +204,13 @@ impl<'a> InnerEdgeSearch<'a> {
     fn surface_contact(&self, a: &PosedContactor, view: RunView) -> SurfaceContact {
         let (index, turned) = (view.run(), view.is_turned());
         let run = &self.runs[index as usize];
-        let (normal, at, image) = seen_from(&self.contacts[run.start as usize], turned);
+        let ContactSide { normal, point, image } = ContactSide::new(&self.contacts[run.start as usize], turned);
         let other = &self.contactors[run.parts[usize::from(!turned)].index()];
         SurfaceContact {
             index,
             turned,
             normal,
-            at: at - a.centre,
+            point: point - a.centre,
             centre: other.centre + image - a.centre,
             reach: 2.0 * other.radius,
         }
@@ -229,8 +234,10 @@ impl<'a> InnerEdgeSearch<'a> {
     fn surface_points(&self, touch: &SurfaceContact) -> impl Iterator<Item = Vec3> {
         let ContactRun { start, end, .. } = self.runs[touch.index as usize];
         let points = &self.contacts[start as usize..end as usize];
-        let (first, SurfaceContact { at, normal, .. }) = (points[0], *touch);
-        points.iter().map(move |point| at + (point.point - first.point) - normal * (0.5 * (point.gap - first.gap)))
+        let (first, SurfaceContact { point: surface_point, normal, .. }) = (points[0], *touch);
+        points
+            .iter()
+            .map(move |point| surface_point + (point.point - first.point) - normal * (0.5 * (point.gap - first.gap)))
     }
 }
 
@@ -241,26 +248,26 @@ fn replace_inner_contacts(
     nearby: f64,
     contactors: &[PosedContactor],
     runs: &[ContactRun],
-    inner: &[(SurfaceContact, Vec3)],
+    inner: &[InnerContact],
     contacts: &mut Vec<Contact>,
 ) {
     let mut list = RewrittenList { contacts, written: 0, unread: 0, inserted: 0 };
-    for (touch, n) in inner {
+    for InnerContact { contact: touch, plane_normal: n } in inner {
         let ContactRun { start, end, parts, .. } = runs[touch.index as usize];
         list.drop_range(start as usize..end as usize);
         let [a, b] = parts.map(|part| &contactors[part.index()]);
         let Some(p) = polyhedron(a) else { continue };
         let Some(rule) = scene.visibility.interaction_rule(a.class, b.class) else { continue };
-        let meeting = CandidatePair::new(scene, contactors, nearby, 0, &(parts, rule));
+        let pair = CandidatePair::new(scene, contactors, nearby, 0, &(parts, rule));
         let n = if touch.turned { -n } else { *n };
         let along = match &b.shape {
             PosedShape::Cylinder { half_height, radius, hollow: false } => {
-                polyhedron_end_along(p, &meeting.c, &b.axes, [*half_height, *radius], &n, meeting.range)
+                polyhedron_end_along(p, &pair.c, &b.axes, [*half_height, *radius], &n, pair.range)
             }
-            _ => polyhedron(b).and_then(|q| polyhedra_along(p, q, &meeting.c, &n, meeting.range)),
+            _ => polyhedron(b).and_then(|q| polyhedra_along(p, q, &pair.c, &n, pair.range)),
         };
         if let Some(manifold) = along {
-            list.insert(&meeting.listed_contacts(&manifold).collect::<Vec<_>>());
+            list.insert(&pair.listed_contacts(&manifold).collect::<Vec<_>>());
         }
     }
     list.finish();
@@ -315,13 +322,28 @@ struct ContactRun {
     gap: f64,
 }
 
-/// Normal of a contact towards its candidate, or its antagonist if `turned`, the point on the surface of the other
-/// contactor, and the shift from the image of the contact that touches the former, m.
-#[inline(always)]
-fn seen_from(contact: &Contact, turned: bool) -> (Vec3, Vec3, Vec3) {
-    let Contact { normal, point, image, gap, .. } = contact;
-    let to_surface = normal * (0.5 * gap);
-    if turned { (-normal, point - image + to_surface, -image) } else { (*normal, point - to_surface, *image) }
+/// Contact seen from one of its two contactors.
+struct ContactSide {
+    /// Normal towards this contactor.
+    normal: Vec3,
+    /// Point on the surface of the other contactor's image that touches this one, m.
+    point: Vec3,
+    /// Shift from the other contactor to this image, m.
+    image: Vec3,
+}
+
+impl ContactSide {
+    /// Contact seen from its candidate, or from its antagonist if `turned`.
+    #[inline(always)]
+    fn new(contact: &Contact, turned: bool) -> ContactSide {
+        let &Contact { normal, point, image, gap, .. } = contact;
+        let to_surface = normal * (0.5 * gap);
+        if turned {
+            ContactSide { normal: -normal, point: point - image + to_surface, image: -image }
+        } else {
+            ContactSide { normal, point: point - to_surface, image }
+        }
+    }
 }
 
 /// Runs of contacts without those that cannot close in the step whatever other contactors do. With laws that attract, all
@@ -338,12 +360,12 @@ fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contac
     };
     let of_task = |task: Range<usize>| {
         let (mut runs, mut start) = (Vec::new(), task.start);
-        for of_one in contacts[task].chunk_by(is_same_pair) {
-            let (first, end) = (&of_one[0], start + of_one.len());
+        for of_pair in contacts[task].chunk_by(is_same_pair) {
+            let (first, end) = (&of_pair[0], start + of_pair.len());
             let part =
                 |body: BodyId, part_number: u16| PartId(scene.part_starts[body.index()].0 + u32::from(part_number));
             let parts = [part(first.candidate, first.part_numbers.0), part(first.antagonist, first.part_numbers.1)];
-            let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
+            let gap = of_pair.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
             if attracts || can_close(parts.map(|part| &contactors[part.index()]), gap) {
                 runs.push(ContactRun { start: start as u32, end: end as u32, parts, gap });
             }

@@ -34,10 +34,11 @@ pub struct NearbyContactor<'a> {
     pub solid: ConvexSolid<'a>,
     /// Centre relative to the centre of A, m.
     pub centre: Vec3,
-    /// Free velocity and angular velocity of its body at the step's end, and the body's centre relative to the centre of
-    /// A.
+    /// Free velocity of its body at the step's end, m/s.
     pub v: Vec3,
+    /// Free angular velocity of its body at the step's end, rad/s.
     pub w: Vec3,
+    /// Centre of its body relative to the centre of A, m.
     pub body: Vec3,
 }
 
@@ -61,17 +62,17 @@ pub struct UpperContactor<'a> {
 /// Contact of A with one contactor; positions are relative to the centre of A.
 #[derive(Clone, Copy)]
 pub struct SurfaceContact {
-    /// Index of the contact or pair.
+    /// Index of the contact's run or pair in the list of the caller.
     pub index: u32,
     /// Whether A is the antagonist.
     pub turned: bool,
     /// Normal from the other contactor to A.
     pub normal: Vec3,
     /// Contact point on the other contactor's surface, m.
-    pub at: Vec3,
+    pub point: Vec3,
     /// Centre of the other contactor, m.
     pub centre: Vec3,
-    /// Radius of a ball about `at` that contains the other contactor, m.
+    /// Radius of a ball about `point` that contains the other contactor, m.
     pub reach: f64,
 }
 
@@ -102,14 +103,14 @@ impl UpperContactor<'_> {
         })
     }
 
-    /// Whether a contact with B in direction `normal`, at points `at`, is an inner contact below the plane of C.
+    /// Whether a contact with B in direction `normal`, at `points`, is an inner contact below the plane of C.
     pub fn is_inner(
         &self,
         plane: &FacePlane,
         c: &NearbyContactor,
         b: &NearbyContactor,
         normal: &Vec3,
-        at: impl Iterator<Item = Vec3>,
+        points: impl Iterator<Item = Vec3>,
     ) -> bool {
         let FacePlane { n, height, rounding } = plane;
         if normal.dot(n) >= 1.0 - SAME_DIRECTION_TOLERANCE {
@@ -117,10 +118,10 @@ impl UpperContactor<'_> {
         }
         // Bounds of B's height where A can meet it: the height of all of B, and the plane of its face, which bounds B
         // from above.
-        let whole = b.solid.support_height(n);
-        let mut top = n.dot(&b.centre) + whole;
-        let tolerance = FLUSH_TOLERANCE * self.radius + rounding + self.height_uncertainty(n, b, whole);
-        let at: SmallVec<[Vec3; 6]> = at.collect();
+        let extent = b.solid.support_height(n);
+        let mut top = n.dot(&b.centre) + extent;
+        let tolerance = FLUSH_TOLERANCE * self.radius + rounding + self.height_uncertainty(n, b, extent);
+        let points: SmallVec<[Vec3; 6]> = points.collect();
         if top > height + tolerance
             && let Some((face, offset)) = b.solid.face_along(n)
         {
@@ -128,11 +129,12 @@ impl UpperContactor<'_> {
             if bent > MAX_FACE_BEND {
                 return false;
             }
-            let above = |at: &Vec3| n.dot(at) + (offset - face.dot(&(at - b.centre))) / face.dot(n);
-            top = at.iter().map(above).fold(f64::NEG_INFINITY, f64::max) + bent * self.travel;
+            // Height of the plane of B's face above or below a point.
+            let height_of_face = |point: &Vec3| n.dot(point) + (offset - face.dot(&(point - b.centre))) / face.dot(n);
+            top = points.iter().map(height_of_face).fold(f64::NEG_INFINITY, f64::max) + bent * self.travel;
         }
-        let rise = |at: &Vec3| self.lookahead * (b.velocity_at(at) - c.velocity_at(at)).dot(n);
-        top <= height + tolerance && at.iter().all(|at| rise(at) <= MAX_RELATIVE_RISE * self.radius)
+        let rise = |point: &Vec3| self.lookahead * (b.velocity_at(point) - c.velocity_at(point)).dot(n);
+        top <= height + tolerance && points.iter().all(|point| rise(point) <= MAX_RELATIVE_RISE * self.radius)
     }
 
     /// Uncertainty of the height of a face at `distance` from a contactor's centre due to the rounding of numbers in
@@ -149,11 +151,13 @@ fn may_be_inner(hidden: &SurfaceContact, covering: &SurfaceContact) -> bool {
     // Tolerance: the largest angle between the contact's direction and the face's normal, and the largest deviation from
     // flush surfaces.
     let is_low = |point: &Vec3| {
-        let between = point - covering.at;
+        let between = point - covering.point;
         let above = covering.normal.dot(&between) - FLUSH_TOLERANCE * (hidden.reach + covering.reach);
         above <= 0.0 || above * above <= 4.0 * ON_FACE_TOLERANCE * between.norm_squared()
     };
-    is_low(&hidden.at) && is_low(&hidden.centre) && hidden.normal.dot(&covering.normal) < 1.0 - SAME_DIRECTION_TOLERANCE
+    is_low(&hidden.point)
+        && is_low(&hidden.centre)
+        && hidden.normal.dot(&covering.normal) < 1.0 - SAME_DIRECTION_TOLERANCE
 }
 
 /// Position of a contact of A, for a necessary condition of [`may_be_inner`] that takes three products per pair; nearly all
@@ -161,8 +165,8 @@ fn may_be_inner(hidden: &SurfaceContact, covering: &SurfaceContact) -> bool {
 pub struct ContactHeight {
     normal: Vec3,
     /// Contact point on the other contactor's surface, relative to the centre of A, m.
-    at: Vec3,
-    /// normal·at, m.
+    point: Vec3,
+    /// normal·point, m.
     height: f64,
     /// Largest height of an inner contact above the plane of another contact, m; the tolerances of both add up.
     tolerance: f64,
@@ -171,24 +175,24 @@ pub struct ContactHeight {
 impl ContactHeight {
     /// `reach`: as in [`SurfaceContact`], m.
     #[inline(always)]
-    pub fn new(normal: Vec3, at: Vec3, reach: f64) -> Self {
+    pub fn new(normal: Vec3, point: Vec3, reach: f64) -> Self {
         // Two points are no farther from each other than both are from A's centre.
         let angle = 2.0 * ON_FACE_TOLERANCE.sqrt() * (1.0 + 1e-9);
-        let tolerance = angle * at.norm() + FLUSH_TOLERANCE * reach;
-        ContactHeight { normal, at, height: normal.dot(&at), tolerance }
+        let tolerance = angle * point.norm() + FLUSH_TOLERANCE * reach;
+        ContactHeight { normal, point, height: normal.dot(&point), tolerance }
     }
 
-    /// Whether this contact is low enough for an inner contact relative to the surface of contact `by`.
+    /// Whether this contact is low enough for an inner contact relative to the surface of contact `covering`.
     #[inline(always)]
-    fn is_low(&self, by: &ContactHeight) -> bool {
-        by.normal.dot(&self.at) - by.height <= self.tolerance + by.tolerance
+    fn is_low(&self, covering: &ContactHeight) -> bool {
+        covering.normal.dot(&self.point) - covering.height <= self.tolerance + covering.tolerance
     }
 }
 
 /// Whether some contact is low relative to another one with another direction.
 pub fn any_is_low(heights: &[ContactHeight]) -> bool {
-    let differs = |of: &ContactHeight, by: &ContactHeight| of.normal.dot(&by.normal) < 1.0 - SAME_DIRECTION_TOLERANCE;
-    heights.iter().any(|by| heights.iter().any(|of| of.is_low(by) && differs(of, by)))
+    let differs = |a: &ContactHeight, b: &ContactHeight| a.normal.dot(&b.normal) < 1.0 - SAME_DIRECTION_TOLERANCE;
+    heights.iter().any(|covering| heights.iter().any(|hidden| hidden.is_low(covering) && differs(hidden, covering)))
 }
 
 /// Scratch memory, reused from contactor to contactor.
@@ -198,8 +202,22 @@ pub struct JointScratch {
     pub heights: Vec<ContactHeight>,
     /// Supporting plane of each contact. `None`: not computed yet; `Some(None)`: the contact has no supporting face.
     pub planes: Vec<Option<Option<FacePlane>>>,
-    /// Inner contacts, the contacts that hide them, and the normals of the hiding planes.
-    pub found: Vec<(usize, usize, Vec3)>,
+    pub found: Vec<HiddenContact>,
+}
+
+/// Contact of A that another contact of A hides; indices of contacts.
+pub struct HiddenContact {
+    hidden: usize,
+    covering: usize,
+    /// Normal of the plane of the covering contact.
+    normal: Vec3,
+}
+
+/// Inner contact, with the normal of a plane that hides it.
+#[derive(Clone, Copy)]
+pub struct InnerContact {
+    pub contact: SurfaceContact,
+    pub plane_normal: Vec3,
 }
 
 impl JointScratch {
@@ -210,40 +228,45 @@ impl JointScratch {
 
     /// Appends to `inner` the inner contacts among `count` contacts of A, each with the normal of a plane that hides it.
     ///
-    /// `touch` returns a contact by its number. `plane` returns the plane of the face that supports A in a contact.
-    /// `test` returns whether one contact is an inner contact below the plane of another.
+    /// `contact_at` returns a contact by its index. `supporting_plane` returns the plane of the face that supports A
+    /// in a contact. `is_inner` returns whether the first contact is an inner contact below the plane of the second.
     pub fn find_inner_contacts(
         &mut self,
         count: usize,
-        touch: impl Fn(usize) -> SurfaceContact,
-        plane: impl Fn(&SurfaceContact) -> Option<FacePlane>,
-        test: impl Fn(&SurfaceContact, &SurfaceContact, &FacePlane) -> bool,
-        inner: &mut Vec<(SurfaceContact, Vec3)>,
+        contact_at: impl Fn(usize) -> SurfaceContact,
+        supporting_plane: impl Fn(&SurfaceContact) -> Option<FacePlane>,
+        is_inner: impl Fn(&SurfaceContact, &SurfaceContact, &FacePlane) -> bool,
+        inner: &mut Vec<InnerContact>,
     ) {
         let JointScratch { heights, planes, found, .. } = self;
         heights.clear();
-        heights.extend((0..count).map(&touch).map(|touch| ContactHeight::new(touch.normal, touch.at, touch.reach)));
+        heights.extend(
+            (0..count).map(&contact_at).map(|contact| ContactHeight::new(contact.normal, contact.point, contact.reach)),
+        );
         planes.clear();
         planes.resize(count, None);
         found.clear();
-        let mut try_pair = |of: usize, by: usize| {
-            if !heights[of].is_low(&heights[by]) {
+        let mut try_pair = |hidden: usize, covering: usize| {
+            if !heights[hidden].is_low(&heights[covering]) {
                 return;
             }
-            let (inner, outer) = (touch(of), touch(by));
+            let (inner, outer) = (contact_at(hidden), contact_at(covering));
             if may_be_inner(&inner, &outer)
-                && let Some(plane) = *planes[by].get_or_insert_with(|| plane(&outer))
-                && test(&inner, &outer, &plane)
+                && let Some(plane) = *planes[covering].get_or_insert_with(|| supporting_plane(&outer))
+                && is_inner(&inner, &outer, &plane)
             {
-                found.push((of, by, plane.n));
+                found.push(HiddenContact { hidden, covering, normal: plane.n });
             }
         };
         if count <= MAX_CONTACTS_ALL_PAIRS {
-            for by in 0..count {
-                (0..count).filter(|of| *of != by).for_each(|of| try_pair(of, by));
+            for covering in 0..count {
+                (0..count).filter(|hidden| *hidden != covering).for_each(|hidden| try_pair(hidden, covering));
             }
         } else {
-            let bounds = |k: usize| [touch(k).at.x - touch(k).reach, touch(k).at.x + touch(k).reach];
+            let bounds = |k: usize| {
+                let SurfaceContact { point, reach, .. } = contact_at(k);
+                [point.x - reach, point.x + reach]
+            };
             let bounds: Vec<[f64; 2]> = (0..count).map(bounds).collect();
             let mut order: Vec<usize> = (0..count).collect();
             order.sort_by(|&a, &b| bounds[a][0].total_cmp(&bounds[b][0]));
@@ -255,12 +278,12 @@ impl JointScratch {
             }
         }
         // An inner contact supports nothing.
-        let is_not_inner = |by: usize| found.iter().all(|(of, ..)| *of != by);
+        let is_not_inner = |k: usize| found.iter().all(|pair| pair.hidden != k);
         let first = inner.len();
-        for &(of, by, n) in found.iter() {
-            let hidden = touch(of);
-            if is_not_inner(by) && inner[first..].iter().all(|(touch, _)| touch.index != hidden.index) {
-                inner.push((hidden, n));
+        for &HiddenContact { hidden, covering, normal } in found.iter() {
+            let contact = contact_at(hidden);
+            if is_not_inner(covering) && inner[first..].iter().all(|known| known.contact.index != contact.index) {
+                inner.push(InnerContact { contact, plane_normal: normal });
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use smallvec::SmallVec;
 
-use super::inner::{FacePlane, JointScratch, NearbyContactor, SurfaceContact, UpperContactor};
+use super::inner::{FacePlane, InnerContact, JointScratch, NearbyContactor, SurfaceContact, UpperContactor};
 use super::solid::ConvexSolid;
 use crate::detect::narrow::ContactGeometry;
 use crate::detect::spheres::{ListedPair, contact_geometry};
@@ -24,16 +24,16 @@ pub fn without_inner_rims(
     let mut counts = vec![0u32; scene.bodies.len()];
     listed.iter().for_each(|([sphere, _], _)| counts[sphere.index()] += 1);
     let is_alone = |([sphere, _], _): &ListedPair| counts[sphere.index()] == 1;
-    let (mut left, mut listed): (Vec<ListedPair>, Vec<ListedPair>) = listed.into_iter().partition(is_alone);
+    let (mut kept, mut listed): (Vec<ListedPair>, Vec<ListedPair>) = listed.into_iter().partition(is_alone);
     listed.sort_unstable_by_key(|(pair, _)| *pair);
     let (mut scratch, mut inner) = (JointScratch::new(), Vec::new());
     for plates in listed.chunk_by(|(a, _), (b, _)| a[0] == b[0]) {
         inner.clear();
         SphereOnPlates::new(scene, q_c, travel_bounds, plates).collect_inner_contacts(&mut scratch, &mut inner);
-        let is_inner = |k: usize| inner.iter().any(|(touch, _)| touch.index as usize == k);
-        left.extend((0..plates.len()).filter(|&k| !is_inner(k)).map(|k| plates[k]));
+        let is_inner = |k: usize| inner.iter().any(|inner| inner.contact.index as usize == k);
+        kept.extend((0..plates.len()).filter(|&k| !is_inner(k)).map(|k| plates[k]));
     }
-    left
+    kept
 }
 
 /// Contacts of one sphere with plates.
@@ -57,17 +57,17 @@ impl<'a> SphereOnPlates<'a> {
     }
 
     /// Appends the contacts with rims between flush plates; their numbers are indices into `pairs`.
-    fn collect_inner_contacts(&self, scratch: &mut JointScratch, inner: &mut Vec<(SurfaceContact, Vec3)>) {
-        let over = self.upper_contactor();
-        let touch = |k: usize| self.surface_contact(k);
-        let plane = |by: &SurfaceContact| {
-            over.supporting_plane(by, &self.nearby_plate(by), self.geometries[by.index as usize].gap)
+    fn collect_inner_contacts(&self, scratch: &mut JointScratch, inner: &mut Vec<InnerContact>) {
+        let upper = self.upper_contactor();
+        let contact_at = |k: usize| self.surface_contact(k);
+        let supporting_plane = |covering: &SurfaceContact| {
+            upper.supporting_plane(covering, &self.nearby_plate(covering), self.geometries[covering.index as usize].gap)
         };
-        let test = |hidden: &SurfaceContact, covering: &SurfaceContact, plane: &FacePlane| {
+        let is_inner = |hidden: &SurfaceContact, covering: &SurfaceContact, plane: &FacePlane| {
             let (b, c) = (self.nearby_plate(hidden), self.nearby_plate(covering));
-            over.is_inner(plane, &c, &b, &hidden.normal, std::iter::once(hidden.at))
+            upper.is_inner(plane, &c, &b, &hidden.normal, std::iter::once(hidden.point))
         };
-        scratch.find_inner_contacts(self.pairs.len(), touch, plane, test, inner);
+        scratch.find_inner_contacts(self.pairs.len(), contact_at, supporting_plane, is_inner, inner);
     }
 
     fn upper_contactor(&self) -> UpperContactor<'a> {
@@ -93,7 +93,7 @@ impl<'a> SphereOnPlates<'a> {
             index: k as u32,
             turned: false,
             normal: found.normal,
-            at: found.point - x - found.normal * (0.5 * found.gap),
+            point: found.point - x - found.normal * (0.5 * found.gap),
             centre: self.q_c.x[plate] + self.scene.nearest_image_shift(&x, &self.q_c.x[plate]) - x,
             reach: 2.0 * half_lengths.norm(),
         }
