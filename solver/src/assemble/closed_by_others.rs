@@ -21,13 +21,13 @@ pub fn contacts_closed_by_others(
     free: Velocities,
     solved: Velocities,
 ) -> BTreeSet<ContactKey> {
-    let waits = |law: &ContactLaw| law.acts_on_touch() || law.is_damped_spring();
-    if !state.laws.iter().any(waits) {
+    let may_be_omitted = |law: &ContactLaw| law.acts_on_touch() || law.is_damped_spring();
+    if !state.laws.iter().any(may_be_omitted) {
         return BTreeSet::new();
     }
     let is_closed_by_others = |contact: &&Contact| {
         let law = &state.laws[contact.law as usize];
-        if contact.gap <= 0.0 || !waits(law) || q_c.closed_by_others.contains(&contact.key()) {
+        if contact.gap <= 0.0 || !may_be_omitted(law) || q_c.closed_by_others.contains(&contact.key()) {
             return false;
         }
         let pair = OpenPair { scene, q_c, contact };
@@ -76,9 +76,9 @@ impl OpenPair<'_> {
         if !(scene.bodies[a].is_sphere() && scene.bodies[b].is_sphere()) {
             return false;
         }
-        let radii = scene.bodies[a].radius + scene.bodies[b].radius;
-        let (from, along): (Vec3, Vec3) = (contact.normal * (radii + contact.gap), v[a] - v[b]);
-        let time = (-from.dot(&along) / along.norm_squared()).min(q_c.reach_time(scene));
-        (from + along * time).norm() >= radii - depth
+        let radius_sum = scene.bodies[a].radius + scene.bodies[b].radius;
+        let (between, relative_velocity): (Vec3, Vec3) = (contact.normal * (radius_sum + contact.gap), v[a] - v[b]);
+        let time = (-between.dot(&relative_velocity) / relative_velocity.norm_squared()).min(q_c.reach_time(scene));
+        (between + relative_velocity * time).norm() >= radius_sum - depth
     }
 }

@@ -23,9 +23,10 @@ pub(super) struct AssemblyContext<'a> {
     pub scene: &'a Scene,
     pub state: &'a State,
     pub q_c: &'a ContactConfiguration,
-    /// Velocities at the step's start, angular ones predicted by free rotation, and after the step if nothing touched. The
-    /// rotation of bodies that contacts push at their centres is left out.
+    /// Velocities at the step's start, angular ones predicted by free rotation; without the rotation of bodies that
+    /// contacts push at their centres.
     pub start: Velocities<'a>,
+    /// Velocities after the step if nothing touched; without the rotation of these bodies.
     pub free: Velocities<'a>,
     pub bounds: Vec<MotionBounds>,
     /// Whether each body is a sphere; a packed array, as contacts read it in any order.
@@ -61,9 +62,9 @@ impl AssemblyContext<'_> {
             return false;
         }
         let AssemblyContext { q_c, free, bounds, .. } = self;
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| bounds[i.index()].nearby);
+        let [nearby_a, nearby_b] = [contact.candidate, contact.antagonist].map(|i| bounds[i.index()].nearby);
         let u = || velocity_at_arms(contact, arms, *free);
-        gap <= a.min(b) || gap <= q_c.reach_time(self.scene) * -contact.normal.dot(&u())
+        gap <= nearby_a.min(nearby_b) || gap <= q_c.reach_time(self.scene) * -contact.normal.dot(&u())
     }
 
     /// Largest approach of the two bodies at the contact in the step, m, beyond the common motion, for any direction of
@@ -71,12 +72,12 @@ impl AssemblyContext<'_> {
     fn max_approach(&self, contact: &Contact, [at_a, at_b]: &[Vec3; 2]) -> f64 {
         let AssemblyContext { q_c, bounds, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| &bounds[i.index()]);
-        let plate =
+        let plate_speed =
             if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.mean_velocity).norm() } else { 0.0 };
-        let reach = q_c.reach_time(self.scene);
-        let mut travel = reach * (a.speed + plate.max(b.speed));
+        let time = q_c.reach_time(self.scene);
+        let mut travel = time * (a.speed + plate_speed.max(b.speed));
         if self.has_blocks {
-            travel += reach * (a.angular_speed * at_a.norm() + b.angular_speed * at_b.norm());
+            travel += time * (a.angular_speed * at_a.norm() + b.angular_speed * at_b.norm());
         }
         travel
     }

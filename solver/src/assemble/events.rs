@@ -68,8 +68,8 @@ pub fn apply_torque_and_damping(scene: &Scene, state: &mut State, step_multiple:
         add_spin(scene, state, rigid_spin(scene, &state.x, &state.q, impulse));
     }
     if state.quench > 0.0 {
-        let keep = (1.0 - state.quench).powi(step_multiple as i32);
-        change_motion(scene, state, |_, old| Twist { v: old.v * keep, w: old.w * keep });
+        let kept_share = (1.0 - state.quench).powi(step_multiple as i32);
+        change_motion(scene, state, |_, old| Twist { v: old.v * kept_share, w: old.w * kept_share });
     }
 }
 
@@ -80,8 +80,8 @@ fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
     change_motion(scene, state, |i, old| Twist { v: old.v + spin.cross(&(x[i] - centre)), w: old.w + spin });
 }
 
-/// Loads that give the free bodies random velocities in the step, minus the rigid motion that
-/// has their momentum and angular momentum. In a periodic scene the angular momentum is not conserved and is not removed.
+/// Loads that give the free bodies random velocities in the step, minus the rigid motion that has their momentum and
+/// angular momentum. In a periodic scene the angular momentum is not conserved and is not removed.
 ///
 /// The loads act in the contact configuration, as all forces do: a change of velocity before it would carry grains into their
 /// neighbours.
@@ -92,36 +92,38 @@ pub(super) fn shake_loads(
 ) -> Vec<BodyLoad> {
     // The mean square of the distance from the centre of a ball is 3/5 of its radius squared.
     let radius = speed * (5.0f64 / 3.0).sqrt();
-    let added: Vec<Vec3> =
+    let random_velocities: Vec<Vec3> =
         (0..scene.bodies.len() as u64).map(|i| point_in_ball(splitmix64(seed ^ i)) * radius).collect();
-    let shared = centre_of_mass(scene, &added);
+    let mean_velocity = centre_of_mass(scene, &random_velocities);
     let (x, centre) = (&q_c.x, centre_of_mass(scene, &q_c.x));
-    let turn = if scene.options.xperiode.is_some() || scene.options.yperiode.is_some() {
+    let mean_spin = if scene.options.xperiode.is_some() || scene.options.yperiode.is_some() {
         Vec3::zeros()
     } else {
-        let about = |&i: &BodyId| (x[i.index()] - centre).cross(&added[i.index()]) * scene.bodies[i.index()].mass;
-        rigid_spin(scene, x, &q_c.q, scene.free.iter().map(about).sum())
+        let angular_momentum_of =
+            |&i: &BodyId| (x[i.index()] - centre).cross(&random_velocities[i.index()]) * scene.bodies[i.index()].mass;
+        rigid_spin(scene, x, &q_c.q, scene.free.iter().map(angular_momentum_of).sum())
     };
-    let of_body = |&body: &BodyId| {
-        let (i, rigid) = (body.index(), &scene.bodies[body.index()]);
-        let v = added[i] - shared - turn.cross(&(x[i] - centre));
-        let torque = rigid.angular_momentum(&q_c.q[i], &turn) / -q_c.h;
-        BodyLoad { body, force: v * (rigid.mass / q_c.h), torque }
+    let load_of = |&body: &BodyId| {
+        let (i, rigid_body) = (body.index(), &scene.bodies[body.index()]);
+        let v = random_velocities[i] - mean_velocity - mean_spin.cross(&(x[i] - centre));
+        let torque = rigid_body.angular_momentum(&q_c.q[i], &mean_spin) / -q_c.h;
+        BodyLoad { body, force: v * (rigid_body.mass / q_c.h), torque }
     };
-    scene.free.iter().map(of_body).collect()
+    scene.free.iter().map(load_of).collect()
 }
 
 /// Gives the free bodies new velocities and records the change of momentum and energy as external in the ledger.
-fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Twist) -> Twist) {
+fn change_motion(scene: &Scene, state: &mut State, new_motion: impl Fn(usize, Twist) -> Twist) {
     for &i in &scene.free {
         let i = i.index();
         let body = &scene.bodies[i];
-        let Twist { v, w } = new(i, Twist { v: state.v[i], w: state.w[i] });
+        let Twist { v, w } = new_motion(i, Twist { v: state.v[i], w: state.w[i] });
         let momentum = (v - state.v[i]) * body.mass;
-        let own = body.angular_momentum(&state.q[i], &(w - state.w[i]));
-        state.ledger.outside_work += 0.5 * (momentum.dot(&(v + state.v[i])) + own.dot(&(w + state.w[i])));
+        let own_angular_momentum = body.angular_momentum(&state.q[i], &(w - state.w[i]));
+        state.ledger.outside_work +=
+            0.5 * (momentum.dot(&(v + state.v[i])) + own_angular_momentum.dot(&(w + state.w[i])));
         add_vector(&mut state.ledger.momentum_expected, &momentum);
-        add_vector(&mut state.ledger.angular_momentum_expected, &(state.x[i].cross(&momentum) + own));
+        add_vector(&mut state.ledger.angular_momentum_expected, &(state.x[i].cross(&momentum) + own_angular_momentum));
         (state.v[i], state.w[i]) = (v, w);
     }
     for (&i, angular_momentum) in scene.turning.iter().zip(&mut state.angular_momentum) {
@@ -132,8 +134,8 @@ fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Twist) ->
 
 /// Records the change of potential energy by a change of uniform gravity as external in the ledger.
 fn account_potential(scene: &Scene, state: &mut State, change: Vec3) {
-    let height = |&i: &BodyId| scene.bodies[i.index()].mass * change.dot(&state.x[i.index()]);
-    state.ledger.outside_work -= scene.free.iter().chain(&scene.held_grains).map(height).sum::<f64>();
+    let potential_loss = |&i: &BodyId| scene.bodies[i.index()].mass * change.dot(&state.x[i.index()]);
+    state.ledger.outside_work -= scene.free.iter().chain(&scene.held_grains).map(potential_loss).sum::<f64>();
 }
 
 fn add_vector(sum: &mut [f64; 3], term: &Vec3) {

@@ -64,7 +64,7 @@ const MAX_HEIGHT_RATIO: f64 = 1e-4;
 const MAX_SPEED_DIFFERENCE: f64 = 1e-9;
 /// Twice the area of a triangle over the square of its size, up to which its corners are collinear.
 const MAX_COLLINEAR_AREA: f64 = 1e-9;
-/// Area of the contacts of a face over that of their hull, below which the contactors under it leave gaps.
+/// Smallest area of the contacts of a face over that of their hull, below which the contactors under it leave gaps.
 const MIN_FILLED_SHARE: f64 = 0.99;
 /// Rows per task.
 const ROWS_PER_TASK: usize = 256;
@@ -80,6 +80,15 @@ pub(super) struct FaceRows<'a, L, S> {
     pub block_data: &'a BlockData,
     pub load: L,
     pub sticks: S,
+}
+
+/// Point of a load in the plane of a face, and the load.
+#[derive(Clone, Copy)]
+struct PointLoad {
+    /// World frame, m.
+    point: Vec3,
+    /// Normal impulse, N s.
+    load: f64,
 }
 
 /// Load of a contact of the last step.
@@ -99,9 +108,9 @@ pub(super) struct LastLoad {
 enum FaceKind<'a> {
     /// Contacts of the same two contactors along one normal.
     Single,
-    /// Contacts that may belong to several adjacent contactors. `last_loads`: points and loads of the last step, world frame, if
-    /// its contacts are not those of this step, else empty.
-    Joined { last_loads: &'a [(Vec3, f64)] },
+    /// Contacts that may belong to several adjacent contactors. `last_loads`: those of the last step, if its
+    /// contacts are not those of this step, else empty.
+    Joined { last_loads: &'a [PointLoad] },
 }
 
 /// Friction of one face.
@@ -124,9 +133,10 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         }
         let rows = self.rows.par_iter().with_min_len(PAR_MIN_LEN);
         let mut offsets: Vec<Vec3> = rows.map(|_| Vec3::zeros()).collect();
-        let mut left = &mut offsets[..];
-        let of_task = |task: &Range<usize>| (task.start, left.split_off_mut(..task.len()).unwrap_or_default());
-        let parts: Vec<(usize, &mut [Vec3])> = tasks.iter().map(of_task).collect();
+        let mut unassigned = &mut offsets[..];
+        let take_offsets =
+            |task: &Range<usize>| (task.start, unassigned.split_off_mut(..task.len()).unwrap_or_default());
+        let parts: Vec<(usize, &mut [Vec3])> = tasks.iter().map(take_offsets).collect();
         let set_offsets = |((start, offsets), faces): ((usize, &mut [Vec3]), &Vec<Range<usize>>)| {
             let mut has_offsets = false;
             for face in faces {
@@ -146,12 +156,12 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
     /// Ranges of two or more of the rows `task` of the same two contactors along one normal, of which two or more act with
     /// friction.
     fn face_ranges(&self, task: &Range<usize>) -> Vec<Range<usize>> {
-        let (rows, mut ranges, mut from) = (self.rows, Vec::new(), task.start);
-        for of_one in self.contacts[task.clone()].chunk_by(is_same_face) {
-            let range = from..from + of_one.len();
-            from = range.end;
+        let (rows, mut ranges, mut start) = (self.rows, Vec::new(), task.start);
+        for face in self.contacts[task.clone()].chunk_by(is_same_face) {
+            let range = start..start + face.len();
+            start = range.end;
             let acting = || rows[range.clone()].iter().filter(|row| row.can_close && row.friction > 0.0).count();
-            if of_one.len() >= 2 && acting() >= 2 {
+            if face.len() >= 2 && acting() >= 2 {
                 ranges.push(range);
             }
         }
@@ -236,21 +246,21 @@ where
     }
 
     /// Points and loads of the last step in the plane of a face of which a loaded contact is lost; empty if all remain.
-    fn loads_of_changed_face(&self, face: &[usize], last_loads: &[LastLoad]) -> Vec<(Vec3, f64)> {
+    fn loads_of_changed_face(&self, face: &[usize], last_loads: &[LastLoad]) -> Vec<PointLoad> {
         let contacts = self.faces.contacts;
         let Contact { candidate, antagonist, normal, point: origin, .. } = contacts[face[0]];
         let (bodies, normal) = self.ordered_pair([candidate, antagonist], normal);
         let reach = face.iter().map(|&k| (contacts[k].point - origin).norm()).fold(0.0, f64::max);
         let is_in_face = |last: &&LastLoad| {
-            let (of, along) = self.ordered_pair(last.bodies, last.normal);
-            of == bodies
-                && normal.dot(&along) >= 1.0 - MAX_NORMAL_DEVIATION
+            let (last_bodies, last_normal) = self.ordered_pair(last.bodies, last.normal);
+            last_bodies == bodies
+                && normal.dot(&last_normal) >= 1.0 - MAX_NORMAL_DEVIATION
                 && normal.dot(&(last.point - origin)).abs() <= MAX_HEIGHT_RATIO * reach
         };
         let of_face: Vec<&LastLoad> = last_loads.iter().filter(is_in_face).collect();
         match of_face.iter().all(|last| last.stays) {
             true => Vec::new(),
-            false => of_face.into_iter().map(|last| (last.point, last.load)).collect(),
+            false => of_face.into_iter().map(|last| PointLoad { point: last.point, load: last.load }).collect(),
         }
     }
 
@@ -267,14 +277,15 @@ where
         let approach = |k: usize| {
             let (row, arms) = (&rows[k], &block_data.arms[k]);
             let [a, b] = [0, 1].map(|side| {
-                let record = &solver_bodies[row.bodies[side].index()];
-                record.v + record.w.cross(&arms[side])
+                let solver_body = &solver_bodies[row.bodies[side].index()];
+                solver_body.v + solver_body.w.cross(&arms[side])
             });
             -row.normal.dot(&(a - b + row.shift))
         };
         let speed: f64 = acting.iter().zip(shares).map(|(&k, share)| share * approach(k)).sum();
-        let inverse: f64 = rows[acting[0]].bodies.map(|body| solver_bodies[body.index()].inverse_mass).iter().sum();
-        if inverse > 0.0 { speed.max(0.0) / inverse } else { 0.0 }
+        let inverse_mass: f64 =
+            rows[acting[0]].bodies.map(|body| solver_bodies[body.index()].inverse_mass).iter().sum();
+        if inverse_mass > 0.0 { speed.max(0.0) / inverse_mass } else { 0.0 }
     }
 
     /// Rows of each face that lies on several contactors in one plane.
@@ -282,9 +293,10 @@ where
         let mut sides = self.candidate_sides();
         sides.sort_by_key(|side| (side.bodies, side.rows.start));
         let mut faces = Vec::new();
-        for of_two in sides.chunk_by(|a, b| a.bodies == b.bodies).filter(|of_two| of_two.len() > 1) {
+        for sides_of_pair in sides.chunk_by(|a, b| a.bodies == b.bodies).filter(|sides_of_pair| sides_of_pair.len() > 1)
+        {
             let mut planes: Vec<Vec<&Side>> = Vec::new();
-            for side in of_two {
+            for side in sides_of_pair {
                 match planes.iter_mut().find(|plane| self.is_flush(plane[0], side)) {
                     Some(plane) => plane.push(side),
                     None => planes.push(vec![side]),
@@ -304,14 +316,14 @@ where
         let Joints { faces: FaceRows { contacts, rows, .. }, scene, .. } = self;
         let is_fixed = |body: BodyId| scene.bodies[body.index()].is_imposed();
         let has_several = |body: BodyId| scene.parts_of(body).len() > 1;
-        let (mut sides, mut from) = (Vec::new(), 0);
-        for of_one in contacts.chunk_by(is_same_face) {
-            let range = from..from + of_one.len();
-            from = range.end;
-            let Contact { candidate, antagonist, normal, .. } = of_one[0];
+        let (mut sides, mut start) = (Vec::new(), 0);
+        for face in contacts.chunk_by(is_same_face) {
+            let range = start..start + face.len();
+            start = range.end;
+            let Contact { candidate, antagonist, normal, .. } = face[0];
             let pair = [candidate, antagonist];
-            let alone = !pair.into_iter().any(|body| is_fixed(body) || has_several(body));
-            if alone || of_one.len() < 2 || !rows[range.clone()].iter().any(|row| row.can_close) {
+            let stands_alone = !pair.into_iter().any(|body| is_fixed(body) || has_several(body));
+            if stands_alone || face.len() < 2 || !rows[range.clone()].iter().any(|row| row.can_close) {
                 continue;
             }
             let (bodies, normal) = self.ordered_pair(pair, normal);
@@ -337,14 +349,14 @@ where
             return true;
         }
         // Velocity of the fixed body at the first contact.
-        let of_fixed = |k: usize| {
+        let fixed_motion = |k: usize| {
             let pair = [contacts[k].candidate, contacts[k].antagonist];
             let side = usize::from(!self.scene.bodies[pair[0].index()].is_imposed());
-            let record = &solver_bodies[pair[side].index()];
-            (record.v + record.w.cross(&(block_data.arms[k][side] - from_origin(k))), record.w)
+            let solver_body = &solver_bodies[pair[side].index()];
+            (solver_body.v + solver_body.w.cross(&(block_data.arms[k][side] - from_origin(k))), solver_body.w)
         };
-        let [(v, w), (u, spin)] = [first, second].map(of_fixed);
-        w == spin && (v - u).norm() <= MAX_SPEED_DIFFERENCE * (v.norm() + u.norm())
+        let [(v, w), (other_v, other_w)] = [first, second].map(fixed_motion);
+        w == other_w && (v - other_v).norm() <= MAX_SPEED_DIFFERENCE * (v.norm() + other_v.norm())
     }
 }
 
@@ -384,20 +396,22 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
                 return Some(FaceFrictionPoints::default());
             }
             let from_origin = block_data.arms[first].map(|arm| tangent_components(&-arm, &frame));
-            let rest = steady_centre(&rows[first], block_data, from_origin, &frame);
-            loads =
-                outline.load_shares(rest.filter(|p| outline.ray_intersection(*p).0 < 1.0).unwrap_or(outline.centroid));
+            let steady = steady_centre(&rows[first], block_data, from_origin, &frame);
+            loads = outline
+                .load_shares(steady.filter(|p| outline.ray_intersection(*p).reach < 1.0).unwrap_or(outline.centroid));
         } else {
             let loaded = acting.iter().zip(&loads).filter(|(_, load)| **load > 0.0).map(|(k, _)| gap(k));
             pressed_gap = loaded.fold(pressed_gap, f64::max);
         }
-        let total: f64 = loads.iter().sum();
+        let total_load: f64 = loads.iter().sum();
         // The rows do not know the loads of lost contacts, and those that inherit from one lie elsewhere. Attraction and
         // bonds are loads of the rows only.
-        let known = |k: &usize| rows[*k].impulse_shift == 0.0 && rows[*k].bond.is_none();
-        let (centre, carried) = match kind {
-            FaceKind::Joined { last_loads } if !is_new && !last_loads.is_empty() && acting.iter().all(known) => {
-                centre_of_load(|| last_loads.iter().map(|(point, load)| (position(point), *load)))
+        let loads_are_known = |k: &usize| rows[*k].impulse_shift == 0.0 && rows[*k].bond.is_none();
+        let (centre, carried_load) = match kind {
+            FaceKind::Joined { last_loads }
+                if !is_new && !last_loads.is_empty() && acting.iter().all(loads_are_known) =>
+            {
+                centre_of_load(|| last_loads.iter().map(|PointLoad { point, load }| (position(point), *load)))
             }
             _ => centre_of_load(|| points.iter().copied().zip(loads.iter().copied())),
         };
@@ -418,39 +432,42 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
                 FaceMotion::new(&points, &velocities, centre, tau)
             }
         };
-        let across = motion.across_sliding();
+        let across_sliding = motion.across_sliding();
         let mobility: f64 = rows[first].bodies.map(|body| self.solver_bodies[body.index()].inverse_mass).iter().sum();
-        let stopped = if is_new { 0.0 } else { rows[first].friction * carried * mobility };
-        let spins = motion.spin_speed > vector_length(motion.u).max(stopped);
+        let stoppable_speed = if is_new { 0.0 } else { rows[first].friction * carried_load * mobility };
+        let spins = motion.spin_speed > vector_length(motion.u).max(stoppable_speed);
         let starts_uniform = is_joined
             && (is_new || spins)
             && outline.corners.len() > 2
             && acting.iter().all(|&k| rows[k].impulse_shift == 0.0 && gap(&k) <= deepest + FLUSH_GAP * size);
-        let (loads, total) = if starts_uniform { (outline.load_shares(centre), 1.0) } else { (loads, total) };
-        let distance =
-            points.iter().zip(&loads).map(|(p, w)| vector_length(difference_of(*p, centre)) * w / total).sum::<f64>();
+        let (loads, total_load) = if starts_uniform { (outline.load_shares(centre), 1.0) } else { (loads, total_load) };
+        let distance = points
+            .iter()
+            .zip(&loads)
+            .map(|(p, w)| vector_length(difference_of(*p, centre)) * w / total_load)
+            .sum::<f64>();
         if distance.is_nan() || distance <= SINGLE_CORNER_DISTANCE * size {
             return Some(FaceFrictionPoints::default());
         }
         // A bond yields about the point with the least sum of distances; a sliding face turns about any point.
         let is_bonded = acting.iter().all(|k| rows[*k].bond.is_some());
-        let distance = if is_bonded { least_distance(&points, &loads, centre) / total } else { distance };
+        let distance = if is_bonded { least_distance(&points, &loads, centre) / total_load } else { distance };
         let scale = (tau / distance).min(MAX_OFFSET_SCALE);
-        let at_distance = match starts_uniform && spins {
+        let middles = match starts_uniform && spins {
             true => part_middles(&acting, &points, contacts),
             false => SmallVec::new(),
         };
         let mut offsets = SmallVec::from_elem(Vec3::zeros(), face_rows.len());
         let rows_of_points = face_rows.iter().enumerate().filter(|(_, k)| rows[**k].can_close);
-        for (i, (at, _)) in rows_of_points.enumerate().filter(|(_, (_, k))| gap(k) <= pressed_gap) {
+        for (i, (row_position, _)) in rows_of_points.enumerate().filter(|(_, (_, k))| gap(k) <= pressed_gap) {
             let arm = difference_of(points[i], centre);
-            let (vector, factor) = match at_distance.get(i) {
+            let (vector, factor) = match middles.get(i) {
                 Some(middle) => (offset_to_distance(tau, arm, difference_of(*middle, centre)), 1.0),
                 None => (arm, scale - 1.0),
             };
-            let across_part = vector[0] * across[0] + vector[1] * across[1];
-            let [x, y] = difference_of(vector, across.map(|e| e * across_part));
-            offsets[at] = (t * x + s * y) * factor;
+            let across_part = vector[0] * across_sliding[0] + vector[1] * across_sliding[1];
+            let [x, y] = difference_of(vector, across_sliding.map(|e| e * across_part));
+            offsets[row_position] = (t * x + s * y) * factor;
         }
         Some(FaceFrictionPoints { offsets, start_shares: starts_uniform.then_some(loads) })
     }
@@ -464,11 +481,11 @@ fn centre_of_load<I: Iterator<Item = (TangentVector, f64)>>(loads: impl Fn() -> 
 
 /// Middle of the points on the same contactors as each point of a joined face.
 fn part_middles(acting: &[usize], points: &[TangentVector], contacts: &[Contact]) -> SmallVec<[TangentVector; 8]> {
-    let (mut middles, mut from) = (SmallVec::new(), 0);
+    let (mut middles, mut start) = (SmallVec::new(), 0);
     for part in acting.chunk_by(|&a, &b| is_same_face(&contacts[a], &contacts[b])) {
-        let of_part = &points[from..from + part.len()];
-        from += part.len();
-        let sum = of_part.iter().fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]]);
+        let part_points = &points[start..start + part.len()];
+        start += part.len();
+        let sum = part_points.iter().fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]]);
         middles.extend(part.iter().map(|_| sum.map(|x| x / part.len() as f64)));
     }
     middles
@@ -477,9 +494,9 @@ fn part_middles(acting: &[usize], points: &[TangentVector], contacts: &[Contact]
 /// Offset from the end of `arm` to the point at `distance` from its start, in the direction halfway between `arm` and
 /// `middle`: corners of parts may lie at the centre of the face, where their own direction is undetermined.
 fn offset_to_distance(distance: f64, arm: TangentVector, middle: TangentVector) -> TangentVector {
-    let along = [arm[0] + middle[0], arm[1] + middle[1]];
-    let length = vector_length(along);
-    if length == 0.0 { [0.0; 2] } else { difference_of(along.map(|x| x / length * distance), arm) }
+    let direction = [arm[0] + middle[0], arm[1] + middle[1]];
+    let length = vector_length(direction);
+    if length == 0.0 { [0.0; 2] } else { difference_of(direction.map(|x| x / length * distance), arm) }
 }
 
 /// Relative motion of a face in its plane.
@@ -499,22 +516,22 @@ impl FaceMotion {
             sum.map(|sum| sum / values.len() as f64)
         };
         let (middle, u) = (mean(points), mean(velocities));
-        let (mut turning, mut inertia) = (0.0, 0.0);
+        let (mut turning_sum, mut inertia) = (0.0, 0.0);
         for (p, v) in points.iter().zip(velocities) {
             let arm = difference_of(*p, middle);
-            turning += cross_product(arm, *v);
+            turning_sum += cross_product(arm, *v);
             inertia += arm[0] * arm[0] + arm[1] * arm[1];
         }
-        let spin = turning / inertia;
+        let spin = turning_sum / inertia;
         let arm = difference_of(centre, middle);
         FaceMotion { u: [u[0] - spin * arm[1], u[1] + spin * arm[0]], spin_speed: (spin * tau).abs() }
     }
 
     /// Unit vector across the direction of sliding, times the square root of the sliding share |u|²/(|u|² + (ω τ)²).
     fn across_sliding(&self) -> TangentVector {
-        let all = vector_length([vector_length(self.u), self.spin_speed]);
+        let total_speed = vector_length([vector_length(self.u), self.spin_speed]);
         // A face at rest has no direction of sliding.
-        if all > 0.0 { [-self.u[1] / all, self.u[0] / all] } else { [0.0; 2] }
+        if total_speed > 0.0 { [-self.u[1] / total_speed, self.u[0] / total_speed] } else { [0.0; 2] }
     }
 }
 
@@ -529,16 +546,16 @@ fn steady_centre(
     [_, t, s]: &[Vec3; 3],
 ) -> Option<TangentVector> {
     // For both bodies: the moment x×n of a unit impulse along n at x turns the point back by -C (x - centre), C the compliance.
-    let (mut compliance, mut right) = ([0.0; 3], [0.0; 2]);
+    let (mut compliance, mut right_side) = ([0.0; 3], [0.0; 2]);
     for (body, [x, y]) in row.bodies.into_iter().zip(centres) {
         let inverse = &block_data.inverse_inertia[body.index()];
         let [xx, xy, yy] = [s.dot(&(inverse * s)), -s.dot(&(inverse * t)), t.dot(&(inverse * t))];
         compliance = [compliance[0] + xx, compliance[1] + xy, compliance[2] + yy];
-        right = [right[0] + xx * x + xy * y, right[1] + xy * x + yy * y];
+        right_side = [right_side[0] + xx * x + xy * y, right_side[1] + xy * x + yy * y];
     }
     let [xx, xy, yy] = compliance;
     let det = xx * yy - xy * xy;
-    let centre = [(yy * right[0] - xy * right[1]) / det, (xx * right[1] - xy * right[0]) / det];
+    let centre = [(yy * right_side[0] - xy * right_side[1]) / det, (xx * right_side[1] - xy * right_side[0]) / det];
     centre.iter().all(|x| x.is_finite()).then_some(centre)
 }
 
@@ -563,26 +580,36 @@ fn vector_length(a: TangentVector) -> f64 {
 
 /// Least sum of the weighted distances of points from one point, by Weiszfeld's iteration from `start`.
 fn least_distance(points: &[TangentVector], weights: &[f64], start: TangentVector) -> f64 {
-    let sum = |c: TangentVector| {
+    let distance_sum = |c: TangentVector| {
         points.iter().zip(weights).map(|(p, w)| vector_length(difference_of(*p, c)) * w).sum::<f64>()
     };
-    let (mut centre, mut least) = (start, sum(start));
+    let (mut centre, mut least) = (start, distance_sum(start));
     for _ in 0..WEISZFELD_ITERATIONS {
-        let (mut pull, mut all) = ([0.0; 2], 0.0);
+        let (mut weighted_sum, mut weight_sum) = ([0.0; 2], 0.0);
         for (p, w) in points.iter().zip(weights) {
-            let near = w / vector_length(difference_of(*p, centre));
-            pull = [pull[0] + p[0] * near, pull[1] + p[1] * near];
-            all += near;
+            let weight = w / vector_length(difference_of(*p, centre));
+            weighted_sum = [weighted_sum[0] + p[0] * weight, weighted_sum[1] + p[1] * weight];
+            weight_sum += weight;
         }
-        let next = pull.map(|x| x / all);
-        let found = sum(next);
+        let next = weighted_sum.map(|x| x / weight_sum);
+        let next_sum = distance_sum(next);
         // NaN, which occurs if the centre is at one of the points, is rejected.
-        if found.is_nan() || found >= least {
+        if next_sum.is_nan() || next_sum >= least {
             break;
         }
-        (centre, least) = (next, found);
+        (centre, least) = (next, next_sum);
     }
     least
+}
+
+/// Intersection of the ray from a face's centroid through a point with its outline.
+struct RayIntersection {
+    /// Distance of the point from the centroid over that of the intersection, at most 1.
+    reach: f64,
+    /// Index of the first corner of the side that the ray meets.
+    side: usize,
+    /// Share of the second corner of this side at the intersection, 0 at the first.
+    share: f64,
 }
 
 /// The convex polygon of a face, or the segment of an edge.
@@ -642,7 +669,7 @@ impl FrictionFace {
     fn of_hull(points: &[TangentVector], size: f64, area: f64) -> Option<Self> {
         let mut order: SmallVec<[usize; 16]> = (0..points.len()).collect();
         order.sort_by(|&a, &b| points[a][0].total_cmp(&points[b][0]).then(points[a][1].total_cmp(&points[b][1])));
-        let half = |order: &mut dyn Iterator<Item = usize>| {
+        let half_hull = |order: &mut dyn Iterator<Item = usize>| {
             let mut chain: SmallVec<[usize; 16]> = SmallVec::new();
             for k in order {
                 while let [.., a, b] = chain[..]
@@ -656,14 +683,14 @@ impl FrictionFace {
             chain.pop();
             chain
         };
-        let mut hull = half(&mut order.iter().copied());
-        hull.extend(half(&mut order.iter().rev().copied()));
+        let mut hull = half_hull(&mut order.iter().copied());
+        hull.extend(half_hull(&mut order.iter().rev().copied()));
         let corners: SmallVec<[TangentVector; 16]> = hull.iter().map(|&k| points[k]).collect();
-        let enclosed = 0.5
+        let hull_area = 0.5
             * polygon_sides(&corners)
                 .map(|[a, b]| cross_product(difference_of(a, corners[0]), difference_of(b, corners[0])))
                 .sum::<f64>();
-        if corners.len() < 3 || area < MIN_FILLED_SHARE * enclosed {
+        if corners.len() < 3 || area < MIN_FILLED_SHARE * hull_area {
             return None;
         }
         let outline = FrictionFace::new(&corners, size, area);
@@ -676,10 +703,10 @@ impl FrictionFace {
     /// The edge between the two points that are farthest apart.
     fn from_edge(points: &[TangentVector], first: TangentVector) -> Self {
         let farthest = |from: TangentVector| {
-            let far = |a: &TangentVector, b: &TangentVector| {
+            let farther = |a: &TangentVector, b: &TangentVector| {
                 if vector_length(difference_of(*b, from)) > vector_length(difference_of(*a, from)) { *b } else { *a }
             };
-            points.iter().fold(from, |a, b| far(&a, b))
+            points.iter().fold(from, |a, b| farther(&a, b))
         };
         let one = farthest(first);
         let other = farthest(one);
@@ -695,39 +722,40 @@ impl FrictionFace {
         }
     }
 
-    /// Relative distance of a point from the centroid along its ray, 1 on the side that the ray meets; the index of the first
-    /// corner of this side; and the share of its second corner at the intersection.
-    fn ray_intersection(&self, p: TangentVector) -> (f64, usize, f64) {
+    /// Intersection of the ray from the centroid through `p` with the outline.
+    fn ray_intersection(&self, p: TangentVector) -> RayIntersection {
         let ray = difference_of(p, self.centroid);
         let (mut reach, mut side) = (0.0, 0);
         for (k, [a, b]) in polygon_sides(&self.corners).enumerate() {
-            let along = difference_of(b, a);
-            let far = cross_product(ray, along) / cross_product(difference_of(a, self.centroid), along);
-            if far.is_finite() && far > reach {
-                (reach, side) = (far, k);
+            let side_vector = difference_of(b, a);
+            let side_reach =
+                cross_product(ray, side_vector) / cross_product(difference_of(a, self.centroid), side_vector);
+            if side_reach.is_finite() && side_reach > reach {
+                (reach, side) = (side_reach, k);
             }
         }
         let [a, b] = [side, (side + 1) % self.corners.len()].map(|k| self.corners[k]);
-        let along = difference_of(b, a);
+        let side_vector = difference_of(b, a);
         let end = [0, 1].map(|i| self.centroid[i] + if reach > 0.0 { ray[i] / reach } else { 0.0 });
-        let from = difference_of(end, a);
-        let share = (from[0] * along[0] + from[1] * along[1]) / (along[0] * along[0] + along[1] * along[1]);
-        (reach.min(1.0), side, share.clamp(0.0, 1.0))
+        let from_corner = difference_of(end, a);
+        let share = (from_corner[0] * side_vector[0] + from_corner[1] * side_vector[1])
+            / (side_vector[0] * side_vector[0] + side_vector[1] * side_vector[1]);
+        RayIntersection { reach: reach.min(1.0), side, share: share.clamp(0.0, 1.0) }
     }
 
     /// τ of a pressure with its centre at `p`, m.
     fn mean_distance(&self, p: TangentVector) -> f64 {
         // For an edge of length L, at the distances x and L - x from its ends: uniform on both sides of the point.
-        let of_edge =
+        let edge_mean_distance =
             |[a, b]: [TangentVector; 2], share: f64| share * (1.0 - share) * vector_length(difference_of(b, a));
         if let &[a, b] = self.corners.as_slice() {
-            let (along, from) = (difference_of(b, a), difference_of(p, a));
-            let share = (from[0] * along[0] + from[1] * along[1]) / (along[0] * along[0] + along[1] * along[1]);
-            return of_edge([a, b], share.clamp(0.0, 1.0));
+            let (edge, from_end) = (difference_of(b, a), difference_of(p, a));
+            let share = (from_end[0] * edge[0] + from_end[1] * edge[1]) / (edge[0] * edge[0] + edge[1] * edge[1]);
+            return edge_mean_distance([a, b], share.clamp(0.0, 1.0));
         }
-        let (reach, side, share) = self.ray_intersection(p);
+        let RayIntersection { reach, side, share } = self.ray_intersection(p);
         let ends = [side, (side + 1) % self.corners.len()].map(|k| self.corners[k]);
-        (1.0 - reach) * self.uniform_mean_distance + reach * of_edge(ends, share)
+        (1.0 - reach) * self.uniform_mean_distance + reach * edge_mean_distance(ends, share)
     }
 
     /// Shares of the points in a pressure with centre `p`: a combination of a uniform pressure and that of an edge, as for τ.
@@ -735,7 +763,7 @@ impl FrictionFace {
         if self.corners.len() == 2 {
             return self.weights.clone();
         }
-        let (reach, side, share) = self.ray_intersection(p);
+        let RayIntersection { reach, side, share } = self.ray_intersection(p);
         let mut shares: SmallVec<[f64; 8]> = self.weights.iter().map(|w| w * (1.0 - reach)).collect();
         shares[self.order[side]] += reach * (1.0 - share);
         shares[self.order[(side + 1) % self.order.len()]] += reach * share;
@@ -764,12 +792,12 @@ fn mean_side_distance(a: TangentVector, b: TangentVector, c: TangentVector) -> f
     }
     let (from_a, from_b) = (difference_of(a, c), difference_of(b, c));
     let h = cross_product(from_a, side).abs() / l;
-    let sum = |p: TangentVector| {
+    let integral = |p: TangentVector| {
         let u = (p[0] * side[0] + p[1] * side[1]) / l;
-        let bent = if h > 0.0 { h * h * (u / h).asinh() } else { 0.0 };
-        0.5 * (u * vector_length(p) + bent)
+        let curved_part = if h > 0.0 { h * h * (u / h).asinh() } else { 0.0 };
+        0.5 * (u * vector_length(p) + curved_part)
     };
-    (sum(from_b) - sum(from_a)) / l
+    (integral(from_b) - integral(from_a)) / l
 }
 
 #[cfg(test)]

@@ -47,58 +47,76 @@ impl FreeMotion {
     }
 }
 
+/// Effect of self-gravity, uniform gravity and outer fields on a free body in a step.
+struct FieldEffect {
+    /// By all of these, m/s.
+    velocity_change: Vec3,
+    /// In uniform gravity and outer fields, as those below, J.
+    potential_energy: f64,
+    /// N s.
+    impulse: Vec3,
+    /// About the origin, N m s.
+    angular_impulse: Vec3,
+}
+
 /// Free velocities: V + h F/m with all forces in the contact configuration; imposed velocities at the step's end.
 pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, shakes: &[ShakeEvent]) -> FreeMotion {
     let h = q_c.h;
-    let mut pull = self_gravity(scene, state, q_c);
-    let near = near_field(scene, &q_c.x, &q_c.q);
-    pull.energy += near.energy;
+    let mut self_gravity = self_gravity(scene, state, q_c);
+    let near_field = near_field(scene, &q_c.x, &q_c.q);
+    self_gravity.energy += near_field.energy;
     let outside = scene.external_fields(state.time + (1.0 - scene.options.theta) * h);
     let moving: Vec<FieldModel> = outside.iter().copied().filter(FieldModel::is_moving).collect();
     let mut free = FreeMotion {
         v: state.v.clone(),
         w: q_c.w.clone(),
-        potential: pull.energy,
-        gravity: pull.report,
-        attraction: pull.next,
+        potential: self_gravity.energy,
+        gravity: self_gravity.report,
+        attraction: self_gravity.next,
         impulse: Vec3::zeros(),
         angular_impulse: Vec3::zeros(),
         loads: Vec::new(),
         reaction_work: 0.0,
     };
-    let of_body = |(k, &i): (usize, &BodyId)| {
+    let effect_on = |(k, &i): (usize, &BodyId)| {
         let i = i.index();
         let (mass, x) = (scene.bodies[i].mass, q_c.x[i]);
-        let (push, potential) = external_field(&outside, state.gravity, &x);
-        let attraction = pull.acceleration.get(k).copied().unwrap_or_default();
-        let weight = push * (mass * h);
-        ((push + attraction) * h, mass * potential, weight, x.cross(&weight))
+        let (acceleration, potential) = external_field(&outside, state.gravity, &x);
+        let attraction = self_gravity.acceleration.get(k).copied().unwrap_or_default();
+        let impulse = acceleration * (mass * h);
+        FieldEffect {
+            velocity_change: (acceleration + attraction) * h,
+            potential_energy: mass * potential,
+            impulse,
+            angular_impulse: x.cross(&impulse),
+        }
     };
-    let pushes: Vec<_> = scene.free.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(of_body).collect();
+    let effects: Vec<FieldEffect> =
+        scene.free.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(effect_on).collect();
     // Sums in the order of the bodies.
-    for (i, (change, potential, weight, turn)) in scene.free.iter().zip(pushes) {
-        free.v[i.index()] += change;
-        free.potential += potential;
-        free.impulse += weight;
-        free.angular_impulse += turn;
+    for (i, effect) in scene.free.iter().zip(effects) {
+        free.v[i.index()] += effect.velocity_change;
+        free.potential += effect.potential_energy;
+        free.impulse += effect.impulse;
+        free.angular_impulse += effect.angular_impulse;
     }
     free.potential += tidal_energy(scene, &outside, &q_c.q);
     for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i.index()].is_driven_in_part()) {
         let i = body.index();
-        let (push, potential) = external_field(&outside, state.gravity, &q_c.x[i]);
-        free.v[i] += push * h;
+        let (acceleration, potential) = external_field(&outside, state.gravity, &q_c.x[i]);
+        free.v[i] += acceleration * h;
         if !scene.walls[i] {
             free.potential += scene.bodies[i].mass * potential;
         }
     }
     if !moving.is_empty() {
         free.loads.extend(scene.free.iter().chain(&scene.held_grains).map(|&body| {
-            let (force, _) = external_field(&moving, Vec3::zeros(), &q_c.x[body.index()]);
-            BodyLoad { body, force: force * scene.bodies[body.index()].mass, torque: Vec3::zeros() }
+            let (acceleration, _) = external_field(&moving, Vec3::zeros(), &q_c.x[body.index()]);
+            BodyLoad { body, force: acceleration * scene.bodies[body.index()].mass, torque: Vec3::zeros() }
         }));
     }
-    let shaking = shakes.iter().flat_map(|shake| shake_loads(scene, q_c, shake));
-    for load in imposed_loads(scene, state, q_c).into_iter().chain(state.loads.iter().copied()).chain(shaking) {
+    let shaking_loads = shakes.iter().flat_map(|shake| shake_loads(scene, q_c, shake));
+    for load in imposed_loads(scene, state, q_c).into_iter().chain(state.loads.iter().copied()).chain(shaking_loads) {
         free.apply_load(scene, q_c, &load);
         let BodyLoad { body, force, torque } = load;
         if !scene.bodies[body.index()].driven {
@@ -106,13 +124,13 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
             free.angular_impulse += (q_c.x[body.index()].cross(&force) + torque) * h;
             free.loads.push(load);
         } else if !scene.walls[body.index()] {
-            let (held, q) = (&scene.bodies[body.index()], &q_c.q[body.index()]);
-            let force = force - held.imposed_part(&force);
-            let torque = torque - held.imposed_rotation_part(q, &torque);
+            let (driven_body, q) = (&scene.bodies[body.index()], &q_c.q[body.index()]);
+            let force = force - driven_body.imposed_part(&force);
+            let torque = torque - driven_body.imposed_rotation_part(q, &torque);
             free.loads.push(BodyLoad { body, force, torque });
         }
     }
-    near.loads.iter().for_each(|load| free.apply_load(scene, q_c, load));
+    near_field.loads.iter().for_each(|load| free.apply_load(scene, q_c, load));
     apply_coriolis(scene, state, q_c, &mut free);
     let end = scene.time_at(state.step + q_c.step_multiple);
     for drive in &scene.drives {
@@ -131,15 +149,15 @@ fn reaction_work(scene: &Scene, state: &State, q_c: &ContactConfiguration, free:
     let (body, theta) = (&scene.bodies[i], scene.options.theta);
     let (before, after) = (body.imposed_part(&state.v[i]), body.imposed_part(&free.v[i]));
     let time = state.time + (1.0 - theta) * q_c.h;
-    let (push, _) = external_field(&scene.external_fields(time), state.gravity, &q_c.x[i]);
-    let of_fields = push.dot(&(before * (1.0 - theta) + after * theta)) * q_c.h;
+    let (acceleration, _) = external_field(&scene.external_fields(time), state.gravity, &q_c.x[i]);
+    let field_work = acceleration.dot(&(before * (1.0 - theta) + after * theta)) * q_c.h;
     let q = &q_c.q[i];
     let rotational = |w: &Vec3| body.rotational_energy(q, &body.imposed_rotation_part(q, w));
-    body.mass * (0.5 * (after.norm_squared() - before.norm_squared()) - of_fields) + rotational(&free.w[i])
+    body.mass * (0.5 * (after.norm_squared() - before.norm_squared()) - field_work) + rotational(&free.w[i])
         - rotational(&q_c.w[i])
 }
 
-/// Acceleration and potential by uniform gravity and outer fields on a body at rest.
+/// Acceleration (m/s²) and potential (J/kg) at `x` by uniform gravity and outer fields on a body at rest.
 fn external_field(outside: &[FieldModel], gravity: Vec3, x: &Vec3) -> (Vec3, f64) {
     let uniform = (gravity, -gravity.dot(x));
     outside
@@ -148,20 +166,20 @@ fn external_field(outside: &[FieldModel], gravity: Vec3, x: &Vec3) -> (Vec3, f64
         .fold(uniform, |sum, term| (sum.0 + term.0, sum.1 + term.1))
 }
 
-/// Vector u with u + k x u = b.
+/// Returns u with u + k x u = b.
 fn solve_rotation_equation(b: &Vec3, k: &Vec3) -> Vec3 {
     (b + k * k.dot(b) - k.cross(b)) / (1.0 + k.norm_squared())
 }
 
 /// Contribution of the free bodies' extent to their potential energy in outer fields, J.
 fn tidal_energy(scene: &Scene, outside: &[FieldModel], q: &[Quat]) -> f64 {
-    let of = |i: usize| {
+    let tidal_energy_of = |i: usize| {
         outside
             .iter()
             .map(|field| field.tidal_energy(|rate| scene.bodies[i].angular_momentum(&q[i], rate)))
             .sum::<f64>()
     };
-    scene.free.iter().map(|&i| of(i.index())).sum()
+    scene.free.iter().map(|&i| tidal_energy_of(i.index())).sum()
 }
 
 /// Applies the Coriolis force in turning axes, on the velocity weighted over the step as (1-theta) V + theta V+. V+ includes
@@ -174,12 +192,15 @@ fn apply_coriolis(scene: &Scene, state: &State, q_c: &ContactConfiguration, free
         return;
     }
     let (h, theta) = (q_c.h, scene.options.theta);
-    let pushed = contact_velocity_changes(scene, state, h);
+    let contact_changes = contact_velocity_changes(scene, state, h);
     for &body_id in &scene.free {
         let i = body_id.index();
         let body = &scene.bodies[i];
-        let known = state.v[i] * (1.0 - theta) + pushed[i] * theta;
-        let v = solve_rotation_equation(&(free.v[i] - rate.cross(&known) * (2.0 * h)), &(rate * (2.0 * theta * h)));
+        let known_velocity = state.v[i] * (1.0 - theta) + contact_changes[i] * theta;
+        let v = solve_rotation_equation(
+            &(free.v[i] - rate.cross(&known_velocity) * (2.0 * h)),
+            &(rate * (2.0 * theta * h)),
+        );
         let w = match body.is_isotropic() {
             true => solve_rotation_equation(
                 &(free.w[i] - rate.cross(&state.w[i]) * ((1.0 - theta) * h)),
@@ -187,11 +208,11 @@ fn apply_coriolis(scene: &Scene, state: &State, q_c: &ContactConfiguration, free
             ),
             false => free.w[i],
         };
-        let (impulse, turn) = ((v - free.v[i]) * body.mass, (w - free.w[i]) * body.inertia[0]);
+        let (impulse, angular_impulse) = ((v - free.v[i]) * body.mass, (w - free.w[i]) * body.inertia[0]);
         (free.v[i], free.w[i]) = (v, w);
         free.impulse += impulse;
-        free.angular_impulse += q_c.x[i].cross(&impulse) + turn;
-        free.loads.push(BodyLoad { body: body_id, force: impulse / h, torque: turn / h });
+        free.angular_impulse += q_c.x[i].cross(&impulse) + angular_impulse;
+        free.loads.push(BodyLoad { body: body_id, force: impulse / h, torque: angular_impulse / h });
     }
 }
 
@@ -212,14 +233,15 @@ fn contact_velocity_changes(scene: &Scene, state: &State, h: f64) -> Vec<Vec3> {
 pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     let (positions, masses) = point_masses(scene, x);
     let outside = scene.external_fields(state.time);
-    let at = |x: &Vec3, mass: f64| mass * external_field(&outside, state.gravity, x).1;
-    let outer: f64 = positions.iter().zip(&masses).map(|(x, m)| at(x, *m)).sum();
-    let held: f64 = scene.held_grains.iter().map(|i| at(&x[i.index()], scene.bodies[i.index()].mass)).sum();
-    let outer = outer + held + tidal_energy(scene, &outside, &state.q);
+    let energy_at = |x: &Vec3, mass: f64| mass * external_field(&outside, state.gravity, x).1;
+    let outer_energy: f64 = positions.iter().zip(&masses).map(|(x, m)| energy_at(x, *m)).sum();
+    let held_energy: f64 =
+        scene.held_grains.iter().map(|i| energy_at(&x[i.index()], scene.bodies[i.index()].mass)).sum();
+    let outer_energy = outer_energy + held_energy + tidal_energy(scene, &outside, &state.q);
     if !scene.has_self_gravity() {
-        return outer;
+        return outer_energy;
     }
-    outer + mutual_energy(scene, &positions, &masses) + near_field(scene, x, &state.q).energy
+    outer_energy + mutual_energy(scene, &positions, &masses) + near_field(scene, x, &state.q).energy
 }
 
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.

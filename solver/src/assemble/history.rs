@@ -17,17 +17,17 @@ use crate::state::{BondingMode, Contact, ContactId, LawMemory, SolvedContact, UN
 const CONTACTS_PER_TASK: usize = 1024;
 
 /// Index of the contact with the same key in the list of the last step, for each contact. Both lists are sorted by key.
-fn previous_by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<ContactId>> {
+fn previous_by_key(old_contacts: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<ContactId>> {
     // Each task searches the position of its first contact.
-    let of_contact = |position: &mut Option<usize>, contact: &Contact| {
+    let find_old = |position: &mut Option<usize>, contact: &Contact| {
         let key = contact.key();
-        let k = position.get_or_insert_with(|| before.partition_point(|old| old.contact.key() < key));
-        while before.get(*k).is_some_and(|old| old.contact.key() < key) {
+        let k = position.get_or_insert_with(|| old_contacts.partition_point(|old| old.contact.key() < key));
+        while old_contacts.get(*k).is_some_and(|old| old.contact.key() < key) {
             *k += 1;
         }
-        before.get(*k).filter(|old| old.contact.key() == key).map(|_| ContactId::new(*k))
+        old_contacts.get(*k).filter(|old| old.contact.key() == key).map(|_| ContactId::new(*k))
     };
-    contacts.par_iter().with_min_len(CONTACTS_PER_TASK).map_init(|| None, of_contact).collect()
+    contacts.par_iter().with_min_len(CONTACTS_PER_TASK).map_init(|| None, find_old).collect()
 }
 
 /// Two contactors given by their bodies and numbers of parts.
@@ -39,8 +39,8 @@ fn contactor_pair(contact: &Contact) -> ContactorPair {
 
 /// Range of the contacts of two contactors in a list sorted by key.
 fn pair_range<T>(list: &[T], pair: ContactorPair, contact: impl Fn(&T) -> &Contact) -> Range<usize> {
-    let from = list.partition_point(|item| contactor_pair(contact(item)) < pair);
-    from..from + list[from..].iter().take_while(|item| contactor_pair(contact(item)) == pair).count()
+    let start = list.partition_point(|item| contactor_pair(contact(item)) < pair);
+    start..start + list[start..].iter().take_while(|item| contactor_pair(contact(item)) == pair).count()
 }
 
 /// Bond between the bodies of a contact.
@@ -62,11 +62,19 @@ pub fn connected_bodies(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]
     for [a, b] in contacts.iter().map(bodies).filter(|pair| pair.iter().all(|&i| !rests[i])) {
         groups.union(a, b);
     }
-    let mut meets = vec![false; scene.bodies.len()];
+    let mut has_chosen = vec![false; scene.bodies.len()];
     for i in chosen.iter().flat_map(|contact| bodies(contact)).filter(|&i| !rests[i]) {
-        meets[groups.find(i)] = true;
+        has_chosen[groups.find(i)] = true;
     }
-    (0..scene.bodies.len()).map(|i| meets[groups.find(i)]).collect()
+    (0..scene.bodies.len()).map(|i| has_chosen[groups.find(i)]).collect()
+}
+
+/// New contact that may inherit the history of a contact of the last step; indices in the two lists.
+struct PossibleHeir {
+    /// Displacement between the two, m.
+    displacement: f64,
+    old: usize,
+    new: usize,
 }
 
 impl AssemblyContext<'_> {
@@ -110,21 +118,23 @@ impl AssemblyContext<'_> {
         if !gone.contains(&true) {
             return gone;
         }
-        let stays =
+        let acting_old =
             |(k, contact): (usize, &Contact)| found[k].filter(|&old| gone[old.index()] && self.can_act(contact));
-        let stay: Vec<ContactId> = contacts.par_iter().enumerate().with_min_len(256).filter_map(stays).collect();
-        stay.into_iter().for_each(|old| gone[old.index()] = false);
+        let still_acting: Vec<ContactId> =
+            contacts.par_iter().enumerate().with_min_len(256).filter_map(acting_old).collect();
+        still_acting.into_iter().for_each(|old| gone[old.index()] = false);
         gone
     }
 
     /// Contacts that act and have no history, between contactors with a lost or bonded contact, in their order.
     fn new_contacts(&self, contacts: &[Contact], found: &[Option<ContactId>], gone: &[bool]) -> Vec<usize> {
         let before = &self.state.contacts;
-        let shares = |k: usize| self.has_shared_history(k) && self.has_features(&before[k].contact);
+        let has_history_to_share = |k: usize| self.has_shared_history(k) && self.has_features(&before[k].contact);
         let all = (0..before.len()).into_par_iter().with_min_len(CONTACTS_PER_TASK);
-        let concerned = all.filter(|&k| gone[k] || shares(k));
-        let concerned: Vec<ContactorPair> = concerned.map(|k| contactor_pair(&before[k].contact)).collect();
-        if concerned.is_empty() {
+        let pairs_with_history = all.filter(|&k| gone[k] || has_history_to_share(k));
+        let pairs_with_history: Vec<ContactorPair> =
+            pairs_with_history.map(|k| contactor_pair(&before[k].contact)).collect();
+        if pairs_with_history.is_empty() {
             return Vec::new();
         }
         let acted = |k: ContactId| {
@@ -134,7 +144,7 @@ impl AssemblyContext<'_> {
         };
         let is_new = |&k: &usize| {
             self.has_features(&contacts[k])
-                && concerned.binary_search(&contactor_pair(&contacts[k])).is_ok()
+                && pairs_with_history.binary_search(&contactor_pair(&contacts[k])).is_ok()
                 && !found[k].is_some_and(acted)
                 && self.can_act(&contacts[k])
         };
@@ -148,27 +158,31 @@ impl AssemblyContext<'_> {
         let pair = contactor_pair(&contacts[new[0]]);
         let now = &contacts[pair_range(contacts, pair, |contact| contact)];
         let old = pair_range(before, pair, |old| &old.contact);
-        let candidates_of =
-            |old: usize| new.iter().map(move |&k| (self.displacement_from(&before[old].contact, &contacts[k]), old, k));
-        let mut candidates: Vec<(f64, usize, usize)> =
-            old.clone().filter(|&k| self.has_history(k)).flat_map(candidates_of).collect();
-        candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut free: Vec<usize> = old.clone().filter(|&k| gone[k]).collect();
-        let mut left = new.to_vec();
-        for &(_, old, k) in &candidates {
-            if left.contains(&k) && free.contains(&old) {
-                found[k] = Some(ContactId::new(old));
-                free.retain(|other| *other != old);
-                left.retain(|other| *other != k);
+        let heirs_of = |old: usize| {
+            new.iter().map(move |&new| {
+                let displacement = self.displacement_from(&before[old].contact, &contacts[new]);
+                PossibleHeir { displacement, old, new }
+            })
+        };
+        let mut heirs: Vec<PossibleHeir> = old.clone().filter(|&k| self.has_history(k)).flat_map(heirs_of).collect();
+        heirs.sort_by(|a, b| a.displacement.total_cmp(&b.displacement));
+        let mut untransferred: Vec<usize> = old.clone().filter(|&k| gone[k]).collect();
+        let mut without_history = new.to_vec();
+        for &PossibleHeir { old, new, .. } in &heirs {
+            if without_history.contains(&new) && untransferred.contains(&old) {
+                found[new] = Some(ContactId::new(old));
+                untransferred.retain(|other| *other != old);
+                without_history.retain(|other| *other != new);
             }
         }
-        let area = before[old].iter().map(|old| old.contact.area).sum::<f64>();
-        let is_same =
-            area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + MAX_TOUCHING_GAP);
-        for (_, old, k) in candidates.into_iter().filter(|pair| is_same && self.has_shared_history(pair.1)) {
-            if left.contains(&k) {
-                found[k] = Some(ContactId::new(old));
-                left.retain(|other| *other != k);
+        let old_area = before[old].iter().map(|old| old.contact.area).sum::<f64>();
+        let area = now.iter().map(|contact| contact.area).sum::<f64>();
+        let is_same_face = old_area > 0.0 && area <= old_area * (1.0 + MAX_TOUCHING_GAP);
+        let shares_history = |heir: &PossibleHeir| is_same_face && self.has_shared_history(heir.old);
+        for PossibleHeir { old, new, .. } in heirs.into_iter().filter(shares_history) {
+            if without_history.contains(&new) {
+                found[new] = Some(ContactId::new(old));
+                without_history.retain(|other| *other != new);
             }
         }
     }
@@ -230,7 +244,7 @@ impl AssemblyContext<'_> {
         if !self.state.laws.iter().any(ContactLaw::has_law_memory) {
             return Vec::new();
         }
-        let of_contact = |(contact, old): (&Contact, &Option<ContactId>)| {
+        let memory_of = |(contact, old): (&Contact, &Option<ContactId>)| {
             let law = &self.state.laws[contact.law as usize];
             if !law.has_law_memory() {
                 return LawMemory::default();
@@ -251,7 +265,7 @@ impl AssemblyContext<'_> {
                 LawMemory { sliding: turn.map_or(memory.sliding, |turn| turn * memory.sliding), ..memory }
             })
         };
-        contacts.par_iter().zip(history).with_min_len(256).map(of_contact).collect()
+        contacts.par_iter().zip(history).with_min_len(256).map(memory_of).collect()
     }
 
     /// Contact of the last step of the same two contactors nearest to a new one; faces may touch at other corners in each step.
@@ -277,9 +291,10 @@ impl AssemblyContext<'_> {
         }
         let bond = |(contact, old): (&Contact, &Option<ContactId>)| {
             let law = &self.state.laws[contact.law as usize];
-            let kept = old.and_then(|k| self.inherited_bond(&self.state.contacts[k.index()], contact, law));
-            let now = self.begins_history(*old);
-            let bond = kept.or_else(|| (now && self.can_bond(contact, law)).then(|| law.bonded_at(contact.gap)));
+            let inherited = old.and_then(|k| self.inherited_bond(&self.state.contacts[k.index()], contact, law));
+            let is_bonded_now = self.begins_history(*old);
+            let bond = inherited
+                .or_else(|| (is_bonded_now && self.can_bond(contact, law)).then(|| law.bonded_at(contact.gap)));
             bond.filter(|_| self.carries_stress(contact))
         };
         let bonds: Vec<Option<f64>> = contacts.par_iter().zip(history).with_min_len(256).map(bond).collect();
@@ -291,11 +306,15 @@ impl AssemblyContext<'_> {
             let [a, b] = bodies(contact);
             aggregates.union(a, b);
         }
-        let mut joined = |contact: &Contact| {
+        let mut is_in_aggregate = |contact: &Contact| {
             let [a, b] = bodies(contact).map(|body| aggregates.find(body));
             a == b
         };
-        contacts.iter().zip(bonds).map(|(contact, bond)| BondState { bond, in_aggregate: joined(contact) }).collect()
+        contacts
+            .iter()
+            .zip(bonds)
+            .map(|(contact, bond)| BondState { bond, in_aggregate: is_in_aggregate(contact) })
+            .collect()
     }
 
     /// Whether a contact may be bonded, now or where the step began: rotation opens the gap before the contact configuration.
@@ -311,14 +330,14 @@ impl AssemblyContext<'_> {
     /// position. Elsewhere it is the current gap, if the contact touches and the old one would still be in reach.
     pub(super) fn inherited_bond(&self, old: &SolvedContact, contact: &Contact, law: &ContactLaw) -> Option<f64> {
         let (bond, radius) = (old.bond?, self.effective_radius(contact));
-        let known = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN_FEATURE;
+        let is_same_position = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN_FEATURE;
         // Smaller distances are within the gap that counts as touching.
         let tolerance = MAX_TOUCHING_GAP * radius;
-        if known || self.displacement_from(&old.contact, contact) <= tolerance {
+        if is_same_position || self.displacement_from(&old.contact, contact) <= tolerance {
             return Some(bond);
         }
-        let foreseen = old.contact.gap + old.velocity.x * self.configuration_interval();
-        law.bond_gap(contact.gap, radius).filter(|_| foreseen <= law.interaction_range(radius))
+        let foreseen_gap = old.contact.gap + old.velocity.x * self.configuration_interval();
+        law.bond_gap(contact.gap, radius).filter(|_| foreseen_gap <= law.interaction_range(radius))
     }
 }
 

@@ -13,8 +13,9 @@ pub struct InterfaceRow {
     pub area: f64,
     /// Length of the step, s.
     pub h: f64,
-    /// Opening, and sliding in the world frame, at the start of the step, m.
+    /// Opening at the start of the step, m.
     pub opening: f64,
+    /// Sliding at the start of the step, world frame, m.
     pub sliding: Vec3,
     /// Soundness at the start of the step.
     pub soundness: f64,

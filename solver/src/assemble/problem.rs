@@ -38,10 +38,12 @@ pub struct ContactConstraint {
     pub arm: f64,
     /// û = u + shift, world frame, m/s: the law's shifts and the motion of a plate.
     pub shift: Vec3,
-    /// W_nn and W_tt = W_ss, 1/kg. With [`BlockData`], only of rows that can close: see
+    /// W_nn, 1/kg. With [`BlockData`], w_n and w_t are set only for rows that can close: see
     /// [`ContactProblem::delassus_diagonal`].
     pub w_n: f64,
+    /// W_tt = W_ss, 1/kg.
     pub w_t: f64,
+    /// Coulomb's coefficient μ.
     pub friction: f64,
     /// c = r_n - r̂_n, N s.
     pub impulse_shift: f64,
@@ -64,7 +66,9 @@ pub struct RollingConstraint {
     pub row: ContactId,
     /// 1/(1/R_a + 1/R_b), m.
     pub radius: f64,
+    /// Coefficient of rolling friction.
     pub rolling: f64,
+    /// Coefficient of spinning friction.
     pub spinning: f64,
     /// 1/(1/I_a + 1/I_b) of spheres, else one over the largest eigenvalue of the sum of the inverse inertias, kg m^2.
     pub inverse_w: f64,
@@ -336,15 +340,17 @@ impl BlockData {
         let lever = self.friction_lever(k, &row.normal);
         for (body, arm) in row.bodies.into_iter().zip(&self.arms[k]) {
             let (inverse_mass, j) = (solver_bodies[body.index()].inverse_mass, &self.inverse_inertia[body.index()]);
-            let turn = arm.cross(&row.normal);
-            let held = self.locked_axes.get(body.index());
-            let along = held.map_or(1.0, |held| 1.0 - held.dot(&row.normal.component_mul(&row.normal)));
-            w_n += inverse_mass * along + turn.dot(&(j * turn));
-            let all = held.map_or(3.0, |held| 3.0 - held.sum());
-            trace += all * inverse_mass + j.trace() * arm.norm_squared() - arm.dot(&(j * arm));
+            let arm_cross_normal = arm.cross(&row.normal);
+            let locked_axes = self.locked_axes.get(body.index());
+            let free_share =
+                locked_axes.map_or(1.0, |locked_axes| 1.0 - locked_axes.dot(&row.normal.component_mul(&row.normal)));
+            w_n += inverse_mass * free_share + arm_cross_normal.dot(&(j * arm_cross_normal));
+            let free_axes = locked_axes.map_or(3.0, |locked_axes| 3.0 - locked_axes.sum());
+            trace += free_axes * inverse_mass + j.trace() * arm.norm_squared() - arm.dot(&(j * arm));
             if lever != Vec3::zeros() {
-                let about = j * row.normal;
-                trace += 2.0 * lever.dot(&about.cross(arm)) + lever.norm_squared() * row.normal.dot(&about);
+                let normal_response = j * row.normal;
+                trace += 2.0 * lever.dot(&normal_response.cross(arm))
+                    + lever.norm_squared() * row.normal.dot(&normal_response);
             }
         }
         (w_n, 0.5 * (trace - w_n))
@@ -356,10 +362,11 @@ impl BlockData {
         self.locked_axes.is_empty()
             || row.bodies.iter().zip(&self.arms[k]).any(|(&i, arm)| {
                 let body = &bodies[i.index()];
-                let along = self.free_axes(i.index()).dot(&row.normal.component_mul(&row.normal));
-                let turn = arm.cross(&row.normal);
-                let turned = body.mass * turn.dot(&(self.inverse_inertia[i.index()] * turn));
-                !body.driven || (!body.is_imposed() && along.max(turned) > MIN_FREE_MOBILITY)
+                let free_share = self.free_axes(i.index()).dot(&row.normal.component_mul(&row.normal));
+                let arm_cross_normal = arm.cross(&row.normal);
+                let rotational_share =
+                    body.mass * arm_cross_normal.dot(&(self.inverse_inertia[i.index()] * arm_cross_normal));
+                !body.driven || (!body.is_imposed() && free_share.max(rotational_share) > MIN_FREE_MOBILITY)
             })
     }
 }

@@ -30,7 +30,7 @@ const BODIES_PER_TASK: usize = 256;
 
 /// Normal velocity, over that due to the impulse of the last step alone, up to which a contact rests: larger than the errors
 /// of solutions, smaller than the rebound with a restitution of 0.06.
-const RESTING: f64 = 0.05;
+const MAX_RESTING_VELOCITY_SHARE: f64 = 0.05;
 
 /// Assembles the rows of all contacts, in their order.
 pub fn contact_problem(
@@ -93,7 +93,7 @@ pub fn contact_problem(
 
 /// Free velocities and inertia of all bodies, as the sweeps use them. `has_blocks`: whether the rows have [`BlockData`].
 fn solver_bodies(scene: &Scene, free: Velocities, has_blocks: bool) -> Vec<SolverBody> {
-    let of_body = |(body, (v, w)): (&RigidBody, (&Vec3, &Vec3))| match body.shape {
+    let solver_body = |(body, (v, w)): (&RigidBody, (&Vec3, &Vec3))| match body.shape {
         BodyShape::Sphere { radius } => SolverBody {
             v: *v,
             inverse_mass: body.inverse_mass(),
@@ -110,18 +110,18 @@ fn solver_bodies(scene: &Scene, free: Velocities, has_blocks: bool) -> Vec<Solve
         }
     };
     let bodies = scene.bodies.par_iter().zip(free.v.par_iter().zip(free.w));
-    bodies.with_min_len(PAR_MIN_LEN).map(of_body).collect()
+    bodies.with_min_len(PAR_MIN_LEN).map(solver_body).collect()
 }
 
 /// Bounds on the motion of all bodies in the step.
 fn motion_bounds(scene: &Scene, q_c: &ContactConfiguration, free: Velocities) -> Vec<MotionBounds> {
-    let of_body = |(body, (v, w)): (&RigidBody, (&Vec3, &Vec3))| MotionBounds {
+    let bounds_of = |(body, (v, w)): (&RigidBody, (&Vec3, &Vec3))| MotionBounds {
         speed: (v - q_c.mean_velocity).norm(),
         angular_speed: w.norm(),
         nearby: NEARBY_GAP * if body.driven { f64::INFINITY } else { body.radius },
     };
     let bodies = scene.bodies.par_iter().zip(free.v.par_iter().zip(free.w));
-    bodies.with_min_len(PAR_MIN_LEN).map(of_body).collect()
+    bodies.with_min_len(PAR_MIN_LEN).map(bounds_of).collect()
 }
 
 /// Sets W_nn and W_tt of rows that can close, and releases the rows that cannot move a body.
@@ -201,14 +201,14 @@ impl AssemblyContext<'_> {
         pair_attractions: &[f64],
     ) -> Vec<ContactConstraint> {
         let bond_states = self.bond_states(contacts, history);
-        let of_contact = |(k, old): (usize, &Option<ContactId>)| {
+        let constraint_of = |(k, old): (usize, &Option<ContactId>)| {
             self.prefetch(contacts.get(k + PREFETCH_CONTACTS));
             let memory = memories.get(k).copied().unwrap_or_default();
             let bond_state = bond_states.get(k).copied().unwrap_or_default();
             let attraction = pair_attractions.get(k).copied().unwrap_or_default();
             self.contact_constraint(&contacts[k], self.previous_end(*old), bond_state, memory, attraction)
         };
-        history.par_iter().enumerate().with_min_len(256).map(of_contact).collect()
+        history.par_iter().enumerate().with_min_len(256).map(constraint_of).collect()
     }
 
     /// Rolling constraints of the rows that act.
@@ -239,16 +239,16 @@ impl AssemblyContext<'_> {
         history: &[Option<ContactId>],
         rows: &mut [ContactConstraint],
     ) {
-        let records = self.solver_bodies;
+        let solver_bodies = self.solver_bodies;
         let load = |k: usize| match history[k] {
             Some(_) => rows[k].normal.dot(&rows[k].warm_start),
             None => -rows[k].impulse_shift,
         };
         let sticks = |k: usize| self.previous_end(history[k]).is_some_and(|old| old.status == ContactStatus::Stick);
         block_data.friction_offsets =
-            FaceRows { contacts, rows, solver_bodies: records, block_data, load, sticks }.friction_offsets();
+            FaceRows { contacts, rows, solver_bodies, block_data, load, sticks }.friction_offsets();
         if has_joints(self.scene) {
-            let faces = FaceRows { contacts, rows, solver_bodies: records, block_data, load, sticks };
+            let faces = FaceRows { contacts, rows, solver_bodies, block_data, load, sticks };
             let last_loads = || self.last_loads(contacts, history);
             let joined = Joints { faces: &faces, scene: self.scene, last_loads }.joined_faces();
             block_data.friction_offsets = joined.offsets;
@@ -278,7 +278,7 @@ impl AssemblyContext<'_> {
         if !self.state.laws.iter().any(ContactLaw::is_regularised) {
             return Vec::new();
         }
-        let of_row = |(k, contact): (usize, &Contact)| {
+        let regularised_row = |(k, contact): (usize, &Contact)| {
             let law = &self.state.laws[contact.law as usize];
             let memory = memories.get(k).copied().unwrap_or_default();
             let (gap, row) = (contact.gap - memory.reference_gap, ContactId::new(k));
@@ -286,10 +286,10 @@ impl AssemblyContext<'_> {
                 let (_, compliance) = self.link_terms(contact, spring);
                 return rows[k].acts.then_some(RegularisedRow::Link { row, compliance, is_wire: spring.is_wire });
             }
-            if let Some(of_law) = law.interface {
+            if let Some(law_interface) = law.interface {
                 let n = contact.normal;
                 let interface = InterfaceRow {
-                    law: of_law,
+                    law: law_interface,
                     area: std::f64::consts::PI * self.contact_radius(contact).powi(2),
                     h: self.q_c.h,
                     opening: gap.max(0.0),
@@ -297,8 +297,8 @@ impl AssemblyContext<'_> {
                     soundness: memory.soundness,
                     shift: gap.max(0.0) / self.closing_time(),
                 };
-                let holds = rows[k].acts && memory.soundness > 0.0 && interface.area > 0.0;
-                return holds.then_some(RegularisedRow::Interface { row, interface });
+                let is_intact = rows[k].acts && memory.soundness > 0.0 && interface.area > 0.0;
+                return is_intact.then_some(RegularisedRow::Interface { row, interface });
             }
             let found = law.regularisation(gap, self.q_c.h, self.closing_time()).filter(|_| rows[k].acts)?;
             Some(match found {
@@ -306,7 +306,7 @@ impl AssemblyContext<'_> {
                 LawRegularisation::Coupling => RegularisedRow::Coupled { row },
             })
         };
-        contacts.iter().enumerate().filter_map(of_row).collect()
+        contacts.iter().enumerate().filter_map(regularised_row).collect()
     }
 
     /// Row of a contact, with its history of the last step, the bond of its bodies, the memory of its law and its share in the
@@ -339,8 +339,8 @@ impl AssemblyContext<'_> {
         // The load of a new contact is unknown, and a rebounding contact does not stay.
         let carried = previous.is_some_and(|old| old.impulse != Vec3::zeros()) && gap_forecast != GapForecast::Due;
         let stays = bond_state.bond.is_some() || bond_state.in_aggregate || carried;
-        let as_one = bond_state.bond.is_some() && law.bonds_are_rigid();
-        let turning = if stays { self.arm_turning_velocity(contact, &arms, as_one) } else { Vec3::zeros() };
+        let moves_as_one = bond_state.bond.is_some() && law.bonds_are_rigid();
+        let turning = if stays { self.arm_turning_velocity(contact, &arms, moves_as_one) } else { Vec3::zeros() };
         // Sliding along a curved surface is no approach, and bonded bodies that turn do not part.
         let curve = match bond_state {
             BondState { bond: Some(_), .. } if law.bonds_are_rigid() => -turning.dot(&n),
@@ -351,15 +351,15 @@ impl AssemblyContext<'_> {
         let bonded = bond_state.bond.is_some();
         let slid_before = previous.is_some_and(|old| old.status == ContactStatus::Slide);
         let gap = contact.gap - memory.reference_gap;
-        let at = LawInput { gap, h, closing_time, gap_forecast, u_n, radius, slid_before, bonded, pair_attraction };
+        let input = LawInput { gap, h, closing_time, gap_forecast, u_n, radius, slid_before, bonded, pair_attraction };
         // Bodies are held together within the alert distance, as in LMGC90.
         let is_coupled = law.is_coupled() && self.alert_distance(contact).is_some_and(|alert| contact.gap <= alert);
-        let shift = law.contact_shift(&at).filter(|_| is_coupled || !law.is_coupled());
+        let shift = law.contact_shift(&input).filter(|_| is_coupled || !law.is_coupled());
         let slides = |shift: &LawShift| {
             law.has_two_frictions() && !slid_before && self.is_sliding(contact, previous, &u_before, shift, w_n)
         };
         let shift = shift.map(|shift| {
-            if slides(&shift) { law.contact_shift(&LawInput { slid_before: true, ..at }).unwrap() } else { shift }
+            if slides(&shift) { law.contact_shift(&LawInput { slid_before: true, ..input }).unwrap() } else { shift }
         });
         let acts = shift.is_some();
         let shift = shift.unwrap_or_default();
@@ -369,13 +369,14 @@ impl AssemblyContext<'_> {
         // The arms end in one point: it divides the distance in the ratio of the radii, and is the middle of the gap on flat
         // surfaces.
         let radii = [solver_bodies[a].radius, solver_bodies[b].radius];
-        let beyond = || match scene.find_part(contact.antagonist, contact.part_numbers.1).map(|part| &part.geometry) {
-            Some(ContactorShape::Sphere { radius }) => *radius,
-            _ if on_plate => radii[0],
-            _ => radii[1],
-        };
-        let arm = if has_blocks { 1.0 } else { 1.0 + contact.gap / (radii[0] + beyond()) };
-        let plate = if on_plate { self.plate_velocity(contact) } else { Vec3::zeros() };
+        let antagonist_radius =
+            || match scene.find_part(contact.antagonist, contact.part_numbers.1).map(|part| &part.geometry) {
+                Some(ContactorShape::Sphere { radius }) => *radius,
+                _ if on_plate => radii[0],
+                _ => radii[1],
+            };
+        let arm = if has_blocks { 1.0 } else { 1.0 + contact.gap / (radii[0] + antagonist_radius()) };
+        let plate_velocity = if on_plate { self.plate_velocity(contact) } else { Vec3::zeros() };
         let w_t = w_n
             + (arm * radii[0]).powi(2) * solver_bodies[a].inverse_inertia
             + (arm * radii[1]).powi(2) * solver_bodies[b].inverse_inertia;
@@ -384,7 +385,7 @@ impl AssemblyContext<'_> {
             bodies,
             normal: n,
             arm,
-            shift: n * shift.normal + (turning - n * turning.dot(&n)) + u_tangent * shift.tangential - plate,
+            shift: n * shift.normal + (turning - n * turning.dot(&n)) + u_tangent * shift.tangential - plate_velocity,
             w_n,
             w_t,
             friction: shift.friction * law.friction_share(memory.soundness, radius),
@@ -429,7 +430,7 @@ impl AssemblyContext<'_> {
 
     /// Sets the velocities before the step, and the shift by restitution, at the points where friction acts.
     fn shift_friction(&self, block_data: &BlockData, contacts: &[Contact], rows: &mut [ContactConstraint]) {
-        let of_row = |(k, row): (usize, &mut ContactConstraint)| {
+        let shift_row = |(k, row): (usize, &mut ContactConstraint)| {
             let (contact, lever) = (&contacts[k], block_data.friction_lever(k, &row.normal));
             let [a, b] = row.bodies.map(|body| self.start.w[body.index()]);
             let change = lever * row.normal.dot(&(a - b));
@@ -439,7 +440,7 @@ impl AssemblyContext<'_> {
                 return;
             }
             let closing_time = self.closing_time();
-            let at = LawInput {
+            let input = LawInput {
                 gap: contact.gap,
                 h: self.q_c.h,
                 closing_time,
@@ -450,10 +451,10 @@ impl AssemblyContext<'_> {
                 bonded: row.bond.is_some(),
                 pair_attraction: -row.impulse_shift / self.q_c.h,
             };
-            row.shift += change * law.contact_shift(&at).unwrap_or_default().tangential;
+            row.shift += change * law.contact_shift(&input).unwrap_or_default().tangential;
         };
         let rows = rows.par_iter_mut().enumerate().with_min_len(256);
-        rows.filter(|(k, _)| block_data.friction_offsets[*k] != Vec3::zeros()).for_each(of_row);
+        rows.filter(|(k, _)| block_data.friction_offsets[*k] != Vec3::zeros()).for_each(shift_row);
     }
 
     /// Whether a contact slides at the step's start that carried nothing in the last step, or whose bodies have other
@@ -468,26 +469,33 @@ impl AssemblyContext<'_> {
         let tangential = |u: Vec3| (u - n * n.dot(&u)).norm();
         // Change of normal velocity by the impulse: all of the closing velocity, and that due to its attraction.
         let free = relative_velocity(contact, &q_c.x, *free_velocities).dot(&n) + shift.normal;
-        let alone = (-free).max(0.0) + w_n * shift.impulse.abs();
+        let own_velocity_change = (-free).max(0.0) + w_n * shift.impulse.abs();
         // Bodies in free fall together are loaded by other contacts, which balance the change of velocity by forces.
         let bodies = [contact.candidate, contact.antagonist].map(|i| i.index());
-        let gain =
+        let velocity_change =
             |i: usize| if scene.bodies[i].driven { 0.0 } else { (free_velocities.v[i] - self.state.v[i]).norm() };
-        let loaded = bodies.map(gain).into_iter().fold(alone, f64::max);
+        let load_velocity = bodies.map(velocity_change).into_iter().fold(own_velocity_change, f64::max);
         // Without forces, the error of an unconverged solution is at most a share of the speeds.
-        let scale = if loaded > 0.0 { loaded } else { bodies.map(|i| self.bounds[i].speed).into_iter().sum() };
+        let scale =
+            if load_velocity > 0.0 { load_velocity } else { bodies.map(|i| self.bounds[i].speed).into_iter().sum() };
         let moves = |u: Vec3| tangential(u) > SLIDING_VELOCITY_FACTOR * scene.options.tol() * scale;
         let arms = contact_arms(contact, &q_c.x);
-        let now = u - self.arm_turning_velocity(contact, &arms, false) * 0.5;
+        let slip_velocity = u - self.arm_turning_velocity(contact, &arms, false) * 0.5;
         let differs = |old: &SolvedContact| moves(u - to_world(&old.contact.frame(), &old.velocity));
-        moves(now) && carried.is_none_or(differs)
+        moves(slip_velocity) && carried.is_none_or(differs)
     }
 
     /// Forecast of the gap of a contact whose law acts on touching contacts.
     ///
-    /// `pushed`: change of its normal velocity by its own impulse in the last step, m/s.
+    /// `impulse_velocity`: change of its normal velocity by its own impulse in the last step, m/s.
     #[inline]
-    fn gap_forecast(&self, contact: &Contact, law: &ContactLaw, closing_time: f64, pushed: f64) -> GapForecast {
+    fn gap_forecast(
+        &self,
+        contact: &Contact,
+        law: &ContactLaw,
+        closing_time: f64,
+        impulse_velocity: f64,
+    ) -> GapForecast {
         let damped_spring = law.is_damped_spring();
         if !(law.acts_on_touch() || damped_spring) || contact.gap <= 0.0 {
             return GapForecast::Apart { depth: 0.0 };
@@ -495,8 +503,11 @@ impl AssemblyContext<'_> {
         let AssemblyContext { scene, state, q_c, free: free_velocities, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
         let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, self.start)).abs();
-        let pull = |i: usize| contact.normal.dot(&(free_velocities.v[i] - state.v[i])).abs();
-        if !damped_spring && (u_n < RESTING * pushed || u_n.max(contact.gap / closing_time) < pull(a).max(pull(b))) {
+        let force_velocity = |i: usize| contact.normal.dot(&(free_velocities.v[i] - state.v[i])).abs();
+        if !damped_spring
+            && (u_n < MAX_RESTING_VELOCITY_SHARE * impulse_velocity
+                || u_n.max(contact.gap / closing_time) < force_velocity(a).max(force_velocity(b)))
+        {
             return GapForecast::Resting;
         }
         let pair = OpenPair { scene, q_c, contact };
@@ -504,8 +515,8 @@ impl AssemblyContext<'_> {
         if !q_c.closed_by_others.is_empty() && q_c.closed_by_others.contains(&contact.key()) {
             return if damped_spring { GapForecast::Due } else { GapForecast::Apart { depth } };
         }
-        let least = if damped_spring { depth } else { 0.0 };
-        if !pair.closes_deeper_along_normal(*free_velocities, least) {
+        let least_depth = if damped_spring { depth } else { 0.0 };
+        if !pair.closes_deeper_along_normal(*free_velocities, least_depth) {
             return GapForecast::Apart { depth };
         }
         if pair.misses(*free_velocities, 0.0) { GapForecast::Passing } else { GapForecast::Due }

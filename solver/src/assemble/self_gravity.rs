@@ -64,8 +64,9 @@ pub(super) fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfigurat
         return SelfGravity { acceleration: Vec::new(), energy: 0.0, report: GravityReport::default(), next: None };
     }
     let (positions, masses) = point_masses(scene, &q_c.x);
-    let mut pull = if scene.gravity_refresh() == 1 {
-        let (acceleration, energy, removed) = evaluate_self_gravity(scene, &q_c.order, &positions, &masses);
+    let mut gravity = if scene.gravity_refresh() == 1 {
+        let GravityEvaluation { acceleration, energy, removed } =
+            evaluate_self_gravity(scene, &q_c.order, &positions, &masses);
         let report = GravityReport { removed, ..GravityReport::default() };
         SelfGravity { acceleration, energy, report, next: None }
     } else {
@@ -77,28 +78,38 @@ pub(super) fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfigurat
     let approximate = approximate && scene.attracting_radii().is_none();
     if approximate && state.is_diagnostic_step(q_c.step_multiple) {
         let constant = scene.options.gravity_constant;
-        pull.report.sampled =
-            Some(sample::sampled_error(&positions, &masses, constant, &pull.acceleration, state.step));
+        gravity.report.sampled =
+            Some(sample::sampled_error(&positions, &masses, constant, &gravity.acceleration, state.step));
     }
-    pull
+    gravity
 }
 
 pub(super) fn point_masses(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
     scene.free.iter().map(|&i| (x[i.index()], scene.bodies[i.index()].mass)).unzip()
 }
 
-/// Accelerations, energy and removed part, see [`GravityField`]; `order` is the order of all bodies.
-fn evaluate_self_gravity(scene: &Scene, order: &[u32], positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
+/// Evaluation of self-gravity.
+struct GravityEvaluation {
+    /// Acceleration of each free body, m/s².
+    acceleration: Vec<Vec3>,
+    /// Potential energy, J.
+    energy: f64,
+    /// See [`GravityReport::removed`].
+    removed: f64,
+}
+
+/// Evaluates self-gravity; `order` is the order of all bodies along Morton's curve.
+fn evaluate_self_gravity(scene: &Scene, order: &[u32], positions: &[Vec3], masses: &[f64]) -> GravityEvaluation {
     let constant = scene.options.gravity_constant;
     if let Some(radii) = scene.attracting_radii() {
         let (acceleration, potential) = ball_accelerations(positions, masses, &radii, constant);
-        return (acceleration, half_potential(&potential, masses), 0.0);
+        return GravityEvaluation { acceleration, energy: half_potential(&potential, masses), removed: 0.0 };
     }
     let free_index = |&body: &u32| scene.free.binary_search(&BodyId(body)).ok().map(|k| k as u32);
-    let of_free: Vec<u32> = order.iter().filter_map(free_index).collect();
+    let free_order: Vec<u32> = order.iter().filter_map(free_index).collect();
     let GravityField { acceleration, potential, removed } =
-        scene.gravity_solver().full_field(positions, masses, constant, &of_free);
-    (acceleration, half_potential(&potential, masses), removed)
+        scene.gravity_solver().full_field(positions, masses, constant, &free_order);
+    GravityEvaluation { acceleration, energy: half_potential(&potential, masses), removed }
 }
 
 /// Accelerations (m/s²) and potentials (J/kg) of homogeneous balls.
@@ -127,10 +138,11 @@ fn extrapolate_self_gravity(
     let now = state.time + (1.0 - options.theta) * q_c.h;
     let mass: f64 = masses.iter().sum();
     let velocities = || scene.free.iter().map(|&i| state.v[i.index()]);
-    let mean = velocities().zip(masses).map(|(v, m)| v * *m).sum::<Vec3>() / mass;
-    let fastest = velocities().map(|v| (v - mean).norm_squared()).fold(0.0, f64::max).sqrt();
+    let mean_velocity = velocities().zip(masses).map(|(v, m)| v * *m).sum::<Vec3>() / mass;
+    let largest_speed = velocities().map(|v| (v - mean_velocity).norm_squared()).fold(0.0, f64::max).sqrt();
     let Some(old) = &state.attraction else {
-        let (acceleration, energy, removed) = evaluate_self_gravity(scene, &q_c.order, positions, masses);
+        let GravityEvaluation { acceleration, energy, removed } =
+            evaluate_self_gravity(scene, &q_c.order, positions, masses);
         let record = Record { times: [now; 2], potentials: [energy; 2], removed, ..Record::default() };
         let rows: Arc<[Vec3]> = acceleration.as_slice().into();
         let next = GravityHistory { record, last: rows.clone(), before: rows };
@@ -139,27 +151,29 @@ fn extrapolate_self_gravity(
     };
     let record = &old.record;
     let [last, before] = record.times;
-    let part = if last > before { (now - last) / (last - before) } else { 0.0 };
-    let mut acceleration: Vec<Vec3> = old.last.iter().zip(&*old.before).map(|(a, b)| a + (a - b) * part).collect();
-    let (age, moved) = (record.age + q_c.step_multiple, record.moved + fastest * q_c.h);
+    let extrapolation = if last > before { (now - last) / (last - before) } else { 0.0 };
+    let mut acceleration: Vec<Vec3> =
+        old.last.iter().zip(&*old.before).map(|(a, b)| a + (a - b) * extrapolation).collect();
+    let (age, moved) = (record.age + q_c.step_multiple, record.moved + largest_speed * q_c.h);
     // The error after a time s, extrapolated over an interval t, is proportional to s (s + t).
     let allowed = EXTRAPOLATION_ERROR_SHARE * options.gravity_error() / record.extrapolation_error;
-    let stretch = 0.5 * ((1.0 + 8.0 * allowed).sqrt() - 1.0).min(2.0 * MAX_EXTRAPOLATION_RATIO);
+    let max_extrapolation = 0.5 * ((1.0 + 8.0 * allowed).sqrt() - 1.0).min(2.0 * MAX_EXTRAPOLATION_RATIO);
     // Slack of a thousandth of a step, as times are sums.
-    let reached = last > before && now - last <= (last - before) * stretch + 1e-3 * options.dt;
+    let is_in_reach = last > before && now - last <= (last - before) * max_extrapolation + 1e-3 * options.dt;
     let report = |removed, extrapolation| GravityReport { removed, sampled: None, extrapolation };
-    if reached && age < scene.gravity_refresh() && moved < options.gravity_moved * scene.mean_radius {
+    if is_in_reach && age < scene.gravity_refresh() && moved < options.gravity_moved * scene.mean_radius {
         let removed = balance_accelerations(positions, masses, &mut acceleration);
-        let energy = record.potentials[0] + (record.potentials[0] - record.potentials[1]) * part;
+        let energy = record.potentials[0] + (record.potentials[0] - record.potentials[1]) * extrapolation;
         let report = report(record.removed.max(removed), record.extrapolation_error);
         let record = Record { age, moved, ..record.clone() };
         return SelfGravity { acceleration, energy, report, next: Some(GravityHistory { record, ..old.clone() }) };
     }
-    let (fresh, energy, removed) = evaluate_self_gravity(scene, &q_c.order, positions, masses);
-    let square = |v: &mut dyn Iterator<Item = Vec3>| v.map(|v| v.norm_squared()).sum::<f64>();
-    let away = square(&mut acceleration.iter().zip(&fresh).map(|(a, b)| a - b));
-    let scale = square(&mut fresh.iter().copied());
-    let extrapolation_error = if scale > 0.0 { (away / scale).sqrt() } else { 0.0 };
+    let GravityEvaluation { acceleration: fresh, energy, removed } =
+        evaluate_self_gravity(scene, &q_c.order, positions, masses);
+    let sum_of_squares = |v: &mut dyn Iterator<Item = Vec3>| v.map(|v| v.norm_squared()).sum::<f64>();
+    let error_sum = sum_of_squares(&mut acceleration.iter().zip(&fresh).map(|(a, b)| a - b));
+    let acceleration_sum = sum_of_squares(&mut fresh.iter().copied());
+    let extrapolation_error = if acceleration_sum > 0.0 { (error_sum / acceleration_sum).sqrt() } else { 0.0 };
     let times = [now, last];
     let potentials = [energy, record.potentials[0]];
     let record = Record { age: 0, times, potentials, moved: 0.0, removed, extrapolation_error };
@@ -174,35 +188,37 @@ pub(super) fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
     if !(scene.has_self_gravity() && options.gravity_quadrupole) {
         return NearField::default();
     }
-    let rigid = |&i: &BodyId| {
+    let inertia_of = |&i: &BodyId| {
         let (body, turn) = (&scene.bodies[i.index()], q[i.index()].to_rotation_matrix());
         let inertia = turn * Mat3::from_diagonal(&body.inertia.into()) * turn.transpose();
         BodyInertia { mass: body.mass, inertia }
     };
-    let rigids: Vec<BodyInertia> = scene.free.iter().map(rigid).collect();
-    let (places, reaches): (Vec<Vec3>, Vec<f64>) =
+    let inertias: Vec<BodyInertia> = scene.free.iter().map(inertia_of).collect();
+    let (positions, reaches): (Vec<Vec3>, Vec<f64>) =
         scene.free.iter().map(|&i| (x[i.index()], QUADRUPOLE_RANGE * scene.bodies[i.index()].radius)).unzip();
-    let none = |&body: &BodyId| BodyLoad { body, force: Vec3::zeros(), torque: Vec3::zeros() };
-    let mut field = NearField { loads: scene.free.iter().map(none).collect(), energy: 0.0 };
-    let round: Vec<bool> = scene.free.iter().map(|&i| scene.bodies[i.index()].is_isotropic()).collect();
-    let mut add = |[i, j]: [usize; 2], reach: f64| {
-        let r = places[j] - places[i];
-        if (round[i] && round[j]) || r == Vec3::zeros() {
+    let no_load = |&body: &BodyId| BodyLoad { body, force: Vec3::zeros(), torque: Vec3::zeros() };
+    let mut field = NearField { loads: scene.free.iter().map(no_load).collect(), energy: 0.0 };
+    let is_round: Vec<bool> = scene.free.iter().map(|&i| scene.bodies[i.index()].is_isotropic()).collect();
+    let mut add_pair = |[i, j]: [usize; 2], reach: f64| {
+        let r = positions[j] - positions[i];
+        if (is_round[i] && is_round[j]) || r == Vec3::zeros() {
             return;
         }
-        let found = quadrupole_correction(&r, [&rigids[i], &rigids[j]], reach, options.gravity_constant);
-        field.energy += found.energy;
-        for (k, force, torque) in [(i, -found.force, found.torques[0]), (j, found.force, found.torques[1])] {
+        let correction = quadrupole_correction(&r, [&inertias[i], &inertias[j]], reach, options.gravity_constant);
+        field.energy += correction.energy;
+        for (k, force, torque) in
+            [(i, -correction.force, correction.torques[0]), (j, correction.force, correction.torques[1])]
+        {
             field.loads[k].force += force;
             field.loads[k].torque += torque;
         }
     };
-    if scene.gravity_solver().method_for(places.len()) == SummationMethod::Direct {
-        (1..places.len()).for_each(|j| (0..j).for_each(|i| add([i, j], f64::INFINITY)));
+    if scene.gravity_solver().method_for(positions.len()) == SummationMethod::Direct {
+        (1..positions.len()).for_each(|j| (0..j).for_each(|i| add_pair([i, j], f64::INFINITY)));
     } else {
-        for pair in near_pairs(&places, &reaches) {
+        for pair in near_pairs(&positions, &reaches) {
             let [i, j] = pair.map(|k| k as usize);
-            add([i, j], reaches[i] + reaches[j]);
+            add_pair([i, j], reaches[i] + reaches[j]);
         }
     }
     field
@@ -215,7 +231,7 @@ pub(super) fn mutual_energy(scene: &Scene, positions: &[Vec3], masses: &[f64]) -
         return half_potential(&ball_accelerations(positions, masses, &radii, constant).1, masses);
     }
     let gravity = match scene.gravity_solver() {
-        asked if asked.method_for(positions.len()) == SummationMethod::Direct => asked,
+        requested if requested.method_for(positions.len()) == SummationMethod::Direct => requested,
         _ => GravitySolver::new(SummationMethod::Auto, ENERGY_ERROR),
     };
     half_potential(&gravity.full_field(positions, masses, constant, &[]).potential, masses)

@@ -11,7 +11,7 @@ pub struct StoredProblem {
     pub mu: Vec<f64>,
     /// û if every r̂ were 0, m/s.
     pub q: Vec<[f64; 3]>,
-    /// Blocks (i, j, w): response of û of contact i to unit impulses at contact j, 1/kg; those not listed are 0.
+    /// Blocks (i, j, w): response w of û of contact i to unit impulses at contact j, 1/kg; those not listed are 0.
     pub blocks: Vec<(usize, usize, [[f64; 3]; 3])>,
     /// Row of the system and frame (n, t, s) of each contact.
     pub rows: Vec<(ContactId, [Vec3; 3])>,
@@ -54,14 +54,15 @@ fn velocity_response(contact_problem: &ContactProblem, here: usize, there: usize
     let sides = [(0, 1.0), (1, -1.0)];
     let body = |row: usize, side: usize| contact_problem.rows[row].bodies[side];
     let mut change = Vec3::zeros();
-    for at in sides {
-        for by in sides.into_iter().filter(|by| body(there, by.0) == body(here, at.0)) {
-            let impulse = r * by.1;
-            let spin = contact_problem
-                .angular_velocity_change(body(here, at.0), &contact_problem.angular_impulse(there, by.0, &impulse));
-            change += (contact_problem.velocity_change(body(here, at.0), &impulse)
-                + contact_problem.turning_velocity(here, at.0, &spin))
-                * at.1;
+    for (side, sign) in sides {
+        let moved = body(here, side);
+        for (pushed_side, pushed_sign) in sides.into_iter().filter(|(other, _)| body(there, *other) == moved) {
+            let impulse = r * pushed_sign;
+            let angular_impulse = contact_problem.angular_impulse(there, pushed_side, &impulse);
+            let spin = contact_problem.angular_velocity_change(moved, &angular_impulse);
+            change += (contact_problem.velocity_change(moved, &impulse)
+                + contact_problem.turning_velocity(here, side, &spin))
+                * sign;
         }
     }
     change

@@ -12,18 +12,18 @@ impl AssemblyContext<'_> {
     /// world frame. Arms turn with the bodies, angular velocities change in free rotation by α, and the contact point of a
     /// rolling body moves: τ(ω_a, l_a) + ½ h α_a×l_a - τ(ω_b, l_b) - ½ h α_b×l_b + τ_R, 1/R the sum of the curvatures; see
     /// [`lever_velocity_change`] and [`rolling_velocity_change`]. With it, bodies that turn as one continue to do so.
-    /// `as_one`: whether a bond joins the two bodies. They then have one ω, even if an event has changed that of one of them:
-    /// arms that turn apart would strain the bond. A bonded sphere has no rolling term, since a bond at one point lets it
-    /// roll.
-    pub(super) fn arm_turning_velocity(&self, contact: &Contact, [at_a, at_b]: &[Vec3; 2], as_one: bool) -> Vec3 {
+    /// `moves_as_one`: whether a bond joins the two bodies. They then have one ω, even if an event has changed that of
+    /// one of them: arms that turn apart would strain the bond. A bonded sphere has no rolling term, since a bond at
+    /// one point lets it roll.
+    pub(super) fn arm_turning_velocity(&self, contact: &Contact, [at_a, at_b]: &[Vec3; 2], moves_as_one: bool) -> Vec3 {
         let bodies = [contact.candidate, contact.antagonist].map(|body| body.index());
         // Angular velocities at the step's start: bodies that turn as one have the same one then, while free rotation differs
         // from body to body.
         let is_pushed_at_centre = |i: usize| self.q_c.pushed_at_centre.contains(&BodyId::new(i));
         let [mut a, mut b] = bodies.map(|i| if is_pushed_at_centre(i) { Vec3::zeros() } else { self.state.w[i] });
-        let own = [a, b];
+        let own_w = [a, b];
         let radius = self.rolling_radius(contact);
-        if as_one && radius == 0.0 {
+        if moves_as_one && radius == 0.0 {
             let shared = match bodies.map(|i| self.scene.bodies[i].driven) {
                 [_, true] => b,
                 [true, _] => a,
@@ -34,19 +34,20 @@ impl AssemblyContext<'_> {
         if a == Vec3::zeros() && b == Vec3::zeros() {
             return Vec3::zeros();
         }
-        let (half, before) = (0.5 * self.q_c.h, (1.0 - self.scene.options.theta) * self.q_c.h);
-        let at = |side: usize, w: &Vec3, arm: &Vec3| {
-            let change = self.start.w[bodies[side]] - own[side];
-            let free = if before > 0.0 { change.cross(arm) * (half / before) } else { Vec3::zeros() };
-            lever_velocity_change(w, arm, half) + free
+        let (half_step, time_before) = (0.5 * self.q_c.h, (1.0 - self.scene.options.theta) * self.q_c.h);
+        let end_velocity_change = |side: usize, w: &Vec3, arm: &Vec3| {
+            let change = self.start.w[bodies[side]] - own_w[side];
+            let free_part =
+                if time_before > 0.0 { change.cross(arm) * (half_step / time_before) } else { Vec3::zeros() };
+            lever_velocity_change(w, arm, half_step) + free_part
         };
         let ([roll_a, roll_b], radius) = match self.rolling_cylinder(contact) {
             // Only the rotation about its axis moves the line of contact over its surface.
             Some((axis, radius)) => ([a, b].map(|w| axis * axis.dot(&w)), radius),
             None => ([a, b], radius),
         };
-        let rolling = rolling_velocity_change(&roll_a, &roll_b, &(contact.normal * radius), half);
-        at(0, &a, at_a) - at(1, &b, at_b) + rolling
+        let rolling = rolling_velocity_change(&roll_a, &roll_b, &(contact.normal * radius), half_step);
+        end_velocity_change(0, &a, at_a) - end_velocity_change(1, &b, at_b) + rolling
     }
 
     /// Axis of a cylinder whose round side is the candidate's surface at a contact, and 1/(1/R_a + 1/R_b), m, with the radius
@@ -62,10 +63,10 @@ impl AssemblyContext<'_> {
             let axis = q_c.q[body.index()] * part.axes * Vec3::z();
             (axis.dot(&contact.normal).abs() < MAX_SIDE_COSINE).then_some((axis, radius))
         };
-        let (axis, own) = side(contact.candidate, contact.part_numbers.0)?;
-        let of_antagonist = side(contact.antagonist, contact.part_numbers.1);
-        let parallel = of_antagonist.filter(|(other, _)| axis.cross(other).norm() < MAX_SIDE_COSINE);
-        Some((axis, 1.0 / (1.0 / own + parallel.map_or(0.0, |(_, radius)| 1.0 / radius))))
+        let (axis, radius) = side(contact.candidate, contact.part_numbers.0)?;
+        let antagonist_side = side(contact.antagonist, contact.part_numbers.1);
+        let parallel = antagonist_side.filter(|(other, _)| axis.cross(other).norm() < MAX_SIDE_COSINE);
+        Some((axis, 1.0 / (1.0 / radius + parallel.map_or(0.0, |(_, radius)| 1.0 / radius))))
     }
 
     /// 1/(1/R_a + 1/R_b) of a sphere and the surface on which it rolls, m; 0 for corners and edges, which are fixed on their
@@ -97,11 +98,12 @@ impl AssemblyContext<'_> {
             return 0.0; // a flat end
         }
         // The centre of a sphere, the vertex of a polyhedron.
-        let in_front = match scene.find_part(contact.candidate, contact.part_numbers.0).map(|part| &part.geometry) {
-            Some(ContactorShape::Sphere { radius }) => radius + 0.5 * contact.gap,
-            _ => 0.5 * contact.gap,
-        };
-        let [at_a, at_b] = contact_arms(contact, &q_c.x).map(|arm| arm + contact.normal * in_front);
+        let height_over_contact =
+            match scene.find_part(contact.candidate, contact.part_numbers.0).map(|part| &part.geometry) {
+                Some(ContactorShape::Sphere { radius }) => radius + 0.5 * contact.gap,
+                _ => 0.5 * contact.gap,
+            };
+        let [at_a, at_b] = contact_arms(contact, &q_c.x).map(|arm| arm + contact.normal * height_over_contact);
         let from_axis = at_b - q_c.q[b] * drum.offset;
         let distance = (from_axis - axis * axis.dot(&from_axis)).norm() + contact.gap.max(0.0);
         // A drum that turns about its own axis keeps its surface.
@@ -112,8 +114,8 @@ impl AssemblyContext<'_> {
             return 0.0; // tangent planes ahead of the body bound its displacement
         }
         let sagitta = distance - (distance * distance - travel * travel).max(0.0).sqrt();
-        let turned = q_c.w[a].cross(&q_c.w[a].cross(&at_a)).dot(&contact.normal);
-        (sagitta / q_c.h - 0.5 * q_c.h * turned).max(0.0)
+        let centripetal_acceleration = q_c.w[a].cross(&q_c.w[a].cross(&at_a)).dot(&contact.normal);
+        (sagitta / q_c.h - 0.5 * q_c.h * centripetal_acceleration).max(0.0)
     }
 }
 

@@ -35,22 +35,22 @@ pub fn choose_step_multiple(scene: &Scene, state: &State, disturbed: bool) -> u6
     if !adaptive.is_on() || !knows_neighbours {
         return 1;
     }
-    let constant = scene.constant_until(state.time) - state.time;
-    if constant <= 0.0 {
+    let constant_time = scene.constant_until(state.time) - state.time;
+    if constant_time <= 0.0 {
         return 1;
     }
     let dt = scene.options.dt;
-    let before = (state.h / dt).round().max(1.0);
-    let most = (MAX_STEP_GROWTH as f64 * before).min(adaptive.max_multiple as f64);
-    let of_contact = |contact: &SolvedContact| contact_time_limit(scene, state, contact);
-    let contacts = state.contacts.par_iter().with_min_len(1024).map(of_contact).reduce(|| f64::INFINITY, f64::min);
-    let turn = adaptive.travel / fastest_spin(scene, state);
-    let orbit = shortest_orbit(scene, state) / STEPS_PER_ORBIT;
-    let wanted = contacts.min(turn).min(orbit).min(constant) / dt;
-    let wanted = (wanted.min(most) * (1.0 + 1e-12)).floor().max(1.0) as u64;
+    let last_multiple = (state.h / dt).round().max(1.0);
+    let largest = (MAX_STEP_GROWTH as f64 * last_multiple).min(adaptive.max_multiple as f64);
+    let time_limit = |contact: &SolvedContact| contact_time_limit(scene, state, contact);
+    let contact_limit = state.contacts.par_iter().with_min_len(1024).map(time_limit).reduce(|| f64::INFINITY, f64::min);
+    let turn_limit = adaptive.travel / fastest_spin(scene, state);
+    let orbit_limit = shortest_orbit(scene, state) / STEPS_PER_ORBIT;
+    let wanted = contact_limit.min(turn_limit).min(orbit_limit).min(constant_time) / dt;
+    let wanted = (wanted.min(largest) * (1.0 + 1e-12)).floor().max(1.0) as u64;
     // Divides the time to the next stop into equal parts.
-    let left = steps_to_next_stop(scene, state).max(1);
-    left.div_ceil(left.div_ceil(wanted))
+    let remaining = steps_to_next_stop(scene, state).max(1);
+    remaining.div_ceil(remaining.div_ceil(wanted))
 }
 
 /// Longest step that a pair of near bodies allows, s.
@@ -75,7 +75,7 @@ pub fn fastest_spin(scene: &Scene, state: &State) -> f64 {
 
 /// Period of the fastest possible orbit outside of bodies, s: in self-gravity, about primaries, of rotating axes.
 pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
-    let about = |field: FieldModel| match field {
+    let period_in = |field: FieldModel| match field {
         FieldModel::Turning { rate, .. } => TAU / rate.norm(),
         FieldModel::Primary { strength, centre, .. } => {
             let nearest =
@@ -83,8 +83,9 @@ pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
             TAU * (nearest.powi(3) / strength).sqrt()
         }
     };
-    let own = scene.surface_gravity().map_or(f64::INFINITY, |(radius, surface)| TAU * (radius / surface).sqrt());
-    scene.external_fields(state.time).into_iter().map(about).fold(own, f64::min)
+    let surface_period =
+        scene.surface_gravity().map_or(f64::INFINITY, |(radius, surface)| TAU * (radius / surface).sqrt());
+    scene.external_fields(state.time).into_iter().map(period_in).fold(surface_period, f64::min)
 }
 
 /// Units of `dt` up to the next snapshot, event or the end.

@@ -23,6 +23,7 @@ use crate::state::{ContactKey, State, Velocities};
 
 /// Configuration in which contacts are detected and forces evaluated.
 pub struct ContactConfiguration {
+    /// Positions, m.
     pub x: Vec<Vec3>,
     /// Orientations; those of [`Scene::oriented`] bodies are predicted.
     pub q: Vec<Quat>,
@@ -34,8 +35,9 @@ pub struct ContactConfiguration {
     pub mean_velocity: Vec3,
     /// Bodies ordered along Morton's curve.
     pub order: Vec<u32>,
-    /// Length of the step in units of `dt`, and in s.
+    /// Length of the step in units of `dt`.
     pub step_multiple: u64,
+    /// Length of the step, s.
     pub h: f64,
     /// Time for which contacts are predicted, s.
     pub lookahead: f64,
@@ -84,11 +86,11 @@ const MIN_TURNING_PER_TASK: usize = 64;
 /// Contact configuration of a step of `step_multiple` times `dt`, from the velocities at the step's start.
 pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -> ContactConfiguration {
     let h = step_multiple as f64 * scene.options.dt;
-    let before = h * (1.0 - scene.options.theta);
+    let time_before = h * (1.0 - scene.options.theta);
     let x: Vec<Vec3> =
-        state.x.par_iter().zip(&state.v).with_min_len(PAR_MIN_LEN).map(|(x, v)| x + v * before).collect();
+        state.x.par_iter().zip(&state.v).with_min_len(PAR_MIN_LEN).map(|(x, v)| x + v * time_before).collect();
     let predicted = |((q, oriented), w): ((&Quat, &bool), &Vec3)| {
-        if *oriented { rotate_by_vector(q, &(w * before)) } else { *q }
+        if *oriented { rotate_by_vector(q, &(w * time_before)) } else { *q }
     };
     let orientations = state.q.par_iter().zip(&scene.oriented).zip(&state.w);
     let mut q: Vec<Quat> = orientations.with_min_len(PAR_MIN_LEN).map(predicted).collect();
@@ -96,19 +98,19 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
     let (rate, mut momenta) = (scene.frame_angular_velocity(), state.angular_momentum.clone());
     let predicted = |(&i, momentum): (&BodyId, &mut Vec3)| {
         let (i, inertia) = (i.index(), &scene.bodies[i.index()].inertia);
-        let q = turn_in_axes(&state.q[i], momentum, inertia, &rate, before);
+        let q = turn_in_axes(&state.q[i], momentum, inertia, &rate, time_before);
         (q, angular_velocity(&q, inertia, momentum))
     };
-    let carried: Vec<_> =
+    let turned: Vec<_> =
         scene.turning.par_iter().zip(&mut momenta).with_min_len(MIN_TURNING_PER_TASK).map(predicted).collect();
-    for (&i, carried) in scene.turning.iter().zip(carried) {
-        (q[i.index()], w[i.index()]) = carried;
+    for (&i, turned) in scene.turning.iter().zip(turned) {
+        (q[i.index()], w[i.index()]) = turned;
     }
     for &body in &scene.guided {
         let i = body.index();
-        (q[i], w[i]) = turn_guided(&scene.bodies[i], &state.q[i], &state.w[i], before);
+        (q[i], w[i]) = turn_guided(&scene.bodies[i], &state.q[i], &state.w[i], time_before);
     }
-    let ahead = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 * h } else { h };
+    let lookahead = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 * h } else { h };
     let order = morton::morton_order(&x, &state.order);
     let sum: Vec3 = scene.free.iter().map(|&i| state.v[i.index()]).sum();
     let mean_velocity = sum / scene.free.len().max(1) as f64;
@@ -121,7 +123,7 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
         order,
         step_multiple,
         h,
-        lookahead: ahead,
+        lookahead,
         changed: false,
         implicit: false,
         orientation_kept: BTreeSet::new(),
@@ -132,16 +134,16 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
 
 /// Contact configuration of a step of `step_multiple` times `dt` that is taken with θ = 1: the configuration at its start.
 pub fn implicit_configuration(scene: &Scene, state: &State, step_multiple: u64) -> ContactConfiguration {
-    let q_c = predict_configuration(scene, state, step_multiple);
+    let predicted = predict_configuration(scene, state, step_multiple);
     ContactConfiguration {
         x: state.x.clone(),
         q: state.q.clone(),
         w: state.w.clone(),
         angular_momentum: state.angular_momentum.clone(),
         order: morton::morton_order(&state.x, &state.order),
-        lookahead: q_c.lookahead * (2.0 - scene.options.theta),
+        lookahead: predicted.lookahead * (2.0 - scene.options.theta),
         implicit: true,
-        ..q_c
+        ..predicted
     }
 }
 
@@ -169,10 +171,10 @@ fn turn_guided(body: &RigidBody, q: &Quat, w: &Vec3, h: f64) -> (Quat, Vec3) {
 /// impulses.
 pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
     let h = q_c.h;
-    let after = if q_c.implicit { h } else { h * scene.options.theta };
+    let time_after = if q_c.implicit { h } else { h * scene.options.theta };
     let starts = StartsOfDriven::new(scene, state, q_c);
     let energy_before = held_rotational_energy(scene, &q_c.q, &w);
-    let moved = |((x, x_c), v): ((&mut Vec3, &Vec3), &Vec3)| *x = x_c + v * after;
+    let moved = |((x, x_c), v): ((&mut Vec3, &Vec3), &Vec3)| *x = x_c + v * time_after;
     state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(PAR_MIN_LEN).for_each(moved);
     let turned = |(i, (q, oriented)): (usize, (&mut Quat, &bool))| {
         if *oriented {
@@ -187,23 +189,23 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
         let pushed = carried + angular_momentum(&q_c.q[i], inertia, &(w[i] - q_c.w[i]));
         let mut turned = pushed;
         let q = turn_in_axes(&q_c.q[i], &mut turned, inertia, &rate, q_c.turning_time(scene, body));
-        let by_axes = (carried - *momentum) + (turned - pushed);
+        let change_by_axes = (carried - *momentum) + (turned - pushed);
         *momentum = turned;
-        (q, angular_velocity(&q, inertia, &turned), by_axes)
+        (q, angular_velocity(&q, inertia, &turned), change_by_axes)
     };
     let turning = scene.turning.par_iter().zip(&mut state.angular_momentum).zip(&q_c.angular_momentum);
     let turned: Vec<_> = turning.with_min_len(MIN_TURNING_PER_TASK).map(turn).collect();
-    let mut by_axes = Vec3::zeros();
+    let mut change_by_axes = Vec3::zeros();
     for (&i, (q, angular_velocity, term)) in scene.turning.iter().zip(turned) {
         (state.q[i.index()], w[i.index()]) = (q, angular_velocity);
-        by_axes += term;
+        change_by_axes += term;
     }
     if rate != Vec3::zeros() {
-        state.ledger.angular_momentum_expected.iter_mut().zip(&by_axes).for_each(|(sum, term)| *sum += term);
+        state.ledger.angular_momentum_expected.iter_mut().zip(&change_by_axes).for_each(|(sum, term)| *sum += term);
     }
     for &body in &scene.guided {
         let i = body.index();
-        (state.q[i], w[i]) = turn_guided(&scene.bodies[i], &q_c.q[i], &w[i], after);
+        (state.q[i], w[i]) = turn_guided(&scene.bodies[i], &q_c.q[i], &w[i], time_after);
     }
     starts.advance_state(scene, state, q_c, Velocities { v: &v, w: &w });
     // As these turn without impulses, their energy changes by the moments that impose their rotation.
