@@ -63,7 +63,7 @@ pub struct BlockBorders<N, G, T> {
 
 /// Bodies of several blocks with constraints between them.
 pub struct BorderBodies {
-    /// Each block with the end of its bodies.
+    /// Each block, with the end of its bodies in `bodies`.
     blocks: Vec<(u32, usize)>,
     /// Indices of the bodies in their blocks.
     bodies: Vec<u32>,
@@ -92,8 +92,9 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
         let slots = (0..rows).into_par_iter().with_min_len(PAR_MIN_LEN).map(|_| AtomicU64::new(NO_SLOT)).collect();
         let problem = BlockedProblem { blocks, borders, colours, slots, share };
         let groups: Vec<(u64, &G)> = (0..).zip(problem.groups()).collect();
-        groups.into_par_iter().with_max_len(1).for_each(|(group, of_group)| {
-            for (lane, &row) in (0..).zip(of_group.rows().as_flattened()).filter(|(_, row)| **row != NO_INDEX) {
+        groups.into_par_iter().with_max_len(1).for_each(|(group, group_constraints)| {
+            for (lane, &row) in (0..).zip(group_constraints.rows().as_flattened()).filter(|(_, row)| **row != NO_INDEX)
+            {
                 problem.slots[row as usize].store(group << u32::BITS | lane, Ordering::Relaxed);
             }
         });
@@ -132,9 +133,9 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
             first = end;
         }
         if let Some(share) = share {
-            let mut of_blocks: Vec<_> = blocks.iter_mut().map(|block| &mut block.sums).collect();
-            let mut of_borders: Vec<_> = borders.iter_mut().map(|border| &mut border.sums).collect();
-            share.gather_sums(&mut of_blocks, &mut of_borders);
+            let mut block_sums: Vec<_> = blocks.iter_mut().map(|block| &mut block.sums).collect();
+            let mut border_sums: Vec<_> = borders.iter_mut().map(|border| &mut border.sums).collect();
+            share.gather_sums(&mut block_sums, &mut border_sums);
         }
         let mut sums = SweepSums::default();
         blocks.iter().for_each(|block| sums.accumulate(&block.sums));

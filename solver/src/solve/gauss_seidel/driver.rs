@@ -18,20 +18,24 @@ use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
 use crate::solve::types::{ContactReactions, ContactSolution, StoppingCriteria};
 use crate::state::ContactId;
 
-/// Contacts at rest would creep forever with the E of their impulses of the last step, if these were never swept: E is at
-/// most this share of `tol`. Single precision reaches it.
+/// Largest E over `tol` with which a step may keep the impulses of the last one without a sweep: with a larger E,
+/// contacts at rest would creep forever. Single precision reaches it.
 const REST_TOLERANCE_SHARE: f64 = 1e-2;
 
-/// Smallest number of contacts for which sweeps in single precision pay, and smallest residual sought with them: they reach
-/// 1e-5 and less.
+/// Smallest number of contacts for which sweeps in single precision pay.
 const MIN_F32_CONTACTS: usize = 256;
+
+/// Smallest residual that is sought with sweeps in single precision: they reach 1e-5 and less.
 const MIN_F32_RESIDUAL: f64 = 1e-4;
 
 /// Number of sweeps in single precision after which they restart from their result, as rounding accumulates; in double
-/// precision if there was no gain. Where no contact slides, E falls except for rounding: once it is [`F32_DIVERGENCE`] times
-/// the best E, the sweeps return to the best result, in double precision and with a new momentum.
+/// precision if there was no gain.
 const F32_REBASE_SWEEPS: u64 = 500;
+
+/// Ratio of E to the best E at which the sweeps return to the best result, in double precision and with a new momentum:
+/// where no contact slides, E falls except for rounding.
 const F32_DIVERGENCE: f64 = 4.0;
+
 /// Rows per task.
 const ROWS_PER_TASK: usize = 1024;
 /// Largest ratio of masses for which squares of impulses are finite.
@@ -77,6 +81,14 @@ pub fn solve_nlgs(contact_problem: &ContactProblem, criteria: StoppingCriteria, 
     }
 }
 
+/// Point of the iteration at which the problem was packed.
+struct PackingPoint {
+    /// Number of sweeps until then.
+    sweeps: u64,
+    /// Smallest residual until then.
+    residual: f64,
+}
+
 /// Sweeps the rows `active`, in single precision as long as that gains, and increments `sweeps`. Returns the residual and the
 /// motions that result from the impulses.
 fn iterate_sweeps(
@@ -101,9 +113,9 @@ fn iterate_sweeps(
     if solved || *sweeps >= max_sweeps {
         return best;
     }
-    let end_of =
+    let sweep_limit =
         |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + MOMENTUM_CYCLE) } else { max_sweeps };
-    let mut end = end_of(best.0.value, *sweeps);
+    let mut end = sweep_limit(best.0.value, *sweeps);
     let pack = |reactions: &ContactReactions, motions: &[BodyMotion], single| {
         let solver_bodies = &evaluator.solver_bodies(motions);
         pack_problem(
@@ -112,12 +124,11 @@ fn iterate_sweeps(
         )
     };
     let mut problem = pack(reactions, &best.1, single);
-    // Number of sweeps and smallest residual when the problem was packed.
-    let mut packed_at = (*sweeps, best.0.value);
+    let mut packing = PackingPoint { sweeps: *sweeps, residual: best.0.value };
     let has_moments = !contact_problem.rolling_constraints.is_empty();
     let frictional = contact_problem.has_friction(active);
     let mut momentum = SweepMomentum::new(frictional);
-    let mut capped = false;
+    let mut is_capped = false;
     let impulses = reactions.impulses.par_iter().with_min_len(PAR_MIN_LEN).copied().collect();
     let mut trial = ContactReactions { impulses, moments: reactions.moments.clone() };
     // Computing the residual costs several sweeps. The change made by a sweep falls as the residual does and shows when to
@@ -148,26 +159,26 @@ fn iterate_sweeps(
             let residual = found.0;
             momentum.sliding =
                 frictional && (has_moments || any_contact_slides(contact_problem, active, &trial.impulses));
-            capped |= momentum.sliding || frictional && residual.value >= best.0.value;
-            momentum.frictional = capped;
+            is_capped |= momentum.sliding || frictional && residual.value >= best.0.value;
+            momentum.frictional = is_capped;
             scale = Some(swept.change / residual.value);
             sweeps_since_check = 0;
             let diverges = !momentum.sliding && residual.value > F32_DIVERGENCE * best.0.value;
-            if single && (diverges || *sweeps >= packed_at.0 + F32_REBASE_SWEEPS) {
-                let least = residual.value.min(best.0.value);
-                single = !diverges && least < packed_at.1;
-                let (from, at) = if diverges { (&*reactions, &best.1) } else { (&trial, &found.1) };
-                problem = pack(from, at, single);
-                packed_at = (*sweeps, least);
+            if single && (diverges || *sweeps >= packing.sweeps + F32_REBASE_SWEEPS) {
+                let smallest = residual.value.min(best.0.value);
+                single = !diverges && smallest < packing.residual;
+                let (from, motions_at) = if diverges { (&*reactions, &best.1) } else { (&trial, &found.1) };
+                problem = pack(from, motions_at, single);
+                packing = PackingPoint { sweeps: *sweeps, residual: smallest };
                 if !single && !momentum.sliding {
-                    (momentum, capped) = (SweepMomentum::new(frictional), false);
+                    (momentum, is_capped) = (SweepMomentum::new(frictional), false);
                 }
             }
             if residual.value < best.0.value {
                 best = found;
                 std::mem::swap(reactions, &mut trial);
             }
-            end = end.min(end_of(residual.value, *sweeps));
+            end = end.min(sweep_limit(residual.value, *sweeps));
             if is_enough(residual.value, *sweeps) || *sweeps >= end {
                 return best;
             }
@@ -183,10 +194,10 @@ fn sweeps_in_f32(contact_problem: &ContactProblem, active: &[ContactId], criteri
         SweepPrecision::Double => false,
     };
     is_requested && contact_problem.rolling_constraints.is_empty() && {
-        let range = |&k: &ContactId| [contact_problem.delassus_diagonal(k.index()).0; 2];
-        let ranges = active.par_iter().with_min_len(PAR_MIN_LEN).map(range);
-        let [least, most] = ranges.reduce(|| [f64::INFINITY, 0.0], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-        most <= least * MAX_MASS_RATIO
+        let w_n_range = |&k: &ContactId| [contact_problem.delassus_diagonal(k.index()).0; 2];
+        let ranges = active.par_iter().with_min_len(PAR_MIN_LEN).map(w_n_range);
+        let [smallest, largest] = ranges.reduce(|| [f64::INFINITY, 0.0], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        largest <= smallest * MAX_MASS_RATIO
     }
 }
 
@@ -210,13 +221,13 @@ pub fn closing_inactive_rows(
         let row = &contact_problem.rows[k.index()];
         row.acts && contact_problem.shifted_normal_velocity(k.index(), solver_bodies) < 0.0
     };
-    let of_some = |(task, rows): (usize, &[ContactConstraint])| {
+    let closing_rows_of = |(task, rows): (usize, &[ContactConstraint])| {
         let first = task * ROWS_PER_TASK;
         let mut inside = active[active.partition_point(|k| k.index() < first)..].iter().peekable();
         let all = (first..first + rows.len()).map(ContactId::new);
         all.filter(move |k| inside.next_if_eq(&k).is_none() && closes(k))
     };
-    contact_problem.rows.par_chunks(ROWS_PER_TASK).enumerate().flat_map_iter(of_some).collect()
+    contact_problem.rows.par_chunks(ROWS_PER_TASK).enumerate().flat_map_iter(closing_rows_of).collect()
 }
 
 #[cfg(test)]

@@ -30,14 +30,16 @@ pub(super) struct SweepMomentum {
     pub(super) frictional: bool,
     /// Whether any contact slides. Without sliding the sweeps do not cycle, however slow they are.
     pub(super) sliding: bool,
-    /// Index of the sweep in the round, and in the present part of the round.
+    /// Index of the sweep in the round.
     position: u64,
+    /// Index of the sweep in the present part of the round.
     part_position: u64,
     /// Begin and end of this window in its part of the round.
     window: [u64; 2],
-    /// Sum of the changes in this window, and their mean in the one before it under the same cap.
-    changes: f64,
-    before: Option<f64>,
+    /// Sum of the changes in this window, N s.
+    window_change: f64,
+    /// Mean change in the window before it under the same cap, N s.
+    previous_mean: Option<f64>,
 }
 
 impl SweepMomentum {
@@ -51,8 +53,8 @@ impl SweepMomentum {
             position: 0,
             part_position: 0,
             window,
-            changes: 0.0,
-            before: None,
+            window_change: 0.0,
+            previous_mean: None,
         }
     }
 
@@ -68,16 +70,17 @@ impl SweepMomentum {
         let (end, _) = self.cycle_part();
         self.position += 1;
         self.part_position += 1;
-        self.changes += change;
-        let [from, to] = self.window;
-        if self.part_position == to {
-            let mean = std::mem::take(&mut self.changes) / (to - from) as f64;
-            let cycles = self.sliding && self.before.is_some_and(|before| mean >= before);
+        self.window_change += change;
+        let [start, window_end] = self.window;
+        if self.part_position == window_end {
+            let mean = std::mem::take(&mut self.window_change) / (window_end - start) as f64;
+            let cycles = self.sliding && self.previous_mean.is_some_and(|previous_mean| mean >= previous_mean);
             self.position = if cycles { end } else { self.position };
-            (self.window, self.before) = ([to, to + STAGNATION_WINDOW.max(to / 2)], Some(mean));
+            (self.window, self.previous_mean) =
+                ([window_end, window_end + STAGNATION_WINDOW.max(window_end / 2)], Some(mean));
         }
         if self.position == end {
-            (self.position, self.part_position, self.window, self.changes, self.before) =
+            (self.position, self.part_position, self.window, self.window_change, self.previous_mean) =
                 (end % MOMENTUM_CYCLE, 0, [0, STAGNATION_WINDOW], 0.0, None);
         }
     }

@@ -193,17 +193,17 @@ impl LaneOperation for SnapToCones<'_> {
     fn call<L: F64Arithmetic>(self, l: L) {
         let SnapToCones { cones, r } = self;
         for from in (0..BATCH_LANES).step_by(L::WIDTH) {
-            let (n, whole) = (load_vector(l, from, &cones.n), load_vector(l, from, r));
-            let normal = dot_product(l, n, whole);
-            let tangential = triple!(k => l.sub(whole[k], l.mul(n[k], normal)));
-            let size = l.sqrt(dot_product(l, tangential, tangential));
+            let (n, impulse) = (load_vector(l, from, &cones.n), load_vector(l, from, r));
+            let normal = dot_product(l, n, impulse);
+            let tangential = triple!(k => l.sub(impulse[k], l.mul(n[k], normal)));
+            let tangential_length = l.sqrt(dot_product(l, tangential, tangential));
             let bound = l.mul(load_column(l, from, &cones.friction), normal);
-            let least = l.sub(bound, l.mul(l.splat(F32_ROUNDING), l.abs(normal)));
-            let (zero, share) = (l.splat(0.0), l.div(bound, size));
+            let lower_bound = l.sub(bound, l.mul(l.splat(F32_ROUNDING), l.abs(normal)));
+            let (zero, share) = (l.splat(0.0), l.div(bound, tangential_length));
             for k in 0..3 {
-                let on_side = l.add(l.mul(n[k], normal), l.mul(tangential[k], share));
-                let slides = l.select_greater(size, zero, on_side, whole[k]);
-                l.store(&mut r[k][from..], l.select_greater(size, least, slides, whole[k]));
+                let on_cone = l.add(l.mul(n[k], normal), l.mul(tangential[k], share));
+                let slides = l.select_greater(tangential_length, zero, on_cone, impulse[k]);
+                l.store(&mut r[k][from..], l.select_greater(tangential_length, lower_bound, slides, impulse[k]));
             }
         }
     }

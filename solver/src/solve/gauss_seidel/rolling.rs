@@ -66,8 +66,8 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
 
     /// Solves the moments of the `WIDTH` contacts from lane `from` on, each from y = m + beta (m - m_before); returns their changes.
     ///
-    /// `n`: normals, `pressing`: r̂_n, N s, `w`: angular velocity of the candidate relative to the antagonist with y applied,
-    /// rad/s.
+    /// `n`: normals, `normal_impulse`: r̂_n, N s, `w`: angular velocity of the candidate relative to the antagonist
+    /// with y applied, rad/s.
     #[inline(always)]
     pub fn solve_moments<L: Arithmetic<T = T>>(
         &mut self,
@@ -75,16 +75,16 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
         from: usize,
         beta: L::V,
         n: LaneVector<L::V>,
-        pressing: L::V,
+        normal_impulse: L::V,
         w: LaneVector<L::V>,
     ) -> LaneVector<L::V> {
-        let (m, before) = (load_vector(l, from, &self.m), load_vector(l, from, &self.previous));
+        let (m, previous) = (load_vector(l, from, &self.m), load_vector(l, from, &self.previous));
         let shift = load_vector(l, from, &self.shift);
-        let y = triple!(k => l.mul_add(beta, l.sub(m[k], before[k]), m[k]));
+        let y = triple!(k => l.mul_add(beta, l.sub(m[k], previous[k]), m[k]));
         let inverse_w = load_column(l, from, &self.inverse_w);
         let stopping = triple!(k => l.neg_mul_add(l.add(w[k], shift[k]), inverse_w, y[k]));
-        let rolling = l.mul(load_column(l, from, &self.rolling), pressing);
-        let spinning = l.mul(load_column(l, from, &self.spinning), pressing);
+        let rolling = l.mul(load_column(l, from, &self.rolling), normal_impulse);
+        let spinning = l.mul(load_column(l, from, &self.spinning), normal_impulse);
         let new = clamp_moment(l, n, stopping, rolling, spinning);
         for k in 0..3 {
             store_column(l, from, &mut self.previous[k], m[k]);
@@ -103,9 +103,9 @@ fn clamp_moment<L: Arithmetic>(
     rolling: L::V,
     spinning: L::V,
 ) -> LaneVector<L::V> {
-    let along = dot_product(l, n, m);
-    let across = project_to_ball(l, triple!(k => l.neg_mul_add(n[k], along, m[k])), rolling);
-    let least = l.sub(l.splat(0.0), spinning);
-    let along = l.min(l.select_greater(along, least, along, least), spinning);
-    triple!(k => l.mul_add(n[k], along, across[k]))
+    let normal_part = dot_product(l, n, m);
+    let tangential_part = project_to_ball(l, triple!(k => l.neg_mul_add(n[k], normal_part, m[k])), rolling);
+    let lowest = l.sub(l.splat(0.0), spinning);
+    let normal_part = l.min(l.select_greater(normal_part, lowest, normal_part, lowest), spinning);
+    triple!(k => l.mul_add(n[k], normal_part, tangential_part[k]))
 }

@@ -85,20 +85,20 @@ impl SweepShare {
     ) -> Self {
         let blocks = cut_by_work(&block_work(partition, tasks, work), communicator.size());
         let division = BorderDivision::new(partition, tasks, &blocks);
-        let own = communicator.rank() as u32;
-        let of_colour = |borders: Range<usize>| {
+        let own_rank = communicator.rank() as u32;
+        let messages_of = |borders: Range<usize>| {
             let mut messages = ColourMessages::default();
             for SentBody { body, owner, receiver } in division.sent_bodies(borders) {
                 let line = partition.position(body);
-                if receiver == own {
+                if receiver == own_rank {
                     add_line(&mut messages.incoming, owner, line);
-                } else if owner == own {
+                } else if owner == own_rank {
                     add_line(&mut messages.outgoing, receiver, line);
                 }
             }
             messages
         };
-        let colours = tasks.colour_ranges().map(of_colour).collect();
+        let colours = tasks.colour_ranges().map(messages_of).collect();
         SweepShare { communicator, participants: division.participants, blocks, colours }
     }
 
@@ -127,13 +127,13 @@ impl SweepShare {
             };
             (*sent, *received) = (outgoing.iter().map(buffer).collect(), incoming.iter().map(buffer).collect());
         }
-        let changing = NUMBERS_IN_QUARTET * size_of::<T>();
-        let kept = CHANGING_NUMBERS * size_of::<T>();
+        let quartet_bytes = NUMBERS_IN_QUARTET * size_of::<T>();
+        let changing_bytes = CHANGING_NUMBERS * size_of::<T>();
         for (message, buffer) in outgoing.iter().zip(&mut *sent) {
             for (&(block, index), to) in message.lines.iter().zip(buffer.bytes.chunks_exact_mut(line_bytes)) {
                 let line = bytemuck::bytes_of(&blocks[block as usize].as_mut()[index as usize]);
-                for (from, to) in line.chunks_exact(changing).zip(to.chunks_exact_mut(kept)) {
-                    to.copy_from_slice(&from[..kept]);
+                for (from, to) in line.chunks_exact(quartet_bytes).zip(to.chunks_exact_mut(changing_bytes)) {
+                    to.copy_from_slice(&from[..changing_bytes]);
                 }
             }
         }
@@ -141,8 +141,8 @@ impl SweepShare {
         for (message, buffer) in incoming.iter().zip(&*received) {
             for (&(block, index), from) in message.lines.iter().zip(buffer.bytes.chunks_exact(line_bytes)) {
                 let line = bytemuck::bytes_of_mut(&mut blocks[block as usize].as_mut()[index as usize]);
-                for (from, to) in from.chunks_exact(kept).zip(line.chunks_exact_mut(changing)) {
-                    to[..kept].copy_from_slice(from);
+                for (from, to) in from.chunks_exact(changing_bytes).zip(line.chunks_exact_mut(quartet_bytes)) {
+                    to[..changing_bytes].copy_from_slice(from);
                 }
             }
         }
@@ -152,34 +152,34 @@ impl SweepShare {
     /// `blocks` and `borders`: sums of all tasks, of which those of this rank are set.
     pub fn gather_sums<T: LaneFloat>(&self, blocks: &mut [&mut SweepSums<T>], borders: &mut [&mut SweepSums<T>]) {
         count_divided_sweep();
-        let own = self.communicator.rank();
+        let own_rank = self.communicator.rank();
         let mut bytes = Vec::new();
         let mut add = |sums: &SweepSums<T>| {
             bytes.extend_from_slice(as_bytes(&sums.restart_product));
             bytes.extend_from_slice(as_bytes(&sums.change2));
         };
-        blocks[self.blocks[own].clone()].iter().for_each(|sums| add(sums));
-        self.reported_borders(own).for_each(|border| add(borders[border]));
+        blocks[self.blocks[own_rank].clone()].iter().for_each(|sums| add(sums));
+        self.reported_borders(own_rank).for_each(|border| add(borders[border]));
         bytes.push(u8::from(activity::is_stop_requested()));
         let task_bytes = 2 * BATCH_LANES * size_of::<T>();
         let tasks = |rank: usize| self.blocks[rank].len() + self.reported_borders(rank).count();
         let lengths: Vec<usize> = (0..self.communicator.size()).map(|rank| tasks(rank) * task_bytes + 1).collect();
         let all = all_gather_counted(self.communicator, &bytes, &lengths);
-        let mut rest = &all[..];
+        let mut unread = &all[..];
         for rank in 0..self.communicator.size() {
             let mut next = |sums: &mut SweepSums<T>| {
-                let (first, later) = rest.split_at(task_bytes);
+                let (first, later) = unread.split_at(task_bytes);
                 let numbers: Vec<T> = from_bytes(first);
                 sums.restart_product.copy_from_slice(&numbers[..BATCH_LANES]);
                 sums.change2.copy_from_slice(&numbers[BATCH_LANES..]);
-                rest = later;
+                unread = later;
             };
             blocks[self.blocks[rank].clone()].iter_mut().for_each(|sums| next(sums));
             self.reported_borders(rank).for_each(|border| next(borders[border]));
-            if rest[0] != 0 {
+            if unread[0] != 0 {
                 activity::agree_to_stop();
             }
-            rest = &rest[1..];
+            unread = &unread[1..];
         }
     }
 
@@ -199,9 +199,9 @@ impl SweepShare {
         let indices: Vec<u32> = own.iter().map(|(index, _)| *index).collect();
         let vectors: Vec<[f64; 3]> = own.iter().map(|(_, vector)| *vector).collect();
         let all = ranks::all_gather_unsized(self.communicator, &[as_bytes(&indices), as_bytes(&vectors)].concat());
-        for of_rank in all {
+        for bytes in all {
             // Indices take 4 of the 28 bytes of an item.
-            let (indices, vectors) = of_rank.split_at(of_rank.len() / 7);
+            let (indices, vectors) = bytes.split_at(bytes.len() / 7);
             let vectors: Vec<[f64; 3]> = from_bytes(vectors);
             from_bytes::<u32>(indices).into_iter().zip(vectors).for_each(|(index, vector)| set(index as usize, vector));
         }
@@ -218,15 +218,15 @@ fn add_line(messages: &mut Vec<LineMessage>, rank: u32, line: (u32, u32)) {
 
 /// Relative cost of a sweep by block, in halves: a constraint between two blocks counts half in each.
 pub fn block_work(partition: &BodyPartition, tasks: &SweepTasks, work: impl Fn(u32) -> u64) -> Vec<u64> {
-    let of_block = |constraints: &Vec<u32>| 2 * constraints.iter().map(|&k| work(k)).sum::<u64>();
-    let mut all: Vec<u64> = tasks.inside.iter().map(of_block).collect();
+    let inside_work = |constraints: &Vec<u32>| 2 * constraints.iter().map(|&k| work(k)).sum::<u64>();
+    let mut block_work: Vec<u64> = tasks.inside.iter().map(inside_work).collect();
     for task in &tasks.borders {
-        let of_task: u64 = task.constraints.iter().map(|&k| work(k)).sum();
+        let task_work: u64 = task.constraints.iter().map(|&k| work(k)).sum();
         // Bodies of a border task have about the same number of constraints in it.
-        let of_body = 2 * of_task / task.curve_indices.len().max(1) as u64;
-        task.curve_indices.iter().for_each(|&body| all[partition.position(body).0 as usize] += of_body);
+        let work_per_body = 2 * task_work / task.curve_indices.len().max(1) as u64;
+        task.curve_indices.iter().for_each(|&body| block_work[partition.position(body).0 as usize] += work_per_body);
     }
-    all
+    block_work
 }
 
 /// Cuts a list into at most `parts` runs whose largest sum of `work` is as small as possible; runs at the end may be empty.
@@ -239,12 +239,12 @@ pub fn block_work(partition: &BodyPartition, tasks: &SweepTasks, work: impl Fn(u
 pub fn cut_by_work(work: &[u64], parts: usize) -> Vec<Range<usize>> {
     let runs = |capacity: u64| {
         let (mut runs, mut first, mut sum) = (Vec::new(), 0, 0u64);
-        for (k, &of_item) in work.iter().enumerate() {
-            if k > first && sum + of_item > capacity {
+        for (k, &item_work) in work.iter().enumerate() {
+            if k > first && sum + item_work > capacity {
                 runs.push(first..k);
                 (first, sum) = (k, 0);
             }
-            sum += of_item;
+            sum += item_work;
         }
         runs.push(first..work.len());
         runs
@@ -252,7 +252,7 @@ pub fn cut_by_work(work: &[u64], parts: usize) -> Vec<Range<usize>> {
     let (mut too_small, mut enough) = (0, work.iter().sum::<u64>());
     while too_small + 1 < enough {
         let middle = too_small + (enough - too_small) / 2;
-        let fits = runs(middle).len() <= parts && work.iter().all(|&of_item| of_item <= middle);
+        let fits = runs(middle).len() <= parts && work.iter().all(|&item_work| item_work <= middle);
         if fits {
             enough = middle;
         } else {

@@ -32,7 +32,7 @@ const MAX_PAIR_CONTACTS: usize = 4;
 /// Smallest number of points (of sixteen pairs) that a task packs.
 const MIN_POINTS_PER_TASK: usize = 32;
 
-/// Numbers of a body.
+/// Numbers of a body, two quartets; see [`BlockProblem`] for the two lines that a body has.
 pub type BodyNumbers<T> = [T; 8];
 
 /// Numbers of the pairs of a batch.
@@ -48,7 +48,7 @@ pub struct BodyPairBatch {
     /// Whether impulses move some of its bodies along only some of the fixed axes.
     pub has_locked_axes: bool,
     /// Whether the friction of some of its contacts has a lever.
-    pub levers: bool,
+    pub has_levers: bool,
 }
 
 /// Friction levers n×d of the contacts of a point along its two tangents, m.
@@ -95,10 +95,10 @@ impl BlockSource<'_> {
         let BlockSource { start: PackSource { solver_bodies, .. }, block_data, units } = self;
         let &SolverBody { v, inverse_mass, w, .. } = &solver_bodies[body.index()];
         let (v, w) = if T::IS_SINGLE { (Vec3::zeros(), Vec3::zeros()) } else { (v, w) };
-        let (pushed, mass) = (block_data.free_axes(body.index()), units.mass_unit());
-        let line = [v.x, v.y, v.z, inverse_mass * mass, w.x, w.y, w.z, pushed.x];
-        let m = block_data.inverse_inertia[body.index()] * mass;
-        let inertia = [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], pushed.y, pushed.z];
+        let (free_axes, mass_unit) = (block_data.free_axes(body.index()), units.mass_unit());
+        let line = [v.x, v.y, v.z, inverse_mass * mass_unit, w.x, w.y, w.z, free_axes.x];
+        let m = block_data.inverse_inertia[body.index()] * mass_unit;
+        let inertia = [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], free_axes.y, free_axes.z];
         (line.map(T::from_f64), inertia.map(T::from_f64))
     }
 
@@ -122,7 +122,7 @@ pub struct FrictionalPoint<T> {
     pub arms: [[BatchColumn<T>; 3]; 2],
     /// û = u + shift, along the axes, m/s.
     pub shift: [BatchColumn<T>; 3],
-    /// Numbers of [`LocalBlock`](crate::solve::gauss_seidel::block::local::LocalBlock).
+    /// Numbers of [`LocalBlock`](crate::solve::gauss_seidel::block::local::LocalBlock), as the four after it.
     pub inverse_nn: BatchColumn<T>,
     pub c: [BatchColumn<T>; 2],
     pub s: [BatchColumn<T>; 2],
@@ -278,9 +278,9 @@ pub fn division_counts(
     partition: &BodyPartition,
     ranks: usize,
 ) -> DivisionCounts {
-    let (pairs, bodies) = group_into_pairs(problem, active, partition);
+    let (pairs, pair_bodies) = group_into_pairs(problem, active, partition);
     let work = |pair: u32| pairs[pair as usize].rows.len() as u64;
-    DivisionCounts::new(partition, &partition.sweep_tasks(&bodies), work, ranks)
+    DivisionCounts::new(partition, &partition.sweep_tasks(&pair_bodies), work, ranks)
 }
 
 /// Groups consecutive rows of the same two bodies, at most [`MAX_PAIR_CONTACTS`] in a group, and returns the curve
@@ -292,7 +292,7 @@ fn group_into_pairs<'a>(
 ) -> (Vec<PairConstraints<'a>>, Vec<[u32; 2]>) {
     let bodies = |k: &ContactId| problem.rows[k.index()].bodies;
     let are_same = |a: &ContactId, b: &ContactId| bodies(a) == bodies(b);
-    let of_task = |task: Range<usize>| {
+    let pairs_of_task = |task: Range<usize>| {
         let mut first = task.start;
         active[task].chunk_by(are_same).flat_map(move |rows| {
             let curve_indices = partition.pairs[first];
@@ -301,7 +301,7 @@ fn group_into_pairs<'a>(
             rows.chunks(MAX_PAIR_CONTACTS).map(move |rows| (PairConstraints { bodies, rows }, curve_indices))
         })
     };
-    run_ranges(active, PAR_MIN_LEN, are_same).into_par_iter().flat_map_iter(of_task).unzip()
+    run_ranges(active, PAR_MIN_LEN, are_same).into_par_iter().flat_map_iter(pairs_of_task).unzip()
 }
 
 impl<C: PairContacts> PairBatches<C> {
@@ -342,17 +342,17 @@ impl<C: PairContacts> PairBatches<C> {
         let first = self.rows.len();
         let mut bodies = members.iter().flat_map(|(pair, _)| pair.bodies);
         let has_locked_axes = bodies.any(|body| block_data.has_locked_axes(body.index()));
-        let most = members.iter().map(|(pair, _)| pair.rows.len()).max().unwrap_or(0);
-        self.rows.resize(first + most, [NO_INDEX; BATCH_LANES]);
+        let most_contacts = members.iter().map(|(pair, _)| pair.rows.len()).max().unwrap_or(0);
+        self.rows.resize(first + most_contacts, [NO_INDEX; BATCH_LANES]);
         let has_lever = |row: &ContactId| {
             block_data.friction_offsets.get(row.index()).is_some_and(|offset| *offset != Vec3::zeros())
         };
-        let levers = members.iter().any(|(pair, _)| pair.rows.iter().any(has_lever));
+        let has_levers = members.iter().any(|(pair, _)| pair.rows.iter().any(has_lever));
         let mut batch = BodyPairBatch {
             bodies: [[unused; BATCH_LANES]; 2],
-            points: [first, first + most],
+            points: [first, first + most_contacts],
             has_locked_axes,
-            levers,
+            has_levers,
         };
         for (lane, (pair, lines)) in members.iter().enumerate() {
             for (bodies, line) in batch.bodies.iter_mut().zip(lines) {
@@ -370,7 +370,7 @@ impl<C: PairContacts> PairBatches<C> {
         let count = self.rows.len();
         let points = self.rows.par_iter().with_min_len(MIN_POINTS_PER_TASK).map(|rows| C::pack_rows(from, rows));
         points.unzip_into_vecs(&mut self.points, &mut self.impulses);
-        if self.batches.iter().any(|batch| batch.levers) {
+        if self.batches.iter().any(|batch| batch.has_levers) {
             let points = self.points.par_iter().zip(&self.rows).with_min_len(MIN_POINTS_PER_TASK);
             self.levers = points.map(|(point, rows)| point.friction_levers(from, rows)).collect();
         }
@@ -390,9 +390,9 @@ impl<T: LaneFloat> PairContacts for FrictionalPoint<T> {
     type Impulses = FrictionalImpulses<T>;
 
     fn pack_rows(from: &BlockSource, rows: &LaneRows) -> (Self, FrictionalImpulses<T>) {
-        let seen = &RowColumns::new::<T>(from, rows);
+        let columns = &RowColumns::new::<T>(from, rows);
         let units = from.units;
-        from.start.width.run(PackRows { seen, units, number: PhantomData })
+        from.start.width.run(PackRows { columns, units, number: PhantomData })
     }
 
     fn friction_levers(&self, from: &BlockSource, rows: &LaneRows) -> LeverColumns<T> {
@@ -452,31 +452,31 @@ impl RowColumns {
         let normal = [zero, zero, one];
         let levers = (!from.block_data.friction_offsets.is_empty()).then_some([zero; 3]);
         let (u, r) = ([zero; 3], [zero; 3]);
-        let mut seen = RowColumns { normal, sides: [side; 2], u, r, inverse_nn: zero, friction: zero, levers };
+        let mut columns = RowColumns { normal, sides: [side; 2], u, r, inverse_nn: zero, friction: zero, levers };
         let PackSource { problem, reactions, .. } = from.start;
         for (lane, k) in occupied_lanes(rows) {
             let row = &problem.rows[k];
-            set_lane(&mut seen.normal, lane, &row.normal);
-            if let Some(levers) = &mut seen.levers {
+            set_lane(&mut columns.normal, lane, &row.normal);
+            if let Some(levers) = &mut columns.levers {
                 set_lane(levers, lane, &from.block_data.friction_lever(k, &row.normal));
             }
-            set_lane(&mut seen.u, lane, &from.starting_velocity::<T>(k));
-            set_lane(&mut seen.r, lane, &reactions.impulses[k]);
-            for (side, to) in seen.sides.iter_mut().enumerate() {
+            set_lane(&mut columns.u, lane, &from.starting_velocity::<T>(k));
+            set_lane(&mut columns.r, lane, &reactions.impulses[k]);
+            for (side, to) in columns.sides.iter_mut().enumerate() {
                 let BodySide { arm, inverse_mass, inverse_inertia } =
                     BodySide::from_row(problem, from.block_data, k, side);
                 (0..3).for_each(|k| (to.arm[k][lane], to.inverse_mass[k][lane]) = (arm[k], inverse_mass[k]));
                 (0..6).for_each(|k| to.inverse_inertia[k][lane] = inverse_inertia[k]);
             }
-            (seen.inverse_nn[lane], seen.friction[lane]) = (1.0 / problem.delassus_diagonal(k).0, row.friction);
+            (columns.inverse_nn[lane], columns.friction[lane]) = (1.0 / problem.delassus_diagonal(k).0, row.friction);
         }
-        seen
+        columns
     }
 }
 
 /// Packs a batch on the axes of its contacts' own blocks.
 struct PackRows<'a, T> {
-    seen: &'a RowColumns,
+    columns: &'a RowColumns,
     units: SweepUnits,
     number: PhantomData<T>,
 }
@@ -486,20 +486,20 @@ impl<T: LaneFloat> LaneOperation for PackRows<'_, T> {
 
     #[inline(always)]
     fn call<L: F64Arithmetic>(self, l: L) -> Self::Output {
-        let PackRows { seen, units, .. } = self;
+        let PackRows { columns, units, .. } = self;
         let (mut point, mut impulses) = (FrictionalPoint::zero(), FrictionalImpulses::default());
         let (mass, one) = (l.splat(units.mass_unit()), l.splat(1.0));
         for from in (0..BATCH_LANES).step_by(L::WIDTH) {
-            let normal = load_vector(l, from, &seen.normal);
-            let sides = [load_side(l, &seen.sides[0], from), load_side(l, &seen.sides[1], from)];
+            let normal = load_vector(l, from, &columns.normal);
+            let sides = [load_side(l, &columns.sides[0], from), load_side(l, &columns.sides[1], from)];
             let mut w = delassus_block(l, sides);
-            if let Some(levers) = &seen.levers {
-                let of_lever = lever_block(l, &sides, normal, load_vector(l, from, levers));
-                (0..6).for_each(|k| w[k] = l.add(w[k], of_lever[k]));
+            if let Some(levers) = &columns.levers {
+                let lever_part = lever_block(l, &sides, normal, load_vector(l, from, levers));
+                (0..6).for_each(|k| w[k] = l.add(w[k], lever_part[k]));
             }
             let BlockAxes { axes, c, s } = block_axes(l, w, normal);
-            let u = triple!(k => l.div(load_column(l, from, &seen.u[k]), l.splat(units.velocity)));
-            let r = triple!(k => l.div(load_column(l, from, &seen.r[k]), l.splat(units.impulse)));
+            let u = triple!(k => l.div(load_column(l, from, &columns.u[k]), l.splat(units.velocity)));
+            let r = triple!(k => l.div(load_column(l, from, &columns.r[k]), l.splat(units.impulse)));
             for (k, axis) in axes.into_iter().enumerate() {
                 for (to, component) in point.axes[k].iter_mut().zip(axis) {
                     store_lanes(l, &mut to[from..], component);
@@ -516,8 +516,8 @@ impl<T: LaneFloat> LaneOperation for PackRows<'_, T> {
                 store_lanes(l, &mut point.s[side][from..], s);
                 store_lanes(l, &mut point.inverse_s[side][from..], l.div(one, s));
             }
-            store_lanes(l, &mut point.inverse_nn[from..], l.div(load_column(l, from, &seen.inverse_nn), mass));
-            store_lanes(l, &mut point.friction[from..], load_column(l, from, &seen.friction));
+            store_lanes(l, &mut point.inverse_nn[from..], l.div(load_column(l, from, &columns.inverse_nn), mass));
+            store_lanes(l, &mut point.friction[from..], load_column(l, from, &columns.friction));
             let trace = l.add(w[0], l.add(w[3], w[5]));
             store_lanes(l, &mut point.weight[from..], l.mul(l.mul(trace, l.splat(1.0 / 3.0)), mass));
         }

@@ -70,24 +70,24 @@ pub fn delassus_block<L: Arithmetic>(l: L, [a, b]: [BodySide<L::V>; 2]) -> Symme
 fn side_block<L: Arithmetic>(l: L, side: BodySide<L::V>) -> Symmetric<L::V> {
     let BodySide { arm: [x, y, z], inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
     // Columns of J^-1 A that are needed.
-    let of_x = [difference_of_products(l, [yy, z], [yz, y]), difference_of_products(l, [yz, z], [zz, y])];
-    let of_y = [
+    let column_x = [difference_of_products(l, [yy, z], [yz, y]), difference_of_products(l, [yz, z], [zz, y])];
+    let column_y = [
         difference_of_products(l, [xz, x], [xx, z]),
         difference_of_products(l, [yz, x], [xy, z]),
         difference_of_products(l, [zz, x], [xz, z]),
     ];
-    let of_z = [
+    let column_z = [
         difference_of_products(l, [xx, y], [xy, x]),
         difference_of_products(l, [xy, y], [yy, x]),
         difference_of_products(l, [xz, y], [yz, x]),
     ];
     [
-        l.add(inverse_mass[0], difference_of_products(l, [z, of_x[0]], [y, of_x[1]])),
-        difference_of_products(l, [z, of_y[1]], [y, of_y[2]]),
-        difference_of_products(l, [z, of_z[1]], [y, of_z[2]]),
-        l.add(inverse_mass[1], difference_of_products(l, [x, of_y[2]], [z, of_y[0]])),
-        difference_of_products(l, [x, of_z[2]], [z, of_z[0]]),
-        l.add(inverse_mass[2], difference_of_products(l, [y, of_z[0]], [x, of_z[1]])),
+        l.add(inverse_mass[0], difference_of_products(l, [z, column_x[0]], [y, column_x[1]])),
+        difference_of_products(l, [z, column_y[1]], [y, column_y[2]]),
+        difference_of_products(l, [z, column_z[1]], [y, column_z[2]]),
+        l.add(inverse_mass[1], difference_of_products(l, [x, column_y[2]], [z, column_y[0]])),
+        difference_of_products(l, [x, column_z[2]], [z, column_z[0]]),
+        l.add(inverse_mass[2], difference_of_products(l, [y, column_z[0]], [x, column_z[1]])),
     ]
 }
 
@@ -97,13 +97,13 @@ fn side_block<L: Arithmetic>(l: L, side: BodySide<L::V>) -> Symmetric<L::V> {
 pub fn lever_block<L: Arithmetic>(l: L, sides: &[BodySide<L::V>; 2], n: [L::V; 3], e: [L::V; 3]) -> Symmetric<L::V> {
     let zero = l.splat(0.0);
     let mut z = [zero; 3];
-    let mut about = zero;
+    let mut normal_response = zero;
     for side in sides {
         let j = symmetric_product(l, side.inverse_inertia, n);
         z = cross_add(l, j, side.arm, z);
-        about = l.add(about, dot_product(l, n, j));
+        normal_response = l.add(normal_response, dot_product(l, n, j));
     }
-    let half = l.mul(l.splat(0.5), about);
+    let half = l.mul(l.splat(0.5), normal_response);
     let z = triple!(k => l.mul_add(half, e[k], z[k]));
     let pair = |i: usize, k: usize| l.mul_add(e[i], z[k], l.mul(z[i], e[k]));
     [pair(0, 0), pair(0, 1), pair(0, 2), pair(1, 1), pair(1, 2), pair(2, 2)]
@@ -117,8 +117,8 @@ pub fn delassus_block_of_row(problem: &ContactProblem, block_data: &BlockData, k
     if block_data.friction_offsets.is_empty() {
         return w;
     }
-    let of_lever = lever_block(Scalar, &sides, n.into(), block_data.friction_lever(k, &n).into());
-    [0, 1, 2, 3, 4, 5].map(|k| w[k] + of_lever[k])
+    let lever_part = lever_block(Scalar, &sides, n.into(), block_data.friction_lever(k, &n).into());
+    [0, 1, 2, 3, 4, 5].map(|k| w[k] + lever_part[k])
 }
 
 /// Product of two numbers minus that of two others.
@@ -155,30 +155,30 @@ pub fn block_axes<L: Arithmetic>(l: L, w: Symmetric<L::V>, normal: [L::V; 3]) ->
     let w_nt = [dot_product(l, t1, wn), dot_product(l, t2, wn)];
     let c = [l.div(w_nt[0], w_nn), l.div(w_nt[1], w_nn)];
     // The block of the tangents after the elimination.
-    let off = l.neg_mul_add(c[0], w_nt[1], dot_product(l, t1, w2));
+    let off_diagonal = l.neg_mul_add(c[0], w_nt[1], dot_product(l, t1, w2));
     let first = l.neg_mul_add(c[0], w_nt[0], dot_product(l, t1, w1));
     let second = l.neg_mul_add(c[1], w_nt[1], dot_product(l, t2, w2));
-    let (mean, halved) = (l.mul(half, l.add(first, second)), l.mul(half, l.sub(first, second)));
-    let radius = l.sqrt(l.mul_add(halved, halved, l.mul(off, off)));
-    // Half the angle of (halved, off) turns t1 to the larger axis. Of its two parts, the larger is computed without
-    // cancellation.
-    let most = l.sqrt(l.mul(half, l.add(one, l.div(l.abs(halved), radius))));
-    let least = l.div(l.mul(half, off), l.mul(radius, most));
-    let most_of_off = l.select_greater(zero, off, l.sub(zero, most), most);
-    let cos = l.select_greater(zero, halved, l.abs(least), most);
-    let sin = l.select_greater(zero, halved, most_of_off, least);
+    let (mean, half_difference) = (l.mul(half, l.add(first, second)), l.mul(half, l.sub(first, second)));
+    let radius = l.sqrt(l.mul_add(half_difference, half_difference, l.mul(off_diagonal, off_diagonal)));
+    // Half the angle of (half_difference, off_diagonal) turns t1 to the larger axis. Of its two parts, the larger is
+    // computed without cancellation.
+    let larger_part = l.sqrt(l.mul(half, l.add(one, l.div(l.abs(half_difference), radius))));
+    let smaller_part = l.div(l.mul(half, off_diagonal), l.mul(radius, larger_part));
+    let signed_larger_part = l.select_greater(zero, off_diagonal, l.sub(zero, larger_part), larger_part);
+    let cos = l.select_greater(zero, half_difference, l.abs(smaller_part), larger_part);
+    let sin = l.select_greater(zero, half_difference, signed_larger_part, smaller_part);
     let (cos, sin) = (l.select_greater(radius, zero, cos, one), l.select_greater(radius, zero, sin, zero));
     // The smaller one without cancellation. No eigenvalue is below the inverse masses that W has along every axis, except
     // where both bodies are partly driven: along a direction in which neither can move, W is 0.
     let least = l.mul(l.splat(MIN_TANGENT_SHARE), w_nn);
     let larger = l.add(mean, radius);
     let larger = l.select_greater(larger, least, larger, least);
-    let smaller = l.div(difference_of_products(l, [first, second], [off, off]), larger);
+    let smaller = l.div(difference_of_products(l, [first, second], [off_diagonal, off_diagonal]), larger);
     let smaller = l.select_greater(smaller, least, smaller, least);
-    let along = triple!(k => l.mul_add(t1[k], cos, l.mul(t2[k], sin)));
-    let across = triple!(k => difference_of_products(l, [t2[k], cos], [t1[k], sin]));
+    let larger_axis = triple!(k => l.mul_add(t1[k], cos, l.mul(t2[k], sin)));
+    let smaller_axis = triple!(k => difference_of_products(l, [t2[k], cos], [t1[k], sin]));
     let c = [l.mul_add(c[0], cos, l.mul(c[1], sin)), difference_of_products(l, [c[1], cos], [c[0], sin])];
-    BlockAxes { axes: [n, along, across], c, s: [larger, smaller] }
+    BlockAxes { axes: [n, larger_axis, smaller_axis], c, s: [larger, smaller] }
 }
 
 /// [`local_frame`](crate::math::local_frame) in lanes.
@@ -198,10 +198,10 @@ fn lane_frame<L: Arithmetic>(l: L, n: [L::V; 3]) -> [[L::V; 3]; 3] {
 pub fn solve_contact_block(w: Symmetric<f64>, normal: Vec3, friction: f64, u: &Vec3, r: &Vec3) -> Vec3 {
     let BlockAxes { axes, c, s } = block_axes(Scalar, w, normal.into());
     let axes = axes.map(Vec3::from);
-    let along = |v: &Vec3| [0, 1, 2].map(|k| axes[k].dot(v));
+    let components = |v: &Vec3| [0, 1, 2].map(|k| axes[k].dot(v));
     let inverse_nn = 1.0 / normal.dot(&(full_matrix(w) * normal));
     let block = LocalBlock { inverse_nn, c, s, inverse_s: s.map(f64::recip), friction };
-    let (new, _) = signorini_coulomb_block(Scalar, &block, along(u), along(r), 0.0);
+    let (new, _) = signorini_coulomb_block(Scalar, &block, components(u), components(r), 0.0);
     axes[0] * new[0] + axes[1] * new[1] + axes[2] * new[2]
 }
 
@@ -235,8 +235,8 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
 ) -> ([L::V; 3], L::V) {
     let LocalBlock { inverse_nn, c, s: axes, inverse_s, friction } = *block;
     let (zero, one) = (l.splat(0.0), l.splat(1.0));
-    // `free` is the normal impulse of u_n = 0 without the contact's own impulse, and p the tangential velocity that remains
-    // to be stopped.
+    // `axes` are s1 and s2. `free` is the normal impulse of u_n = 0 without the contact's own impulse, and p the
+    // tangential velocity that remains to be stopped.
     let free = l.neg_mul_add(u[0], inverse_nn, l.mul_add(c[0], y[1], l.mul_add(c[1], y[2], y[0])));
     let p = [
         l.neg_mul_add(axes[0], y[1], l.neg_mul_add(c[0], u[0], u[1])),

@@ -103,7 +103,7 @@ impl<L: Arithmetic, C: PairSweepKernel<T = L::T>> NullaryFnOnce for SweepBatches
                 let later = (&points[end..], &*later);
                 let points = &points[first..end];
                 let rolls = rolls.get_mut(first..end).unwrap_or_default();
-                let levers = if batch.levers { &levers[first..end] } else { &[] };
+                let levers = if batch.has_levers { &levers[first..end] } else { &[] };
                 let pairs = PairLanes { batch, points, impulses, later, rolls, levers, from };
                 match (batch.has_locked_axes, exceeds_l2) {
                     (true, true) => solve_pairs::<true, true, _, _>(lanes, lines, inertia, pairs, beta, sums),
@@ -116,7 +116,7 @@ impl<L: Arithmetic, C: PairSweepKernel<T = L::T>> NullaryFnOnce for SweepBatches
     }
 }
 
-/// Velocities of a pair's two bodies, and their response to impulses.
+/// Velocities of the two bodies of a pair, candidate a and antagonist b, and their response to impulses.
 pub struct PairVelocities<V> {
     va: [V; 3],
     wa: [V; 3],
@@ -129,7 +129,7 @@ pub struct PairVelocities<V> {
     inertia: [[V; 8]; 2],
 }
 
-/// Sums over the contacts, see [`SweepSums`].
+/// Sums over the contacts of each lane, see [`SweepSums`].
 pub struct LaneSums<V> {
     restart_product: V,
     change2: V,
@@ -162,8 +162,8 @@ pub trait PairSweepKernel: PairContacts {
 
 /// The part of a vector that acts on each of the two bodies.
 #[inline(always)]
-fn mask_axes<const HELD: bool, L: Arithmetic>(l: L, pushed: &[[L::V; 3]; 2], x: [L::V; 3]) -> [[L::V; 3]; 2] {
-    if HELD { [triple!(k => l.mul(x[k], pushed[0][k])), triple!(k => l.mul(x[k], pushed[1][k]))] } else { [x, x] }
+fn mask_axes<const HELD: bool, L: Arithmetic>(l: L, free_axes: &[[L::V; 3]; 2], x: [L::V; 3]) -> [[L::V; 3]; 2] {
+    if HELD { [triple!(k => l.mul(x[k], free_axes[0][k])), triple!(k => l.mul(x[k], free_axes[1][k]))] } else { [x, x] }
 }
 
 /// I⁻¹ a + c, with I⁻¹ given by its six numbers.
@@ -188,7 +188,7 @@ impl<T: LaneFloat> PairSweepKernel for FrictionalPoint<T> {
         pair: &mut PairVelocities<L::V>,
         sums_of_lanes: &mut LaneSums<L::V>,
     ) {
-        let PairVelocities { va, wa, vb, wb, inverse_mass, free_axes: pushed, inertia } = pair;
+        let PairVelocities { va, wa, vb, wb, inverse_mass, free_axes, inertia } = pair;
         let axes = [
             load_vector(l, from, &self.axes[0]),
             load_vector(l, from, &self.axes[1]),
@@ -228,7 +228,7 @@ impl<T: LaneFloat> PairSweepKernel for FrictionalPoint<T> {
             couple_a = triple!(k => l.mul(axes[0][k], couple));
             couple_b = triple!(k => l.sub(zero[k], couple_a[k]));
         }
-        let [to_a, to_b] = mask_axes::<HELD, L>(l, pushed, world);
+        let [to_a, to_b] = mask_axes::<HELD, L>(l, free_axes, world);
         *va = triple!(k => l.mul_add(to_a[k], inverse_mass[0], va[k]));
         *vb = triple!(k => l.neg_mul_add(to_b[k], inverse_mass[1], vb[k]));
         *wa = apply_inverse_inertia(l, inertia[0], cross_add(l, arm_a, world, couple_a), *wa);
@@ -265,14 +265,14 @@ impl<T: LaneFloat> PairSweepKernel for FrictionlessPoint<T> {
         pair: &mut PairVelocities<L::V>,
         sums_of_lanes: &mut LaneSums<L::V>,
     ) {
-        let PairVelocities { va, wa, vb, wb, inverse_mass, free_axes: pushed, .. } = pair;
+        let PairVelocities { va, wa, vb, wb, inverse_mass, free_axes, .. } = pair;
         let n = load_vector(l, from, &self.normal);
         let between = triple!(k => l.sub(va[k], vb[k]));
-        let turned = l.sub(
+        let turning_velocity = l.sub(
             dot_product(l, *wa, load_vector(l, from, &self.arms[0])),
             dot_product(l, *wb, load_vector(l, from, &self.arms[1])),
         );
-        let u = l.add(l.add(dot_product(l, n, between), turned), load_column(l, from, &self.shift));
+        let u = l.add(l.add(dot_product(l, n, between), turning_velocity), load_column(l, from, &self.shift));
         let (r, before) = (load_column(l, from, &values.r), load_column(l, from, &values.previous));
         let y = l.mul_add(beta, l.sub(r, before), r);
         let (zero, free) = (l.splat(0.0), l.neg_mul_add(u, load_column(l, from, &self.inverse_nn), y));
@@ -282,7 +282,7 @@ impl<T: LaneFloat> PairSweepKernel for FrictionlessPoint<T> {
         store_column(l, from, &mut values.r, new);
         let change = l.sub(new, y);
         let (push_a, push_b) = (l.mul(change, inverse_mass[0]), l.mul(change, inverse_mass[1]));
-        let [to_a, to_b] = mask_axes::<HELD, L>(l, pushed, n);
+        let [to_a, to_b] = mask_axes::<HELD, L>(l, free_axes, n);
         *va = triple!(k => l.mul_add(to_a[k], push_a, va[k]));
         *vb = triple!(k => l.neg_mul_add(to_b[k], push_b, vb[k]));
         *wa = triple!(k => l.mul_add(load_column(l, from, &self.answers[0][k]), change, wa[k]));
@@ -328,20 +328,20 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKer
     sums: &mut SweepSums<L::T>,
 ) {
     let PairLanes { batch, points, impulses, later, rolls, levers, from } = pairs;
-    let at = from..from + L::WIDTH;
+    let lanes_of_batch = from..from + L::WIDTH;
     let beta = l.splat(beta);
-    let index = [&batch.bodies[0][at.clone()], &batch.bodies[1][at]];
-    let a = l.gather_lines(lines, index[0]);
-    let b = l.gather_lines(lines, index[1]);
-    let (inertia_a, inertia_b) = (l.gather_lines(inertia, index[0]), l.gather_lines(inertia, index[1]));
-    let pushed = [[a[7], inertia_a[6], inertia_a[7]], [b[7], inertia_b[6], inertia_b[7]]];
+    let line_indices = [&batch.bodies[0][lanes_of_batch.clone()], &batch.bodies[1][lanes_of_batch]];
+    let a = l.gather_lines(lines, line_indices[0]);
+    let b = l.gather_lines(lines, line_indices[1]);
+    let (inertia_a, inertia_b) = (l.gather_lines(inertia, line_indices[0]), l.gather_lines(inertia, line_indices[1]));
+    let free_axes = [[a[7], inertia_a[6], inertia_a[7]], [b[7], inertia_b[6], inertia_b[7]]];
     let mut pair = PairVelocities {
         va: [a[0], a[1], a[2]],
         wa: [a[4], a[5], a[6]],
         vb: [b[0], b[1], b[2]],
         wb: [b[4], b[5], b[6]],
         inverse_mass: [a[3], b[3]],
-        free_axes: pushed,
+        free_axes,
         inertia: [inertia_a, inertia_b],
     };
     let mut sums_of_lanes = LaneSums {
@@ -367,6 +367,6 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKer
     store_column(l, from, &mut sums.restart_product, sums_of_lanes.restart_product);
     store_column(l, from, &mut sums.change2, sums_of_lanes.change2);
     let PairVelocities { va, wa, vb, wb, .. } = pair;
-    l.scatter_lines(lines, index[0], [va[0], va[1], va[2], a[3], wa[0], wa[1], wa[2], a[7]]);
-    l.scatter_lines(lines, index[1], [vb[0], vb[1], vb[2], b[3], wb[0], wb[1], wb[2], b[7]]);
+    l.scatter_lines(lines, line_indices[0], [va[0], va[1], va[2], a[3], wa[0], wa[1], wa[2], a[7]]);
+    l.scatter_lines(lines, line_indices[1], [vb[0], vb[1], vb[2], b[3], wb[0], wb[1], wb[2], b[7]]);
 }

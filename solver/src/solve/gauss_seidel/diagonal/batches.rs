@@ -74,7 +74,7 @@ pub trait PackedBody: Pod + Send + Sync {
     const PADDING: Self;
 
     /// Packs a body of the contact problem in these units.
-    fn new(record: &SolverBody, units: &SweepUnits) -> Self;
+    fn new(solver_body: &SolverBody, units: &SweepUnits) -> Self;
 }
 
 /// Velocity, 1/mass, R x angular velocity, R^2/inertia.
@@ -95,8 +95,8 @@ impl PackedBody for BodyHalfLine {
     const HAS_FRICTION: bool = false;
     const PADDING: Self = BodyHalfLine([0.0, 0.0, 0.0, 1.0]);
 
-    fn new(record: &SolverBody, _: &SweepUnits) -> Self {
-        let SolverBody { v, inverse_mass, .. } = record;
+    fn new(solver_body: &SolverBody, _: &SweepUnits) -> Self {
+        let SolverBody { v, inverse_mass, .. } = solver_body;
         BodyHalfLine([v.x, v.y, v.z, *inverse_mass])
     }
 }
@@ -120,8 +120,8 @@ impl PackedBody for BodyHalfLineF32 {
     const HAS_FRICTION: bool = false;
     const PADDING: Self = BodyHalfLineF32([0.0, 0.0, 0.0, 1.0]);
 
-    fn new(record: &SolverBody, units: &SweepUnits) -> Self {
-        BodyHalfLineF32([0.0, 0.0, 0.0, (record.inverse_mass * units.mass_unit()) as f32])
+    fn new(solver_body: &SolverBody, units: &SweepUnits) -> Self {
+        BodyHalfLineF32([0.0, 0.0, 0.0, (solver_body.inverse_mass * units.mass_unit()) as f32])
     }
 }
 
@@ -209,14 +209,14 @@ fn pack_group<B: PackedBody>(
     rows: &[u32],
     pairs: &[[u32; 2]],
     bodies: &GroupBodies,
-    from: &PackSource,
+    source: &PackSource,
     units: SweepUnits,
 ) -> (GroupBatches<B::T>, Vec<B>) {
-    let local: Vec<[u32; 2]> =
+    let pair_indices: Vec<[u32; 2]> =
         rows.iter().map(|&row| pairs[row as usize].map(|curve_index| bodies.index_of(curve_index))).collect();
     let moving = bodies.count() as u32;
-    let fixed_count = local.as_flattened().iter().filter(|&&index| index == NO_INDEX).count() as u32;
-    let (slots, colours) = batches_by_colour(&local, bodies.count());
+    let fixed_count = pair_indices.as_flattened().iter().filter(|&&index| index == NO_INDEX).count() as u32;
+    let (slots, colours) = batches_by_colour(&pair_indices, bodies.count());
     let zero = B::T::default();
     let empty = ContactBatch {
         n: [[zero; BATCH_LANES]; 3],
@@ -228,18 +228,18 @@ fn pack_group<B: PackedBody>(
     let mut batches = vec![empty; slots.len()];
     let mut r = vec![BatchVectors::default(); slots.len()];
     let mut tangential_shift = Vec::new();
-    let turning = if from.problem.rolling_constraints.is_empty() { 0 } else { slots.len() };
+    let rolling_count = if source.problem.rolling_constraints.is_empty() { 0 } else { slots.len() };
     let (mut rolls, mut curvatures) =
-        (vec![RollingConstraintWide::NONE; turning], vec![[[zero; BATCH_LANES]; 2]; turning]);
+        (vec![RollingConstraintWide::NONE; rolling_count], vec![[[zero; BATCH_LANES]; 2]; rolling_count]);
     let mut cones = vec![FrictionCones::NONE; if B::T::IS_SINGLE || !B::HAS_FRICTION { slots.len() } else { 0 }];
     let mut fixed = Vec::new();
     let mut rows_of_lanes = vec![[NO_INDEX; BATCH_LANES]; slots.len()];
     for (i, ((batch, r), slots)) in batches.iter_mut().zip(&mut r).zip(&slots).enumerate() {
         for (lane, &slot) in slots.iter().enumerate().filter(|(_, slot)| **slot != NO_INDEX) {
-            let pair = local[slot as usize];
-            let k = from.active[rows[slot as usize] as usize];
+            let pair = pair_indices[slot as usize];
+            let k = source.active[rows[slot as usize] as usize];
             rows_of_lanes[i][lane] = k.0;
-            let row = &from.problem.rows[k.index()];
+            let row = &source.problem.rows[k.index()];
             let n = row.normal;
             set_lane(&mut batch.n, lane, &n);
             if let Some(cones) = cones.get_mut(i) {
@@ -254,17 +254,20 @@ fn pack_group<B: PackedBody>(
                 }
                 // The shift of a contact with a body that does not move is a velocity of that body.
                 let sign = if side == 0 { 1.0 } else { -1.0 };
-                let record = &from.solver_bodies[row.bodies[side].index()];
+                let solver_body = &source.solver_bodies[row.bodies[side].index()];
                 batch.bodies[side][lane] = moving + fixed.len() as u32;
-                fixed.push(B::new(&SolverBody { v: record.v + row.shift * sign, ..*record }, &units));
+                fixed.push(B::new(&SolverBody { v: solver_body.v + row.shift * sign, ..*solver_body }, &units));
             }
-            let moves = !pair.contains(&NO_INDEX);
-            if B::T::IS_SINGLE || moves {
-                let shift =
-                    if B::T::IS_SINGLE { row.shifted_velocity(from.solver_bodies) / units.velocity } else { row.shift };
-                let along = n.dot(&shift);
-                batch.shift[lane] = B::T::from_f64(along);
-                let tangential = shift - n * along;
+            let both_move = !pair.contains(&NO_INDEX);
+            if B::T::IS_SINGLE || both_move {
+                let shift = if B::T::IS_SINGLE {
+                    row.shifted_velocity(source.solver_bodies) / units.velocity
+                } else {
+                    row.shift
+                };
+                let normal_shift = n.dot(&shift);
+                batch.shift[lane] = B::T::from_f64(normal_shift);
+                let tangential = shift - n * normal_shift;
                 // Larger than rounding.
                 if B::HAS_FRICTION && tangential.norm_squared() > 1e-30 * shift.norm_squared() {
                     tangential_shift.resize(colours[colours.len() - 1], BatchVectors::default());
@@ -272,13 +275,13 @@ fn pack_group<B: PackedBody>(
                 }
             }
             if let (Some(rolls), Some(curvatures)) = (rolls.get_mut(i), curvatures.get_mut(i)) {
-                rolls.set_lane(lane, from.problem, k, &from.reactions.moments);
+                rolls.set_lane(lane, source.problem, k, &source.reactions.moments);
                 for (curvature, body) in curvatures.iter_mut().zip(row.bodies) {
-                    let radius = from.solver_bodies[body.index()].radius;
+                    let radius = source.solver_bodies[body.index()].radius;
                     curvature[lane] = B::T::from_f64(if radius > 0.0 { 1.0 / radius } else { 0.0 });
                 }
             }
-            let impulse = &from.reactions.impulses[k.index()];
+            let impulse = &source.reactions.impulses[k.index()];
             if B::HAS_FRICTION {
                 set_lane(&mut r.0, lane, &(impulse / units.impulse));
             } else {

@@ -91,7 +91,7 @@ impl<L: Arithmetic, B: PackedBody<T = L::T>> NullaryFnOnce for SweepGroup<'_, L,
         let SweepGroup { lanes: l, lines, group, beta, exceeds_l2, sums } = self;
         let GroupBatches { batches, colours, r, previous, tangential_shift, rolls, curvatures, .. } = group;
         let zero = l.splat(0.0);
-        let mut between = StageBuffers {
+        let mut buffers = StageBuffers {
             trials: [TrialImpulse { tangential: [zero; 3], normal: zero, y: [zero; 3], w_n: zero }; BATCHES_PER_STAGE],
             changes: [ImpulseChange { impulse: [zero; 3], turn: [zero; 3] }; BATCHES_PER_STAGE],
         };
@@ -117,8 +117,8 @@ impl<L: Arithmetic, B: PackedBody<T = L::T>> NullaryFnOnce for SweepGroup<'_, L,
                     beta,
                 };
                 for from in (0..BATCH_LANES).step_by(L::WIDTH) {
-                    solve_contacts(l, lines, &mut chunk, from, &mut between, sums);
-                    for (batch, change) in chunk.batches.iter().zip(&between.changes) {
+                    solve_contacts(l, lines, &mut chunk, from, &mut buffers, sums);
+                    for (batch, change) in chunk.batches.iter().zip(&buffers.changes) {
                         apply_change(l, lines, pair!(from, batch), change);
                     }
                     if B::HAS_FRICTION && !chunk.rolls.is_empty() {
@@ -207,14 +207,14 @@ fn solve_contacts<L: Arithmetic, B: PackedBody<T = L::T>>(
     bodies: &[B],
     chunk: &mut BatchChunk<L::T>,
     from: usize,
-    between: &mut StageBuffers<L::V>,
+    buffers: &mut StageBuffers<L::V>,
     sums: &mut SweepSums<L::T>,
 ) {
     if B::HAS_FRICTION {
-        trial_impulses(l, cast_slice(bodies), chunk, from, &mut between.trials);
-        project_impulses(l, chunk, from, between, sums);
+        trial_impulses(l, cast_slice(bodies), chunk, from, &mut buffers.trials);
+        project_impulses(l, chunk, from, buffers, sums);
     } else {
-        project_normal_impulses(l, cast_slice(bodies), chunk, from, &mut between.changes, sums);
+        project_normal_impulses(l, cast_slice(bodies), chunk, from, &mut buffers.changes, sums);
     }
 }
 
@@ -241,20 +241,20 @@ fn solve_rolling<L: Arithmetic>(l: L, lines: &mut [[L::T; 8]], chunk: &mut Batch
     // The new impulses are stored in place of those of the sweep before.
     for (((batch, r), rolls), curvatures) in batches.iter().zip(&**previous).zip(&mut **rolls).zip(*curvatures) {
         let (a, b) = pair!(from, batch);
-        let (mut of_a, mut of_b) = (l.gather_lines(lines, a), l.gather_lines(lines, b));
+        let (mut line_a, mut line_b) = (l.gather_lines(lines, a), l.gather_lines(lines, b));
         // Lines contain R w and R^2/I.
-        let (in_a, in_b) = (load_column(l, from, &curvatures[0]), load_column(l, from, &curvatures[1]));
-        let w = triple!(k => l.neg_mul_add(of_b[4 + k], in_b, l.mul(of_a[4 + k], in_a)));
+        let (curvature_a, curvature_b) = (load_column(l, from, &curvatures[0]), load_column(l, from, &curvatures[1]));
+        let w = triple!(k => l.neg_mul_add(line_b[4 + k], curvature_b, l.mul(line_a[4 + k], curvature_a)));
         let n = load_vector(l, from, &batch.n);
         let pressing = dot_product(l, n, load_vector(l, from, &r.0));
         let change = rolls.solve_moments(l, from, beta, n, pressing, w);
-        let (to_a, to_b) = (l.mul(of_a[7], in_a), l.mul(of_b[7], in_b));
+        let (response_a, response_b) = (l.mul(line_a[7], curvature_a), l.mul(line_b[7], curvature_b));
         for k in 0..3 {
-            of_a[4 + k] = l.mul_add(to_a, change[k], of_a[4 + k]);
-            of_b[4 + k] = l.neg_mul_add(to_b, change[k], of_b[4 + k]);
+            line_a[4 + k] = l.mul_add(response_a, change[k], line_a[4 + k]);
+            line_b[4 + k] = l.neg_mul_add(response_b, change[k], line_b[4 + k]);
         }
-        l.scatter_lines(lines, a, of_a);
-        l.scatter_lines(lines, b, of_b);
+        l.scatter_lines(lines, a, line_a);
+        l.scatter_lines(lines, b, line_b);
     }
 }
 
@@ -273,21 +273,21 @@ fn trial_impulses<L: Arithmetic>(
             chunk.later.prefetch_constants(l, i);
         }
         let (a, b) = pair!(from, batch);
-        let [dx, dy, dz, w_n, sx, sy, sz, k] = l.relative_velocity(lines, a, b);
+        let [dx, dy, dz, w_n, sx, sy, sz, rotational_w] = l.relative_velocity(lines, a, b);
         let n = load_vector(l, from, &batch.n);
         let r = load_vector(l, from, &r.0);
         let before = load_vector(l, from, &previous.0);
         let y = triple!(i => l.mul_add(beta, l.sub(r[i], before[i]), r[i]));
         let arm = load_column(l, from, &batch.arm);
         let lever = triple!(i => l.mul(n[i], arm));
-        // û = v_a - v_b + n x arm (R_a w_a + R_b w_b) + shift
+        // û = v_a - v_b + n x arm (R_a w_a + R_b w_b) + shift; the last number of a pair is the sum of R²/I.
         let mut u = cross_add(l, lever, [sx, sy, sz], [dx, dy, dz]);
         if let Some(tangential_shift) = chunk.tangential_shift.get(i) {
             let tangential_shift = load_vector(l, from, &tangential_shift.0);
             u = triple!(i => l.add(u[i], tangential_shift[i]));
         }
         let u_n = dot_product(l, n, [dx, dy, dz]);
-        let w_t = l.mul_add(l.mul(arm, arm), k, w_n);
+        let w_t = l.mul_add(l.mul(arm, arm), rotational_w, w_n);
         let shift = load_column(l, from, &batch.shift);
         let (normal, tangential) = unprojected_impulse(l, n, u, u_n, shift, y, [w_n, w_t]);
         *trial = TrialImpulse { tangential, normal, y, w_n };
@@ -299,12 +299,12 @@ fn project_impulses<L: Arithmetic>(
     l: L,
     chunk: &mut BatchChunk<L::T>,
     from: usize,
-    between: &mut StageBuffers<L::V>,
+    buffers: &mut StageBuffers<L::V>,
     sums: &mut SweepSums<L::T>,
 ) {
     let BatchChunk { batches, later, r, previous, .. } = chunk;
-    let StageBuffers { trials, changes } = between;
-    let mut uphill = load_column(l, from, &sums.restart_product);
+    let StageBuffers { trials, changes } = buffers;
+    let mut restart_product = load_column(l, from, &sums.restart_product);
     let mut change2 = load_column(l, from, &sums.change2);
     let columns = batches.iter().zip(*r).zip(&mut **previous).zip(&*trials).zip(changes);
     for (i, ((((batch, r), previous), trial), out)) in columns.enumerate() {
@@ -322,11 +322,11 @@ fn project_impulses<L: Arithmetic>(
         for (stored, new) in previous.0.iter_mut().zip(new) {
             store_column(l, from, stored, new);
         }
-        let moved = triple!(k => l.sub(new[k], r[k]));
-        uphill = l.neg_mul_add(trial.w_n, dot_product(l, change, moved), uphill);
+        let change_of_r = triple!(k => l.sub(new[k], r[k]));
+        restart_product = l.neg_mul_add(trial.w_n, dot_product(l, change, change_of_r), restart_product);
         change2 = l.add(dot_product(l, change, change), change2);
     }
-    store_column(l, from, &mut sums.restart_product, uphill);
+    store_column(l, from, &mut sums.restart_product, restart_product);
     store_column(l, from, &mut sums.change2, change2);
 }
 
@@ -342,7 +342,7 @@ fn project_normal_impulses<L: Arithmetic>(
 ) {
     let BatchChunk { batches, later, r, previous, beta, .. } = chunk;
     let beta = l.splat(*beta);
-    let mut uphill = load_column(l, from, &sums.restart_product);
+    let mut restart_product = load_column(l, from, &sums.restart_product);
     let mut change2 = load_column(l, from, &sums.change2);
     for (i, (((batch, r), previous), out)) in batches.iter().zip(*r).zip(&mut **previous).zip(changes).enumerate() {
         if from == 0 {
@@ -359,9 +359,9 @@ fn project_normal_impulses<L: Arithmetic>(
         let change = l.sub(new, y);
         out.impulse = triple!(k => l.mul(n[k], change));
         store_column(l, from, &mut previous.0[0], new);
-        uphill = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), uphill);
+        restart_product = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), restart_product);
         change2 = l.mul_add(change, change, change2);
     }
-    store_column(l, from, &mut sums.restart_product, uphill);
+    store_column(l, from, &mut sums.restart_product, restart_product);
     store_column(l, from, &mut sums.change2, change2);
 }
