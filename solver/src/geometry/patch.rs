@@ -100,18 +100,25 @@ impl ContactPatch {
         let mut position = SmallVec::<[usize; 12]>::from_elem(0, all);
         (0..all).for_each(|at| position[outline[at] as usize] = at);
         let mut is_left = SmallVec::<[bool; 12]>::from_elem(true, all);
+        let previous = |at: usize| if at == 0 { all - 1 } else { at - 1 };
+        let next = |at: usize| if at + 1 == all { 0 } else { at + 1 };
         order.retain(|k| {
             let at = position[*k as usize];
             // All removed corners between the present neighbours must lie on the line between these, too.
-            let from = (1..all).map(|step| (at + all - step) % all).find(|&at| is_left[at]).unwrap_or(at);
-            let to = (1..all).map(|step| (at + step) % all).find(|&at| is_left[at]).unwrap_or(at);
+            let (mut from, mut to) = (previous(at), next(at));
+            while from != at && !is_left[from] {
+                from = previous(from);
+            }
+            while to != at && !is_left[to] {
+                to = next(to);
+            }
             let (before, after) = (outline[from], outline[to]);
             let side = between(before, after);
             let stands_out = |k: u32| {
                 let to = between(before, k);
                 (side[0] * to[1] - side[1] * to[0]).abs() > FLAT_CORNER_HEIGHT * size * length(side)
             };
-            let mut within = (1..all).map(|step| (from + step) % all).take_while(|&at| at != to);
+            let mut within = std::iter::successors(Some(next(from)), |&at| Some(next(at))).take_while(|&at| at != to);
             let deeper = gap(*k) < gap(before).min(gap(after)) - DEEPER_TIES * tie;
             let stays = count <= 3 || deeper || within.any(|at| stands_out(outline[at]));
             is_left[at] = stays;
