@@ -1,5 +1,6 @@
 //! Contacts between contactors of any shape: a broad phase on bounding balls, then the narrow phase of each pair.
 
+use std::cmp::Ordering;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -170,9 +171,10 @@ struct PairChunk<'p> {
 
 /// Pairs per task.
 const PAIRS_PER_TASK: usize = 256;
-/// Smallest numbers of contactors and of contacts per task.
+/// Smallest number of contactors per task.
 const CONTACTORS_PER_TASK: usize = 256;
-const CONTACTS_PER_TASK: usize = 1024;
+/// Runs of contacts per task.
+const RUNS_PER_TASK: usize = 512;
 
 /// Scratch memory for the narrow phase, reused from task to task.
 struct NarrowPhaseScratch<'a> {
@@ -285,32 +287,23 @@ fn contacts_by_key(found: &[ListedContacts], bodies: usize, width: SimdWidth) ->
     let (candidates, runs): (Vec<u32>, Vec<&[Contact]>) =
         found.iter().flat_map(ListedContacts::runs).map(|(candidate, run)| (candidate.0, run)).unzip();
     let (order, _) = group_by_key(&candidates, bodies);
-    let mut count = 0;
-    let end = |&k: &u32| {
-        count += runs[k as usize].len();
-        count
+    let run = |&k: &u32| runs[k as usize];
+    let mut contacts = vec![Contact::default(); runs.iter().map(|run| run.len()).sum()];
+    let mut left = &mut contacts[..];
+    let of_task = |order: &'_ [u32]| {
+        let length = order.iter().map(|k| run(k).len()).sum();
+        left.split_off_mut(..length).unwrap_or_default()
     };
-    let ends: Vec<usize> = order.iter().map(end).collect();
-    // Each task searches the run of its first contact.
-    let contact = |position: &mut Option<usize>, k: usize| {
-        let mut run_position = position.unwrap_or_else(|| ends.partition_point(|end| *end <= k));
-        while ends[run_position] <= k {
-            run_position += 1;
+    let parts: Vec<&mut [Contact]> = order.chunks(RUNS_PER_TASK).map(of_task).collect();
+    parts.into_par_iter().zip(order.par_chunks(RUNS_PER_TASK)).for_each(|(mut part, order)| {
+        for (at, k) in order.iter().enumerate() {
+            order.get(at + 1).into_iter().for_each(|later| width.prefetch(run(later)));
+            part.split_off_mut(..run(k).len()).unwrap_or_default().copy_from_slice(run(k));
         }
-        let run = runs[order[run_position] as usize];
-        if *position != Some(run_position)
-            && let Some(&later) = order.get(run_position + 1)
-        {
-            width.prefetch(runs[later as usize]);
-        }
-        *position = Some(run_position);
-        run[k + run.len() - ends[run_position]]
-    };
-    let all = (0..count).into_par_iter().with_min_len(CONTACTS_PER_TASK);
-    let mut contacts: Vec<Contact> = all.map_init(|| None, contact).collect();
+    });
     // The contacts of one candidate may come from several tasks or several parts.
     contacts.par_chunk_by_mut(|a, b| a.candidate == b.candidate).for_each(|of_candidate| {
-        if !of_candidate.is_sorted_by_key(Contact::key) {
+        if !of_candidate.is_sorted_by(|a, b| a.cmp_by_key(b) != Ordering::Greater) {
             of_candidate.sort_unstable_by_key(Contact::key);
         }
     });
