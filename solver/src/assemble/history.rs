@@ -1,5 +1,6 @@
 //! Data that contacts inherit from those of the last step: initial impulses, friction history, bonds.
 
+use std::cmp::Ordering;
 use std::ops::Range;
 
 use cd_formats::groups::DisjointSets;
@@ -20,12 +21,16 @@ const CONTACTS_PER_TASK: usize = 1024;
 fn previous_by_key(old_contacts: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<ContactId>> {
     // Each task searches the position of its first contact.
     let find_old = |position: &mut Option<usize>, contact: &Contact| {
-        let key = contact.key();
-        let k = position.get_or_insert_with(|| old_contacts.partition_point(|old| old.contact.key() < key));
-        while old_contacts.get(*k).is_some_and(|old| old.contact.key() < key) {
-            *k += 1;
+        let k = position.get_or_insert_with(|| {
+            old_contacts.partition_point(|old| old.contact.cmp_by_key(contact) == Ordering::Less)
+        });
+        loop {
+            match old_contacts.get(*k)?.contact.cmp_by_key(contact) {
+                Ordering::Less => *k += 1,
+                Ordering::Equal => return Some(ContactId::new(*k)),
+                Ordering::Greater => return None,
+            }
         }
-        old_contacts.get(*k).filter(|old| old.contact.key() == key).map(|_| ContactId::new(*k))
     };
     contacts.par_iter().with_min_len(CONTACTS_PER_TASK).map_init(|| None, find_old).collect()
 }
@@ -95,14 +100,13 @@ impl AssemblyContext<'_> {
 
     /// Whether a contact of the last step, by its index, had a bond, an impulse or another state that its law remembers.
     fn has_history(&self, k: usize) -> bool {
-        let old = &self.state.contacts[k];
-        let remembered = || self.state.law_memory(ContactId::new(k)) != LawMemory::default();
-        old.bond.is_some() || old.impulse != Vec3::zeros() || remembered()
+        self.state.contacts[k].impulse != Vec3::zeros() || self.has_shared_history(k)
     }
 
     /// Whether a contact of the last step, by its index, has a state that the contacts of a face share.
     fn has_shared_history(&self, k: usize) -> bool {
-        self.state.contacts[k].bond.is_some() || self.state.law_memory(ContactId::new(k)) != LawMemory::default()
+        let remembered = || self.state.memories.get(k).is_some_and(|memory| *memory != LawMemory::default());
+        self.state.contacts[k].bond.is_some() || remembered()
     }
 
     /// Whether a contact can change its key: two spheres have one contact, always with the same key.
@@ -344,13 +348,16 @@ impl AssemblyContext<'_> {
 /// r̂ of the same contact in the last step, scaled to the new step length. With friction its tangential part is rotated into
 /// the new tangent plane.
 pub(super) fn warm_start(old: &SolvedContact, contact: &Contact, shift: &LawShift, scale: f64) -> Vec3 {
-    let [n_old, t_old, s_old] = old.contact.frame();
     let n = contact.normal;
-    debug_assert!((n_old.norm() - 1.0).abs() < 1e-3);
     let normal = n * (old.impulse.x * scale - shift.impulse).max(0.0);
     if shift.friction == 0.0 {
         return normal;
     }
+    if old.impulse == Vec3::zeros() && shift.impulse == 0.0 {
+        return Vec3::zeros(); // most contacts are open
+    }
+    let [n_old, t_old, s_old] = old.contact.frame();
+    debug_assert!((n_old.norm() - 1.0).abs() < 1e-3);
     let tangential = t_old * old.impulse.y + s_old * old.impulse.z;
     normal + (tangential - n * n.dot(&tangential)) * scale
 }

@@ -236,18 +236,18 @@ impl ContactProblem {
         self.block_data.as_ref().map_or(Vec3::zeros(), |block_data| block_data.friction_lever(k, &self.rows[k].normal))
     }
 
+    /// [`Self::friction_lever`] of a row whose friction does not act at its contact point, else `None`.
+    #[inline]
+    pub fn nonzero_lever(&self, k: usize) -> Option<Vec3> {
+        self.block_data.as_ref().and_then(|block_data| block_data.nonzero_lever(k, &self.rows[k].normal))
+    }
+
     /// Velocity at row `k` of a body on `side` that turns with `w`, world frame, m/s: along n at the contact point, in the
     /// tangent plane at the point of friction.
     #[inline(always)]
     pub fn turning_velocity(&self, k: usize, side: usize, w: &Vec3) -> Vec3 {
         let turning = w.cross(&self.contact_arm(k, side));
-        match &self.block_data {
-            Some(block_data) if block_data.friction_offsets.get(k).is_some_and(|offset| *offset != Vec3::zeros()) => {
-                let normal = &self.rows[k].normal;
-                turning + block_data.friction_lever(k, normal) * normal.dot(w)
-            }
-            _ => turning,
-        }
+        self.nonzero_lever(k).map_or(turning, |lever| turning + lever * self.rows[k].normal.dot(w))
     }
 
     /// Vectors from the two centres to the contact point of row `k`, whose contact is `contact`, with the positions `x` of
@@ -272,14 +272,15 @@ impl ContactProblem {
     /// û of row `k` at the velocities of `solver_bodies`, world frame, m/s.
     pub fn shifted_velocity(&self, k: usize, solver_bodies: &[SolverBody]) -> Vec3 {
         let row = &self.rows[k];
-        if self.block_data.is_none() {
-            return row.shifted_velocity(solver_bodies);
+        let Some(block_data) = &self.block_data else { return row.shifted_velocity(solver_bodies) };
+        let [a, b] = row.bodies.map(|body| &solver_bodies[body.index()]);
+        let [at_a, at_b] = &block_data.arms[k];
+        let [mut turning_a, mut turning_b] = [a.w.cross(at_a), b.w.cross(at_b)];
+        if let Some(lever) = block_data.nonzero_lever(k, &row.normal) {
+            turning_a += lever * row.normal.dot(&a.w);
+            turning_b += lever * row.normal.dot(&b.w);
         }
-        let at = |side: usize| {
-            let solver_body = &solver_bodies[row.bodies[side].index()];
-            solver_body.v + self.turning_velocity(k, side, &solver_body.w)
-        };
-        at(0) - at(1) + row.shift
+        (a.v + turning_a) - (b.v + turning_b) + row.shift
     }
 
     /// Normal component of [`Self::shifted_velocity`] up to rounding, m/s: friction offsets do not change it.
@@ -317,6 +318,12 @@ impl BlockData {
     #[inline]
     pub fn friction_lever(&self, k: usize, normal: &Vec3) -> Vec3 {
         self.friction_offsets.get(k).map_or(Vec3::zeros(), |offset| normal.cross(offset))
+    }
+
+    /// [`Self::friction_lever`] of a row whose friction does not act at its contact point, else `None`.
+    #[inline]
+    fn nonzero_lever(&self, k: usize, normal: &Vec3) -> Option<Vec3> {
+        self.friction_offsets.get(k).filter(|offset| **offset != Vec3::zeros()).map(|offset| normal.cross(offset))
     }
 
     /// Whether a moving body has an imposed velocity along some fixed axis.

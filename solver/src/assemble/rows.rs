@@ -202,7 +202,7 @@ impl AssemblyContext<'_> {
     ) -> Vec<ContactConstraint> {
         let bond_states = self.bond_states(contacts, history);
         let constraint_of = |(k, old): (usize, &Option<ContactId>)| {
-            self.prefetch(contacts.get(k + PREFETCH_CONTACTS));
+            self.prefetch(contacts, k + PREFETCH_CONTACTS);
             let memory = memories.get(k).copied().unwrap_or_default();
             let bond_state = bond_states.get(k).copied().unwrap_or_default();
             let attraction = pair_attractions.get(k).copied().unwrap_or_default();
@@ -259,10 +259,15 @@ impl AssemblyContext<'_> {
         }
     }
 
-    /// Prefetches the data of a contact's antagonist that [`Self::contact_constraint`] reads; candidates are read in order.
-    fn prefetch(&self, contact: Option<&Contact>) {
+    /// Prefetches the data of the antagonist of contact `k` that [`Self::contact_constraint`] reads, unless the contact before
+    /// has the same; candidates are read in order.
+    fn prefetch(&self, contacts: &[Contact], k: usize) {
         let AssemblyContext { state, q_c, bounds, solver_bodies, width, .. } = self;
-        let Some(b) = contact.map(|contact| contact.antagonist.index()) else { return };
+        let Some([before, contact]) = contacts.get(k - 1..=k) else { return };
+        if before.antagonist == contact.antagonist {
+            return;
+        }
+        let b = contact.antagonist.index();
         [&q_c.x[b], &q_c.w[b], &state.v[b], &state.w[b]].into_iter().for_each(|x| width.prefetch(x));
         width.prefetch(&bounds[b]);
         width.prefetch(&solver_bodies[b]);

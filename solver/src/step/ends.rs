@@ -174,7 +174,7 @@ impl PostSolve<'_> {
         for ((k, contact), end) in (first..).zip(contacts).zip(ends) {
             let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
             let moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, moment)| moment);
-            *end = self.finish_contact(k, contact, moment);
+            self.finish_contact(k, contact, moment, end);
             // Penetration between two driven bodies is imposed, not an error of the contact.
             let gap = contact.gap - contact_problem.law_memory(k).reference_gap;
             let depth = if row.acts { (-gap).max(0.0) } else { 0.0 };
@@ -221,21 +221,21 @@ impl PostSolve<'_> {
         radii.reduce(f64::min).unwrap_or(0.0)
     }
 
-    /// Relative velocity at contact `k` where its impulse acts, in its frame, m/s.
+    /// Relative velocity at contact `k` where its impulse acts, world frame, m/s.
     fn contact_velocity(&self, k: usize, contact: &Contact, velocities: Velocities) -> Vec3 {
         let &PostSolve { q_c, contact_problem, .. } = self;
         let row = &contact_problem.rows[k];
         let mut velocity = velocity_at_arms(contact, &contact_problem.arms_of(k, contact, &q_c.x), velocities);
-        let lever = contact_problem.friction_lever(k);
-        if lever != Vec3::zeros() {
+        if let Some(lever) = contact_problem.nonzero_lever(k) {
             let [a, b] = row.bodies.map(|body| velocities.w[body.index()]);
             velocity += lever * row.normal.dot(&(a - b));
         }
-        to_local(&contact.frame(), &velocity)
+        velocity
     }
 
-    /// Contact `k` at the step's end, with the moment (N m s, world frame) of its rolling resistance, if it has one.
-    fn finish_contact(&self, k: usize, contact: &Contact, moment: Option<&Vec3>) -> SolvedContact {
+    /// Writes contact `k` at the step's end into `end`, with the moment (N m s, world frame) of its rolling resistance, if it
+    /// has one.
+    fn finish_contact(&self, k: usize, contact: &Contact, of_roll: Option<&Vec3>, end: &mut SolvedContact) {
         let &PostSolve { state, contact_problem, solution, velocities, .. } = self;
         let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
         let frame = contact.frame();
@@ -259,15 +259,14 @@ impl PostSolve<'_> {
                 true => ContactStatus::Stick,
             }
         };
-        let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, motion));
-        SolvedContact {
-            contact: *contact,
-            impulse: Vec3::new(local.x + row.impulse_shift, local.y, local.z),
-            moment: moment.map_or(Vec3::zeros(), |m| to_local(&frame, m)),
-            velocity: self.contact_velocity(k, contact, velocities),
-            status,
-            bond,
-        }
+        // Each field in its place: the whole contact would be copied there.
+        let SolvedContact { contact: own, impulse, moment, velocity, status: end_status, bond } = end;
+        *own = *contact;
+        *impulse = Vec3::new(local.x + row.impulse_shift, local.y, local.z);
+        *moment = of_roll.map_or(Vec3::zeros(), |m| to_local(&frame, m));
+        *velocity = to_local(&frame, &self.contact_velocity(k, contact, velocities));
+        *end_status = status;
+        *bond = row.bond.filter(|_| law.keeps_bond(contact.gap, motion));
     }
 
     /// Adds the contribution of contact `k` with the impulse `r` of its row to the totals; returns its impulse times its
@@ -279,7 +278,7 @@ impl PostSolve<'_> {
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
         let is_pushed_at_centre = |body: BodyId| q_c.pushed_at_centre.contains(&body);
         let velocity = match row.bodies.into_iter().any(is_pushed_at_centre) {
-            true => self.contact_velocity(k, contact, self.pushed),
+            true => to_local(&contact.frame(), &self.contact_velocity(k, contact, self.pushed)),
             false => *velocity,
         };
         if walls[contact.candidate.index()] && walls[contact.antagonist.index()] {
