@@ -192,7 +192,10 @@ impl ContactHeight {
 /// Whether some contact is low relative to another one with another direction.
 pub fn any_is_low(heights: &[ContactHeight]) -> bool {
     let differs = |a: &ContactHeight, b: &ContactHeight| a.normal.dot(&b.normal) < 1.0 - SAME_DIRECTION_TOLERANCE;
-    heights.iter().any(|covering| heights.iter().any(|hidden| hidden.is_low(covering) && differs(hidden, covering)))
+    // A contact is low relative to itself.
+    let others = |k: usize| heights[..k].iter().chain(&heights[k + 1..]);
+    let is_hidden = |hidden: &ContactHeight, covering| hidden.is_low(covering) && differs(hidden, covering);
+    heights.iter().enumerate().any(|(k, covering)| others(k).any(|hidden| is_hidden(hidden, covering)))
 }
 
 /// Scratch memory, reused from contactor to contactor.
