@@ -203,7 +203,7 @@ impl<'a> ResidualEvaluator<'a> {
             let contacts = &self.contacts[from..self.contacts.len().min(from + half)];
             let (first, rows) = (range << range_bits, &self.rows[from * GROUP_LANES..]);
             let bodies = first..self.problem.bodies.len().min(first + (1 << range_bits));
-            body_impulse_sums(contacts, levers, rows, impulses, bodies)
+            self.width.run(BodyImpulseSums { contacts, levers, rows, impulses, bodies })
         };
         let parts = (0..halves * ranges).into_par_iter().with_max_len(1);
         let parts: Vec<Vec<[f64; 6]>> = parts.map(of_part).collect();
@@ -334,34 +334,92 @@ impl<'a> ResidualEvaluator<'a> {
 }
 
 /// Sums of the impulses on each of `bodies` and of their moments about its centre, in the order of the contacts.
-fn body_impulse_sums(
-    contacts: &[ContactGroup],
-    levers: &[GroupLevers],
-    rows: &[ContactId],
-    impulses: &[Vec3],
+struct BodyImpulseSums<'a> {
+    contacts: &'a [ContactGroup],
+    levers: &'a [GroupLevers],
+    rows: &'a [ContactId],
+    impulses: &'a [Vec3],
     bodies: Range<usize>,
-) -> Vec<[f64; 6]> {
-    let mut sums = vec![[0.0; 6]; bodies.len()];
-    for (group, (columns, rows)) in contacts.iter().zip(rows.chunks(GROUP_LANES)).enumerate() {
-        for (lane, &k) in rows.iter().enumerate() {
-            let r = &impulses[k.index()];
-            let about = levers.get(group).map(|[x, y, z]| x[lane] * r.x + y[lane] * r.y + z[lane] * r.z);
-            for (side, sign) in [(0, 1.0), (1, -1.0)] {
-                let body = columns.bodies[side][lane] as usize;
-                let Some(sum) = sums.get_mut(body.wrapping_sub(bodies.start)) else { continue };
-                let [x, y, z] = [0, 1, 2].map(|axis| columns.arms[side][axis][lane]);
-                let mut moment = [y * r.z - z * r.y, z * r.x - x * r.z, x * r.y - y * r.x];
-                if let Some(about) = about {
-                    (0..3).for_each(|axis| moment[axis] += columns.n[axis][lane] * about);
+}
+
+impl LaneOperation for BodyImpulseSums<'_> {
+    type Output = Vec<[f64; 6]>;
+
+    #[inline(always)]
+    fn call<L: F64Arithmetic>(self, l: L) -> Vec<[f64; 6]> {
+        let BodyImpulseSums { contacts, levers, rows, impulses, bodies } = self;
+        let mut sums = vec![[0.0; 6]; bodies.len()];
+        let mut moments = [[[0.0; GROUP_LANES]; 3]; 2];
+        for (group, (columns, rows)) in contacts.iter().zip(rows.chunks(GROUP_LANES)).enumerate() {
+            let r = group_impulses(rows, impulses);
+            for from in (0..GROUP_LANES).step_by(L::WIDTH) {
+                moments_about_centres(l, (columns, levers.get(group)), &r, from, &mut moments);
+            }
+            for lane in 0..rows.len() {
+                let [a, b] = [0, 1].map(|side| (columns.bodies[side][lane] as usize).wrapping_sub(bodies.start));
+                if let Some(sum) = sums.get_mut(a) {
+                    for axis in 0..3 {
+                        sum[axis] += r[axis][lane];
+                        sum[3 + axis] += moments[0][axis][lane];
+                    }
                 }
-                for axis in 0..3 {
-                    sum[axis] += sign * r[axis];
-                    sum[3 + axis] += sign * moment[axis];
+                if let Some(sum) = sums.get_mut(b) {
+                    for axis in 0..3 {
+                        sum[axis] -= r[axis][lane];
+                        sum[3 + axis] -= moments[1][axis][lane];
+                    }
                 }
             }
         }
+        sums
     }
-    sums
+}
+
+/// Impulses of the rows of a group in columns; missing ones are 0.
+#[inline(always)]
+fn group_impulses(rows: &[ContactId], impulses: &[Vec3]) -> [[f64; GROUP_LANES]; 3] {
+    let mut r = [[0.0; GROUP_LANES]; 3];
+    for (lane, &k) in rows.iter().enumerate() {
+        let Some(impulse) = impulses.get(k.index()) else { continue };
+        (r[0][lane], r[1][lane], r[2][lane]) = (impulse.x, impulse.y, impulse.z);
+    }
+    r
+}
+
+/// Stores the moments of impulses `r` of `WIDTH` contacts from index `from` on about the centres of their bodies, by side:
+/// arm×r + n (n×d)·r.
+#[inline(always)]
+fn moments_about_centres<L: F64Arithmetic>(
+    l: L,
+    (columns, levers): (&ContactGroup, Option<&GroupLevers>),
+    r: &[[f64; GROUP_LANES]; 3],
+    from: usize,
+    moments: &mut [[[f64; GROUP_LANES]; 3]; 2],
+) {
+    let range = from..from + L::WIDTH;
+    let mut impulse = [l.splat(0.0); 3];
+    for (impulse, r) in impulse.iter_mut().zip(r) {
+        *impulse = l.load(&r[range.clone()]);
+    }
+    let mut about = None;
+    if let Some(levers) = levers {
+        let mut lever = impulse;
+        for (lever, column) in lever.iter_mut().zip(levers) {
+            *lever = l.load(&column[range.clone()]);
+        }
+        about = Some(inner_product(l, lever, impulse));
+    }
+    for (moments, arm) in moments.iter_mut().zip(&columns.arms) {
+        for (axis, to) in moments.iter_mut().enumerate() {
+            let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+            let (arm_i, arm_j) = (l.load(&arm[i][range.clone()]), l.load(&arm[j][range.clone()]));
+            let mut moment = l.sub(l.mul(arm_i, impulse[j]), l.mul(arm_j, impulse[i]));
+            if let Some(about) = about {
+                moment = l.add(moment, l.mul(l.load(&columns.n[axis][range.clone()]), about));
+            }
+            l.store(&mut to[range.clone()], moment);
+        }
+    }
 }
 
 fn contact_group(problem: &ContactProblem, rows: &[ContactId]) -> ContactGroup {
@@ -414,11 +472,7 @@ impl LaneOperation for NaturalMap<'_> {
         let NaturalMap { rows, contacts, levers, impulses, motions, rho, sizes2 } = self;
         let of_rows = rows.chunks(GROUP_LANES).zip(sizes2.chunks_mut(GROUP_LANES));
         for (group, (columns, (rows, sizes2))) in contacts.iter().zip(of_rows).enumerate() {
-            let mut r = [[0.0; GROUP_LANES]; 3];
-            for (lane, &k) in rows.iter().enumerate() {
-                let Some(impulse) = impulses.get(k.index()) else { continue };
-                (r[0][lane], r[1][lane], r[2][lane]) = (impulse.x, impulse.y, impulse.z);
-            }
+            let r = group_impulses(rows, impulses);
             for from in (0..GROUP_LANES).step_by(L::WIDTH) {
                 natural_map_squared(l, (columns, levers.get(group)), &r, motions, rho, from, &mut sizes2[from..]);
             }
@@ -602,6 +656,50 @@ mod tests {
                 let found = judged(&problem, m);
                 assert!((found - expected / 0.375).abs() < 1e-13, "{m:?}: {found} {}", expected / 0.375);
             }
+        }
+    }
+
+    /// Two contacts in one group, of bodies with arms in all directions and friction levers.
+    #[test]
+    fn loads_of_bodies_are_those_of_their_contacts() {
+        let columns =
+            |from: f64| [0, 1, 2].map(|axis| [0, 1, 2, 3, 4, 5, 6, 7].map(|lane| from + f64::from(3 * lane + axis)));
+        let contacts = [ContactGroup {
+            n: columns(0.5),
+            shift: columns(0.0),
+            arms: [columns(-2.0), columns(4.0)],
+            friction: [0.0; GROUP_LANES],
+            bodies: [[7, 9, 0, 0, 0, 0, 0, 0], [8, 7, 0, 0, 0, 0, 0, 0]],
+        }];
+        let (levers, rows) = ([columns(0.25)], [ContactId(1), ContactId(0)]);
+        let impulses = [Vec3::new(1.0, -2.0, 0.5), Vec3::new(0.25, 3.0, -1.5)];
+        let vector = |columns: &[[f64; GROUP_LANES]; 3], lane: usize| {
+            Vec3::new(columns[0][lane], columns[1][lane], columns[2][lane])
+        };
+        let mut expected = vec![[Vec3::zeros(); 2]; 3];
+        for (lane, k) in rows.iter().enumerate() {
+            let r = impulses[k.index()];
+            let couple = vector(&contacts[0].n, lane) * vector(&levers[0], lane).dot(&r);
+            for (side, r, couple) in [(0, r, couple), (1, -r, -couple)] {
+                let [force, moment] = &mut expected[contacts[0].bodies[side][lane] as usize - 7];
+                *force += r;
+                *moment += vector(&contacts[0].arms[side], lane).cross(&r) + couple;
+            }
+        }
+        let expected: Vec<[f64; 6]> = expected.iter().map(|[f, m]| [f.x, f.y, f.z, m.x, m.y, m.z]).collect();
+        for width in SimdWidth::all_widths() {
+            let sums = |bodies| {
+                width.run(BodyImpulseSums {
+                    contacts: &contacts,
+                    levers: &levers,
+                    rows: &rows,
+                    impulses: &impulses,
+                    bodies,
+                })
+            };
+            // Numbers of a few digits: no sum is rounded.
+            assert_eq!(sums(7..10), expected);
+            assert_eq!(sums(8..9), expected[1..2]);
         }
     }
 
