@@ -41,8 +41,9 @@ pub struct Body {
 pub struct Contactor {
     pub colour: String,
     pub shape: ShapeRecord,
-    /// First, second, third axis and offset of the contactor in the body's frame, where given.
-    pub local_frame: Option<LocalFrame>,
+    /// First, second, third axis and offset of the contactor in the body's frame, where given. Few contactors have it, and
+    /// a file may have millions.
+    pub local_frame: Option<Box<LocalFrame>>,
 }
 
 /// Axes and offset (m) of a contactor in the frame of its body.
@@ -233,7 +234,7 @@ fn read_body(scan: &mut LineScanner, begin: usize, number: u64) -> Option<Body> 
     scan.read_grid(angles, ["coo4", "coo5", "coo6"]);
 
     let tacty = scan.expect_keyword("tacty")?;
-    let mut contactors = Vec::new();
+    let mut contactors = Vec::with_capacity(1);
     let mut all_read = true;
     for k in 1.. {
         scan.set_object(format_args!("body {number}"));
@@ -311,7 +312,7 @@ fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
 }
 
 /// Reads the optional `localframe` block: `Some(None)` if there is none, `None` after a fault.
-fn read_local_frame(scan: &mut LineScanner) -> Option<Option<LocalFrame>> {
+fn read_local_frame(scan: &mut LineScanner) -> Option<Option<Box<LocalFrame>>> {
     let Some(begin) = scan.next_line_if(|line| line.is_continuation() && line.columns(30, 39) == "localframe") else {
         return Some(None);
     };
@@ -323,7 +324,7 @@ fn read_local_frame(scan: &mut LineScanner) -> Option<Option<LocalFrame>> {
     let [a, b, c, offset] = rows;
     let axes = [a, b, c];
     scan.check_orthonormal(begin.number, "the axes of the localframe", &axes);
-    Some(Some(LocalFrame { axes, offset }))
+    Some(Some(Box::new(LocalFrame { axes, offset })))
 }
 
 const LOCAL_FRAME_LABELS: [[&str; 3]; 4] =
@@ -496,7 +497,7 @@ fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> Rea
             }
             ShapeRecord::Point { offset } => put_grid(out, &head, &coordinates, offset, real),
         }
-        if let Some(LocalFrame { axes: [a, b, c], offset }) = local_frame {
+        if let Some(LocalFrame { axes: [a, b, c], offset }) = local_frame.as_deref() {
             put_text(out, 30, "localframe\n");
             for (names, row) in LOCAL_FRAME_LABELS.iter().zip([a, b, c, offset]) {
                 put_grid(out, "", &names.map(|name| format!("{name}=")).each_ref().map(String::as_str), row, real);

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
-use crate::scan::parts::{put_records, read_records};
+use crate::scan::parts::{put_records, read_file_records, read_records};
 use crate::scan::{
     AsciiText, DASHED_LINE, FRAME_TOLERANCE, LineScanner, RealText, TextLine, format_d14, format_integer,
     format_long14, fortran_real, frame_defect, put_grid, put_steps,
@@ -48,7 +48,12 @@ const LINE_LABELS: [[&str; 3]; 7] = [
 impl Dof {
     /// Reads the file; reports all its faults at once. It may list any of the bodies, in any order, without repetition.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        Self::parse(path, &AsciiText::read_file(path)?)
+        Ok(Self::read_with_notices(path)?.0)
+    }
+
+    /// Reads the file like [`Dof::read`]; also returns notices about deviations from its form.
+    pub fn read_with_notices(path: &Path) -> Result<(Self, Vec<String>), Faults> {
+        Self::from_parts(path, read_file_records(path, "bdyty", read_part)?)
     }
 
     /// Reads the text of a file; `path` is for messages.
@@ -58,10 +63,11 @@ impl Dof {
 
     /// Reads the text of a file like [`Dof::parse`]; also returns notices about deviations from its form.
     pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
-        let (parts, notices) = read_records(path, text, "bdyty", |scan, before| {
-            let head = (before == 0).then(|| scan.read_steps());
-            (head, read_bodies(scan, before))
-        })?;
+        Self::from_parts(path, read_records(path, text, "bdyty", read_part)?)
+    }
+
+    /// Joins the parts of a file, of which the first has the head.
+    fn from_parts(path: &Path, (parts, notices): (Vec<DofPart>, Vec<String>)) -> Result<(Self, Vec<String>), Faults> {
         let (step, time) = parts[0].0.expect("the first part has the head");
         let mut bodies = Vec::with_capacity(parts.iter().map(|(_, bodies)| bodies.len()).sum());
         parts.into_iter().for_each(|(_, of_part)| bodies.extend(of_part));
@@ -105,6 +111,15 @@ fn write_record(out: &mut String, BodyDof { body, displacement, velocity, axes, 
 fn format_axis(x: f64) -> RealText {
     let short = format_d14(x);
     if fortran_real(&short) == Ok(x) { short } else { format_long14(x) }
+}
+
+/// Step and time (s) of the head, if it is in the part, and the bodies of the part.
+type DofPart = (Option<(u64, f64)>, Vec<BodyDof>);
+
+/// Reads a part of a file; `before` records come before.
+fn read_part(scan: &mut LineScanner, before: usize) -> DofPart {
+    let head = (before == 0).then(|| scan.read_steps());
+    (head, read_bodies(scan, before))
 }
 
 /// Reads bodies up to the end of the text; `before` records come before.

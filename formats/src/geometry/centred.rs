@@ -71,9 +71,9 @@ impl Contactor {
             ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } if lone => local_frame = None,
             ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {
                 let fixed = LocalFrame { axes: Matrix3::identity().into(), offset: [0.0; 3] };
-                let frame = local_frame.unwrap_or(fixed);
+                let frame = local_frame.map_or(fixed, |frame| *frame);
                 let axes = frame.axes.map(|axis| (axes * Vec3::from(axis)).into());
-                local_frame = Some(LocalFrame { axes, offset: at(frame.offset) });
+                local_frame = Some(LocalFrame { axes, offset: at(frame.offset) }.into());
             }
         }
         Contactor { colour: self.colour.clone(), shape, local_frame }
@@ -123,7 +123,7 @@ mod tests {
         let plate = ShapeRecord::Plane { half_lengths: [1.0, 1.0, 0.5] };
         let frame = LocalFrame { axes: [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], offset: [4.0, 0.0, 0.0] };
         let ball = contactor(ShapeRecord::Sphere { radius: 1.0 }, None);
-        let contactors = vec![contactor(plate, Some(frame)), ball];
+        let contactors = vec![contactor(plate, Some(frame.into())), ball];
         let body = Body {
             line: 0,
             material: "ROCKx".into(),

@@ -292,7 +292,7 @@ mod tests {
     use crate::bodies::LocalFrame;
 
     fn contactor(shape: ShapeRecord, local_frame: Option<LocalFrame>) -> Contactor {
-        Contactor { colour: "BLUEx".into(), shape, local_frame }
+        Contactor { colour: "BLUEx".into(), shape, local_frame: local_frame.map(Box::new) }
     }
 
     #[test]

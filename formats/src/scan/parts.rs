@@ -1,5 +1,7 @@
 //! Long files in parts of whole records, which are read and written in parallel. Short files start no threads.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -9,12 +11,16 @@ use crate::error::Faults;
 
 /// Smallest size of a part of a text, bytes, which then ends with its record: enough to hide the cost of a task.
 const PART_SIZE: usize = 1 << 20;
+/// Smallest size of a block of a file, bytes, of which only one is in memory: parts for many threads, and little next to
+/// the records of a long file.
+const BLOCK_SIZE: usize = 16 << 20;
 /// Number of records of one task of writing: enough to hide its cost.
 const RECORDS_PER_TASK: usize = 1024;
 
 impl AsciiText<'_> {
-    /// The text in parts, each of which but the first begins with a line `$keyword`.
-    fn parts(&self, keyword: &str) -> Vec<TextPart<'_>> {
+    /// The text in parts, each of which but the first begins with a line `$keyword`. `before`: number of lines and records
+    /// before the text, to which its own are added.
+    fn parts(&self, keyword: &str, before: &mut (usize, usize)) -> Vec<TextPart<'_>> {
         let begin = format!("\n${keyword}");
         let mut texts = Vec::new();
         let mut rest: &str = &self.0;
@@ -25,19 +31,18 @@ impl AsciiText<'_> {
             rest = behind;
         }
         texts.push(rest);
-        if texts.len() == 1 {
-            return vec![self.whole()];
-        }
         // Only the last part may end within a line, and nothing follows its counts.
         let count = |text: &&str| {
             let is_record = |line: &str| usize::from(line.get(1..6) == Some(keyword));
             text.lines().fold((0, 0), |(lines, records), line| (lines + 1, records + is_record(line)))
         };
-        let counts: Vec<(usize, usize)> = texts.par_iter().map(count).collect();
-        let mut before = (0, 0);
+        let counts: Vec<(usize, usize)> = match &texts[..] {
+            [text] => vec![count(text)],
+            several => several.par_iter().map(count).collect(),
+        };
         let part = |(text, (lines, records))| {
             let part = TextPart { text, lines_before: before.0, records_before: before.1 };
-            before = (before.0 + lines, before.1 + records);
+            *before = (before.0 + lines, before.1 + records);
             part
         };
         texts.into_iter().zip(counts).map(part).collect()
@@ -57,26 +62,86 @@ pub fn read_records<T: Send>(
     keyword: &str,
     read: impl Fn(&mut LineScanner, usize) -> T + Sync,
 ) -> Result<(Vec<T>, Vec<String>), Faults> {
-    let parts = text.parts(keyword);
-    if parts.len() > 1 {
-        let read_part = |part: &TextPart| {
-            let scan = &mut LineScanner::of_part(path, *part);
-            let value = read(scan, part.records_before);
-            (!scan.has_faults()).then(|| (value, std::mem::take(&mut scan.forms)))
-        };
-        if let Some(read) = parts.par_iter().map(read_part).collect::<Option<Vec<(T, LenientForms)>>>() {
-            let mut forms = LenientForms::default();
-            let values = read.into_iter().map(|(value, of_part)| {
-                forms.append(of_part);
-                value
-            });
-            let values = values.collect();
-            return Ok((values, forms.notices(&path.file_name().unwrap_or_default().to_string_lossy())));
-        }
+    if text.0.len() > PART_SIZE
+        && let Some(read) = read_parts(path, &text.parts(keyword, &mut (0, 0)), &read)
+    {
+        return Ok(joined_parts(path, read));
     }
     let scan = &mut LineScanner::new(path, text);
     let value = read(scan, 0);
     scan.finish_with_notices(vec![value])
+}
+
+/// Reads the records of a file like [`read_records`], with a block of its text in memory at a time. A file with a fault is
+/// read again as one text.
+///
+/// Errors: the file cannot be read, or all faults of its text.
+pub fn read_file_records<T: Send>(
+    path: &Path,
+    keyword: &str,
+    read: impl Fn(&mut LineScanner, usize) -> T + Sync,
+) -> Result<(Vec<T>, Vec<String>), Faults> {
+    match read_blocks(path, keyword, BLOCK_SIZE, &read) {
+        Some(read) => Ok(joined_parts(path, read)),
+        None => read_records(path, &AsciiText::read_file(path)?, keyword, read),
+    }
+}
+
+/// Values of the parts of a file, read in blocks of `block_size` bytes or more, each of which ends with a record; `None` if
+/// the file cannot be read or has a fault.
+fn read_blocks<T: Send>(
+    path: &Path,
+    keyword: &str,
+    block_size: usize,
+    read: &(impl Fn(&mut LineScanner, usize) -> T + Sync),
+) -> Option<Vec<(T, LenientForms)>> {
+    let begin = format!("\n${keyword}");
+    let mut file = File::open(path).ok()?;
+    let (mut block, mut before, mut values) = (Vec::new(), (0, 0), Vec::new());
+    loop {
+        let is_last = (&mut file).take(block_size as u64).read_to_end(&mut block).ok()? < block_size;
+        let last_record = || block.windows(begin.len()).rposition(|bytes| bytes == begin.as_bytes());
+        let end = if is_last { block.len() } else { last_record().map_or(0, |at| at + 1) };
+        if block[..end].contains(&0) {
+            return None;
+        }
+        if end > 0 {
+            let text = AsciiText::new(&block[..end]);
+            values.extend(read_parts(path, &text.parts(keyword, &mut before), read)?);
+        }
+        if is_last {
+            return (!values.is_empty()).then_some(values);
+        }
+        block.drain(..end);
+    }
+}
+
+/// Values of parts of a text with the deviations of each; `None` if one has a fault.
+fn read_parts<T: Send>(
+    path: &Path,
+    parts: &[TextPart],
+    read: &(impl Fn(&mut LineScanner, usize) -> T + Sync),
+) -> Option<Vec<(T, LenientForms)>> {
+    let read_part = |part: &TextPart| {
+        let scan = &mut LineScanner::of_part(path, *part);
+        let value = read(scan, part.records_before);
+        (!scan.has_faults()).then(|| (value, std::mem::take(&mut scan.forms)))
+    };
+    match parts {
+        [part] => Some(vec![read_part(part)?]),
+        several => several.par_iter().map(read_part).collect(),
+    }
+}
+
+/// Values of all parts of a file, and its notices.
+fn joined_parts<T>(path: &Path, parts: Vec<(T, LenientForms)>) -> (Vec<T>, Vec<String>) {
+    let mut forms = LenientForms::default();
+    let values = parts.into_iter().map(|(value, of_part)| {
+        forms.append(of_part);
+        value
+    });
+    let values = values.collect();
+    (values, forms.notices(&path.file_name().unwrap_or_default().to_string_lossy()))
 }
 
 /// Appends the text of all records, one after the other; `write` appends that of a record, with its index.
@@ -96,7 +161,7 @@ pub fn put_records<T: Sync>(out: &mut String, records: &[T], write: impl Fn(&mut
     };
     let texts: Vec<String> = records.par_chunks(RECORDS_PER_TASK).enumerate().map(of_task).collect();
     out.reserve(texts.iter().map(String::len).sum());
-    texts.iter().for_each(|text| out.push_str(text));
+    texts.into_iter().for_each(|text| out.push_str(&text));
 }
 
 #[cfg(test)]
@@ -115,24 +180,26 @@ mod tests {
     }
 
     fn read(text: &AsciiText) -> Result<(Vec<Vec<f64>>, Vec<String>), Faults> {
-        read_records(Path::new("f"), text, "numbr", |scan, before| {
-            let mut values = Vec::new();
-            while scan.peek_line().is_some() {
-                scan.set_object(format!("number {}", before + values.len() + 1));
-                scan.skip_to_keyword("numbr");
-                scan.expect_keyword("numbr");
-                let Some(line) = scan.next_line() else { break };
-                values.push(scan.read_length(line, 35, "it"));
-                scan.skip_record();
-            }
-            values
-        })
+        read_records(Path::new("f"), text, "numbr", read_numbers)
+    }
+
+    fn read_numbers(scan: &mut LineScanner, before: usize) -> Vec<f64> {
+        let mut values = Vec::new();
+        while scan.peek_line().is_some() {
+            scan.set_object(format!("number {}", before + values.len() + 1));
+            scan.skip_to_keyword("numbr");
+            scan.expect_keyword("numbr");
+            let Some(line) = scan.next_line() else { break };
+            values.push(scan.read_length(line, 35, "it"));
+            scan.skip_record();
+        }
+        values
     }
 
     #[test]
     fn parts_hold_all_records_with_their_lines() {
         let text = numbers(100_000, None);
-        let parts = text.parts("numbr");
+        let parts = text.parts("numbr", &mut (0, 0));
         assert!(parts.len() > 4);
         assert_eq!(parts.iter().map(|part| part.text).collect::<String>(), text.0);
         for part in &parts[1..] {
@@ -140,7 +207,7 @@ mod tests {
             assert_eq!(part.lines_before, 1 + 3 * part.records_before);
         }
         let none = numbers(0, None);
-        assert_eq!((none.parts("numbr").len(), none.whole().text), (1, "! head\n"));
+        assert_eq!((none.parts("numbr", &mut (0, 0)).len(), none.whole().text), (1, "! head\n"));
     }
 
     #[test]
@@ -148,6 +215,32 @@ mod tests {
         let (values, notices) = read(&numbers(100_000, None)).unwrap();
         assert!(values.len() > 4 && notices.is_empty());
         assert!(values.iter().flatten().copied().eq((0..100_000).map(f64::from)));
+    }
+
+    #[test]
+    fn a_file_in_blocks_is_read_like_its_text() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("f");
+        // A head longer than small blocks, and comments that are not ASCII.
+        let head = format!("{}$numbr", "!\n".repeat(900));
+        let text = numbers(2000, None).0.replace("$$$$$$\n", "  ! \u{b5}m\n$$$$$$\n").replacen("$numbr", &head, 1);
+        for text in [&text, &text.replace('\n', "\r\n")] {
+            std::fs::write(&path, text).unwrap();
+            let whole = read(&AsciiText::read_file(&path).unwrap()).unwrap();
+            for block_size in [7, 1000, 1 << 20] {
+                let blocks = read_blocks(&path, "numbr", block_size, &read_numbers).unwrap();
+                assert_eq!(blocks.len() > 1, block_size < 1 << 20);
+                let (values, notices) = joined_parts(&path, blocks);
+                assert_eq!((values.concat(), notices), (whole.0.concat(), whole.1.clone()), "{block_size}");
+            }
+            let (values, _) = read_file_records(&path, "numbr", read_numbers).unwrap();
+            assert_eq!(values.concat(), whole.0.concat());
+        }
+        std::fs::write(&path, numbers(2000, Some(1500)).0.as_bytes()).unwrap();
+        assert!(read_blocks(&path, "numbr", 1000, &read_numbers).is_none());
+        let faults = read_file_records(&path, "numbr", read_numbers).unwrap_err().to_string();
+        assert!(faults.contains("f:4503: number 1501: it is 'wrong', not a number"), "{faults}");
+        assert!(read_file_records(&folder.path().join("absent"), "numbr", read_numbers).is_err());
     }
 
     #[test]

@@ -86,7 +86,7 @@ fn body_numbers(body: &Body) -> Vec<(&'static str, f64)> {
             ShapeRecord::Polyhedron { vertices, .. } => add("coo", vertices.as_flattened()),
             ShapeRecord::Point { offset } => add("coo", offset),
         }
-        if let Some(LocalFrame { axes, offset }) = local_frame {
+        if let Some(LocalFrame { axes, offset }) = local_frame.as_deref() {
             add("localframe", axes.as_flattened());
             add("localframe", offset);
         }
@@ -133,7 +133,7 @@ mod tests {
                 contactors: vec![contactor(shape)],
             };
             assert_eq!(inexact_numbers("body 1", body_numbers(&body)).len(), 4 + count, "{body:?}");
-            body.contactors[0].local_frame = Some(LocalFrame { axes: [[third; 3]; 3], offset: [third; 3] });
+            body.contactors[0].local_frame = Some(Box::new(LocalFrame { axes: [[third; 3]; 3], offset: [third; 3] }));
             assert_eq!(inexact_numbers("body 1", body_numbers(&body)).len(), 16 + count);
         }
     }

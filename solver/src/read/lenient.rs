@@ -47,10 +47,22 @@ impl<'a> FolderReader<'a> {
         Some(value)
     }
 
+    /// Value of a file that `parse` gets as a text, or the default if there is none.
+    pub fn read_optional<T: Default>(&mut self, name: &str, parse: Parser<T>) -> Option<T> {
+        let read = |path: &Path| AsciiText::read_file(path).and_then(|text| parse(path, &text));
+        self.read_optional_file(name, read, None)
+    }
+
     /// Value of a file, or the default if there is none; `notice`: that of the default, if it is not expected.
-    pub fn read_optional<T: Default>(&mut self, name: &str, parse: Parser<T>, notice: Option<&str>) -> Option<T> {
-        if path_exists(&self.datbox.join(name)) {
-            return self.read(name, parse);
+    pub fn read_optional_file<T: Default>(
+        &mut self,
+        name: &str,
+        read: impl FnOnce(&Path) -> Result<(T, Vec<String>), Faults>,
+        notice: Option<&str>,
+    ) -> Option<T> {
+        let path = self.datbox.join(name);
+        if path_exists(&path) {
+            return self.gather_parsed(read(&path));
         }
         self.notices.extend(notice.map(|notice| format!("{name}: absent; {notice}")));
         Some(T::default())

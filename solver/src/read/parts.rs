@@ -119,7 +119,7 @@ fn contactor_piece(contactors: &[Contactor], solid: SolidPiece, colours: &mut Ve
         colours.push(contactor.colour.clone());
         colours.len() - 1
     }) as u16;
-    let (centre, axes) = match &contactor.local_frame {
+    let (centre, axes) = match contactor.local_frame.as_deref() {
         Some(LocalFrame { axes, offset }) => {
             let columns = Matrix3::from_fn(|i, j| axes[j][i]);
             let turn = nearest_rotation(&columns);

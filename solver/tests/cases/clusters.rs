@@ -243,7 +243,7 @@ fn a_local_frame_moves_a_plate() {
     case.gravity = [0.0, 0.0, -10.0];
     let plate = case.plate([4.0, 4.0, 0.5], [0.0; 3], [X, Y, Z]);
     let frame = LocalFrame { axes: [Y, [-1.0, 0.0, 0.0], Z], offset: [0.0, 0.0, 1.5] };
-    case.bodies[plate].contactors[0].local_frame = Some(frame);
+    case.bodies[plate].contactors[0].local_frame = Some(frame.into());
     case.dof.clear();
     let block = case.block([0.5; 3], [0.0, 0.0, 2.5], [X, Y, Z]);
     case.options.dt = 0.01;
