@@ -34,18 +34,22 @@ pub fn scene_without_laws(
     faults: &mut Faults,
 ) -> Scene {
     let file = datbox.join("BODIES.DAT");
-    let BodyTables { mut bodies, mut parts, mut part_starts, colours, frames, axes_matches, shapes } =
-        body_tables(&file, records, bulk, faults);
+    // A part is several times as large as a sphere: few scenes of spheres and plates need them.
+    let keeps_parts = has_links || !records.0.iter().all(is_sphere_or_plate);
+    let BodyTables { mut bodies, mut parts, mut part_starts, extents, colours, frames, axes_matches, shapes } =
+        body_tables(&file, records, bulk, keeps_parts, faults);
     let (drives, loads) = imposed_motion(datbox, driven, &mut bodies, faults);
-    check_extents(&file, records, &bodies, (&parts, &part_starts), &options, faults);
+    check_extents(&file, records, &bodies, (&parts, &extents), &options, faults);
+    drop(extents);
     let needs_parts = |body: &RigidBody| match body.shape {
         BodyShape::Parts => true,
         BodyShape::Plane { .. } => !body.is_imposed(),
         BodyShape::Sphere { .. } => body.is_driven_in_part(),
     };
     if !has_links && !bodies.iter().any(needs_parts) {
-        parts.clear();
-        part_starts.clear();
+        (parts, part_starts) = (Vec::new(), Vec::new());
+    } else if !keeps_parts {
+        BodyTables { parts, part_starts, .. } = body_tables(&file, records, bulk, true, &mut Faults::default());
     }
 
     let indices = |chosen: &dyn Fn(&RigidBody) -> bool| -> Vec<BodyId> {
@@ -121,6 +125,8 @@ struct BodyTables {
     parts: Vec<BodyPart>,
     /// First part of each body, and the number of parts.
     part_starts: Vec<PartId>,
+    /// Largest distance of a point of each body from its centre, m.
+    extents: Vec<f64>,
     colours: Vec<String>,
     /// Shift of the centre (m) and axes of each body in the frame of the file.
     frames: Vec<(Vec3, Quat)>,
@@ -128,15 +134,22 @@ struct BodyTables {
     shapes: ShapeCounts,
 }
 
-/// Makes the bodies of the records; one that has a fault is replaced by a placeholder.
-fn body_tables(file: &Path, records: &Bodies, bulk: &BulkBehav, faults: &mut Faults) -> BodyTables {
+/// Whether a body has one contactor, which is a sphere or a plate.
+fn is_sphere_or_plate(record: &BodyRecord) -> bool {
+    let [lone] = record.contactors.as_slice() else { return false };
+    matches!(lone.shape, FileShape::Sphere { .. } | FileShape::Plane { .. })
+}
+
+/// Makes the bodies of the records, with their parts if `keeps_parts`; one that has a fault is replaced by a placeholder.
+fn body_tables(file: &Path, records: &Bodies, bulk: &BulkBehav, keeps_parts: bool, faults: &mut Faults) -> BodyTables {
+    let count = records.0.len();
     let mut colours: Vec<String> = Vec::new();
-    let mut bodies = Vec::new();
-    let mut parts = Vec::new();
-    let mut part_starts = vec![PartId(0)];
-    let mut frames = Vec::new();
+    let mut bodies = Vec::with_capacity(count);
+    let (mut parts, mut part_starts) = (Vec::new(), Vec::new());
+    let mut extents = Vec::with_capacity(count);
+    let mut frames = Vec::with_capacity(count);
     let mut shapes = ShapeCounts::default();
-    let mut axes_matches = Vec::new();
+    let mut axes_matches = Vec::with_capacity(count);
     let mut unsplit = Vec::new();
     for (index, record) in records.0.iter().enumerate() {
         let made = body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected }| {
@@ -153,13 +166,19 @@ fn body_tables(file: &Path, records: &Bodies, bulk: &BulkBehav, faults: &mut Fau
         });
         bodies.push(made.body);
         shapes.add((index, record.line), &made.parts);
-        parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
-        part_starts.push(PartId::new(parts.len()));
+        let extent = |part: &BodyPart| part.offset.norm() + part.bounding_radius;
+        extents.push(made.parts.iter().map(extent).fold(0.0, f64::max));
+        if keeps_parts {
+            part_starts.push(PartId::new(parts.len()));
+            parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
+        }
         frames.push((made.shift, made.axes));
         axes_matches.push(made.axes_match);
     }
     faults.0.extend(unsplit_fault(unsplit));
-    BodyTables { bodies, parts, part_starts, colours, frames, axes_matches, shapes }
+    part_starts.push(PartId::new(parts.len()));
+    parts.shrink_to_fit();
+    BodyTables { bodies, parts, part_starts, extents, colours, frames, axes_matches, shapes }
 }
 
 /// Rejects hollow cylinders that may move, and moving bodies that are too long for a period.
@@ -167,7 +186,7 @@ fn check_extents(
     file: &Path,
     records: &Bodies,
     bodies: &[RigidBody],
-    (parts, part_starts): (&[BodyPart], &[PartId]),
+    (parts, extents): (&[BodyPart], &[f64]),
     options: &Compute,
     faults: &mut Faults,
 ) {
@@ -180,8 +199,7 @@ fn check_extents(
     }
     for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
         // A larger body would be met by more than its nearest image.
-        let of_body = &parts[part_starts[index].index()..part_starts[index + 1].index()];
-        let extent = 2.0 * of_body.iter().map(|part| part.offset.norm() + part.bounding_radius).fold(0.0, f64::max);
+        let extent = 2.0 * extents[index];
         for period in
             [options.xperiode, options.yperiode].into_iter().flatten().filter(|period| 2.0 * extent >= *period)
         {
