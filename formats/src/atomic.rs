@@ -25,6 +25,11 @@ pub fn write_with(path: &Path, put: impl FnOnce(&mut dyn Write) -> std::io::Resu
     .move_into_place()
 }
 
+/// Writes like `write` a file that `put` fills in any order.
+pub fn write_file(path: &Path, put: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), Faults> {
+    PendingFile::write_with(path, put)?.move_into_place()
+}
+
 /// Writes several files that belong together like `write`: none is renamed before all are written.
 pub fn write_all<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Result<(), Faults> {
     let parts: Result<Vec<PendingFile>, Faults> =

@@ -12,10 +12,12 @@ mod parts;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs;
+use std::io::{BufWriter, Cursor, Seek, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use zip::result::ZipError;
 
 use crate::atomic;
 use crate::error::{Fault, Faults};
@@ -390,7 +392,7 @@ macro_rules! arrays {
             }
 
             /// Adds the arrays to an archive; `rows`: those of a part, else all.
-            fn write(&self, archive: &mut NpzWriter, rows: Option<&Range<usize>>) -> zip::result::ZipResult<()> {
+            fn write(&self, archive: &mut NpzWriter<impl Write + Seek>, rows: Option<&Range<usize>>) -> zip::result::ZipResult<()> {
                 $({
                     let of_part = rows.map_or(&self.$name[..], |rows| &self.$name[rows.clone()]);
                     archive.add_array(stringify!($name), of_part)?;
@@ -560,7 +562,7 @@ impl ShapeArrays {
         self.pairs.append(other.pairs);
     }
 
-    fn write(&self, archive: &mut NpzWriter, rows: Option<&PartRows>) -> zip::result::ZipResult<()> {
+    fn write(&self, archive: &mut NpzWriter<impl Write + Seek>, rows: Option<&PartRows>) -> zip::result::ZipResult<()> {
         self.turning.write(archive, rows.map(|rows| &rows.turning))?;
         self.contacts.write(archive, rows.map(|rows| &rows.contacts))?;
         self.pairs.write(archive, rows.map(|rows| &rows.pairs))
@@ -589,39 +591,48 @@ impl Snapshot {
 
     /// Bytes of the file, or of a part with these rows.
     fn archive_bytes(&self, rows: Option<&PartRows>) -> Vec<u8> {
-        let mut archive = NpzWriter::new();
+        self.write_archive(Cursor::new(Vec::new()), rows).expect("writing to memory").into_inner()
+    }
+
+    /// Writes the file, or a part with these rows, to an empty target.
+    fn write_archive<W: Write + Seek>(&self, target: W, rows: Option<&PartRows>) -> zip::result::ZipResult<W> {
+        let mut whole = NpzWriter::new(target);
+        let archive = &mut whole;
         let (of_bodies, of_contacts) = (rows.map(|rows| &rows.bodies), rows.map(|rows| &rows.contacts));
-        (|| {
-            rows.map_or_else(|| self.write_meta(&mut archive), |_| Ok(()))?;
-            self.bodies.write(&mut archive, of_bodies)?;
-            self.contacts.write(&mut archive, of_contacts)?;
-            self.memory.as_ref().map_or(Ok(()), |memory| memory.write(&mut archive, of_contacts))?;
-            self.laws.as_ref().map_or(Ok(()), |laws| laws.write(&mut archive, of_contacts))?;
-            let attractions = self.attractions.as_ref();
-            attractions.map_or(Ok(()), |attractions| attractions.write(&mut archive, of_contacts))?;
-            self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(&mut archive, of_bodies))?;
-            self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(&mut archive, rows))?;
-            let of_interval = rows.map(|rows| &rows.interval);
-            self.interval.as_ref().map_or(Ok(()), |interval| interval.write(&mut archive, of_interval))?;
-            archive.finish()
-        })()
-        .expect("writing to memory")
+        rows.map_or_else(|| self.write_meta(archive), |_| Ok(()))?;
+        self.bodies.write(archive, of_bodies)?;
+        self.contacts.write(archive, of_contacts)?;
+        self.memory.as_ref().map_or(Ok(()), |memory| memory.write(archive, of_contacts))?;
+        self.laws.as_ref().map_or(Ok(()), |laws| laws.write(archive, of_contacts))?;
+        let attractions = self.attractions.as_ref();
+        attractions.map_or(Ok(()), |attractions| attractions.write(archive, of_contacts))?;
+        self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(archive, of_bodies))?;
+        self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(archive, rows))?;
+        let of_interval = rows.map(|rows| &rows.interval);
+        self.interval.as_ref().map_or(Ok(()), |interval| interval.write(archive, of_interval))?;
+        whole.finish()
     }
 
     /// Bytes of the index of a snapshot in parts: `meta` alone.
     fn index_bytes(&self) -> Vec<u8> {
-        let mut archive = NpzWriter::new();
-        self.write_meta(&mut archive).and_then(|()| archive.finish()).expect("writing to memory")
+        let mut archive = NpzWriter::new(Cursor::new(Vec::new()));
+        self.write_meta(&mut archive).and_then(|()| archive.finish()).expect("writing to memory").into_inner()
     }
 
-    fn write_meta(&self, archive: &mut NpzWriter) -> zip::result::ZipResult<()> {
+    fn write_meta(&self, archive: &mut NpzWriter<impl Write + Seek>) -> zip::result::ZipResult<()> {
         let meta = serde_json::to_vec(&self.meta).expect("meta holds nothing that JSON lacks");
         archive.add_array("meta", &meta)
     }
 
     /// Writes the file, whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), Faults> {
-        atomic::write(path, &self.to_bytes())
+        atomic::write_file(path, |file| {
+            let archive = self.write_archive(BufWriter::new(file), None).map_err(|error| match error {
+                ZipError::Io(error) => error,
+                other => other.into(),
+            });
+            archive?.flush()
+        })
     }
 
     /// Writes the snapshot in parts of `bodies_per_part` bodies, and the index last; in one file if it has no more bodies.

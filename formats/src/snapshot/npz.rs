@@ -1,7 +1,7 @@
 //! Archives of npy arrays.
 
 use std::fmt;
-use std::io::{Cursor, Read, Write};
+use std::io::{Cursor, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use bytemuck::Pod;
@@ -35,18 +35,66 @@ elements! {
     u8 = "|u1", [];
 }
 
-/// Writer of an archive into memory.
-pub struct NpzWriter(ZipWriter<Cursor<Vec<u8>>>);
+/// Writer of an archive.
+pub struct NpzWriter<W: Write + Seek>(ZipWriter<ArchiveTarget<W>>);
 
-impl NpzWriter {
-    /// Writer of an empty archive.
-    pub fn new() -> Self {
-        NpzWriter(ZipWriter::new(Cursor::new(Vec::new())))
+/// Target of an archive. It keeps its first error and counts bytes after it as written, since an archive that cannot be
+/// finished prints an error of its own.
+struct ArchiveTarget<W> {
+    target: W,
+    position: u64,
+    length: u64,
+    error: Option<std::io::Error>,
+}
+
+impl<W> ArchiveTarget<W> {
+    fn attempt(&mut self, operation: impl FnOnce(&mut W) -> std::io::Result<()>) {
+        if self.error.is_none() {
+            self.error = operation(&mut self.target).err();
+        }
+    }
+}
+
+impl<W: Write> Write for ArchiveTarget<W> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.attempt(|target| target.write_all(bytes));
+        self.position += bytes.len() as u64;
+        self.length = self.length.max(self.position);
+        Ok(bytes.len())
     }
 
-    /// Bytes of the archive.
-    pub fn finish(self) -> zip::result::ZipResult<Vec<u8>> {
-        Ok(self.0.finish()?.into_inner())
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.attempt(W::flush);
+        Ok(())
+    }
+}
+
+impl<W: Seek> Seek for ArchiveTarget<W> {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        let position = match to {
+            SeekFrom::Start(position) => Some(position),
+            SeekFrom::Current(offset) => self.position.checked_add_signed(offset),
+            SeekFrom::End(offset) => self.length.checked_add_signed(offset),
+        };
+        let position = position.ok_or(std::io::ErrorKind::InvalidInput)?;
+        if position != self.position {
+            self.attempt(|target| target.seek(SeekFrom::Start(position)).map(drop));
+            self.position = position;
+        }
+        Ok(position)
+    }
+}
+
+impl<W: Write + Seek> NpzWriter<W> {
+    /// Writer of an empty archive to an empty target.
+    pub fn new(target: W) -> Self {
+        NpzWriter(ZipWriter::new(ArchiveTarget { target, position: 0, length: 0, error: None }))
+    }
+
+    /// Target with the archive; the first error of the target, if it had one.
+    pub fn finish(self) -> zip::result::ZipResult<W> {
+        let ArchiveTarget { target, error, .. } = self.0.finish()?;
+        error.map_or(Ok(target), |error| Err(error.into()))
     }
 
     /// Adds the array `name`.
@@ -202,4 +250,27 @@ fn npy_rows<T: ArrayElement>(bytes: &[u8]) -> Result<Vec<T>, NpzError> {
         return Err(NpzError::Shape { shape, bytes: data.len() });
     }
     Ok(data.chunks_exact(row_bytes).map(bytemuck::pod_read_unaligned).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use zip::result::ZipError;
+
+    use super::*;
+
+    #[test]
+    fn an_archive_that_finds_no_room_returns_the_error() {
+        let written = |room: &mut [u8]| {
+            let mut archive = NpzWriter::new(Cursor::new(room));
+            archive.add_array("a", &[1.0; 50])?;
+            archive.add_array("b", &[2.0; 50])?;
+            archive.finish().map(|target| target.position() as usize)
+        };
+        let whole = written(&mut [0; 4096]).unwrap();
+        assert!(written(&mut vec![0; whole]).is_ok());
+        for room in (0..whole).step_by(7) {
+            let Err(ZipError::Io(error)) = written(&mut vec![0; room]) else { panic!("{room}") };
+            assert_eq!(error.kind(), std::io::ErrorKind::WriteZero);
+        }
+    }
 }
