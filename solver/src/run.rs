@@ -24,7 +24,8 @@ use crate::ranks::{self, Communicator, RankTraffic};
 use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, DetectionCache, State};
 use crate::step::{
-    MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, StepReport, deeper_overlap, next_problem, step,
+    BalanceErrors, MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, StepReport, deeper_overlap, next_problem,
+    step,
 };
 use crate::write::exchange::{ExchangeEnd, StepExchange};
 use crate::write::summary::{INERT_REASON, RunStatistics, summary_text};
@@ -175,7 +176,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     statistics.stage_times.accumulate(&last_output);
     progress.finish();
     if statistics.steps > 0
-        && let Some(message) = last_overlap_warning(&mut statistics, scene, &state, reported_share)
+        && let Some(message) = last_overlap_warning(&mut statistics, scene, &mut state, reported_share)
     {
         print_error(format_args!("cd-solve: warning: {message}"));
     }
@@ -222,12 +223,13 @@ fn warn_at_start(
 /// Writes the error sources of a run, and returns its summary.
 fn summarise_run(case: &Path, scene: &Scene, state: &State, statistics: &RunStatistics) -> Result<String, RunFailure> {
     ranks::compute_alone(|| {
-        let sources = statistics.estimator.error_sources(scene, state);
+        let balance = BalanceErrors::new(scene, state);
+        let sources = statistics.estimator.error_sources(scene, state, &balance);
         // Also if a run was killed before it wrote them.
         if statistics.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {
             errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
         }
-        Ok(summary_text(scene, state, statistics, &sources))
+        Ok(summary_text(scene, state, statistics, &balance, &sources))
     })
 }
 
@@ -430,10 +432,12 @@ fn overlap_warnings(
 fn last_overlap_warning(
     statistics: &mut RunStatistics,
     scene: &Scene,
-    state: &State,
+    state: &mut State,
     reported_share: f64,
 ) -> Option<String> {
-    let contacts = current_contacts(scene, state, &mut state.detection_cache.clone());
+    // No step needs the cache any more.
+    let mut cache = std::mem::take(&mut state.detection_cache);
+    let contacts = current_contacts(scene, state, &mut cache);
     let is_inert = |overlap: &Overlap| statistics.inert_overlap.is_some_and(|inert| inert.bodies == overlap.bodies);
     let overlap = deepest_overlap(&contacts, scene).filter(|overlap| !is_inert(overlap))?;
     statistics.penetration_end = overlap.depth;

@@ -240,8 +240,8 @@ impl ErrorEstimator {
         self.clock.accumulate(times);
     }
 
-    /// Returns the sources of error, each with its cost.
-    pub fn error_sources(&self, scene: &Scene, state: &State) -> Vec<ErrorSource> {
+    /// Returns the sources of error, each with its cost; `balance` is that of the state.
+    pub fn error_sources(&self, scene: &Scene, state: &State, balance: &BalanceErrors) -> Vec<ErrorSource> {
         let recent = second_half(&self.loaded.rows);
         let depth = mean_of(recent.iter().map(|row| row.penetration_mean));
         let virials: Vec<f64> = recent.iter().map(|row| row.virial).collect();
@@ -255,7 +255,6 @@ impl ErrorEstimator {
             self.noise_of_samples()
         };
         let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
-        let balance = BalanceErrors::new(scene, state);
         let (drift, scale) = (balance.energy, balance.energy_scale);
         let lost = over(state.ledger.contact_work.abs(), scale);
         let loaded = state.contacts.iter().filter(|solved| solved.impulse != Vec3::zeros());

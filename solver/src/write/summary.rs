@@ -96,14 +96,20 @@ impl RunStatistics {
 pub const INERT_REASON: &str = "along the normal of their contact the motion of both is imposed, so that it does not act; free one of \
      them along it, or remove the row between them";
 
-/// Returns the text of the summary.
-pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, sources: &[ErrorSource]) -> String {
+/// Returns the text of the summary; `balance` is that of the state.
+pub fn summary_text(
+    scene: &Scene,
+    state: &State,
+    statistics: &RunStatistics,
+    balance: &BalanceErrors,
+    sources: &[ErrorSource],
+) -> String {
     let mut summary = SummaryLines::default();
     summary.add("models", scene.model_names().join("; "));
     add_steps(&mut summary, scene, state, statistics);
     add_penetration(&mut summary, scene, state, statistics);
     add_warnings(&mut summary, statistics);
-    add_balances(&mut summary, scene, state);
+    add_balances(&mut summary, scene, balance);
     add_errors(&mut summary, scene, statistics, sources);
     add_cost(&mut summary, statistics);
     summary.text
@@ -204,8 +210,7 @@ fn add_warnings(summary: &mut SummaryLines, statistics: &RunStatistics) {
 }
 
 /// Drifts of energy and momenta.
-fn add_balances(summary: &mut SummaryLines, scene: &Scene, state: &State) {
-    let balance = BalanceErrors::new(scene, state);
+fn add_balances(summary: &mut SummaryLines, scene: &Scene, balance: &BalanceErrors) {
     if scene.walls.contains(&false) {
         summary.add("energy drift", format!("{:.2e}", balance.energy));
     }
