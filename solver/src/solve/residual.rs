@@ -143,6 +143,8 @@ impl<'a> ResidualEvaluator<'a> {
             let balance: Vec<Vec3> = problem.rows.par_iter().with_min_len(PAR_MIN_LEN).map(balance).collect();
             let motions = evaluator.body_motions(&balance);
             (balance, motions)
+        } else if rows.is_empty() {
+            (Vec::new(), Vec::new())
         } else {
             (Vec::new(), problem.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(free).collect())
         };
@@ -242,6 +244,16 @@ impl<'a> ResidualEvaluator<'a> {
             ..*record
         };
         self.problem.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).zip(motions).map(of).collect()
+    }
+
+    /// The system's records after impulses of 0. Adding these makes -0 to 0, as in [`Self::body_motions`].
+    pub fn unmoved_bodies(&self) -> Vec<SolverBody> {
+        let of = |(body, record): (usize, &SolverBody)| SolverBody {
+            v: record.v + self.problem.velocity_change(BodyId(body as u32), &Vec3::zeros()),
+            w: record.w + self.problem.angular_velocity_change(BodyId(body as u32), &Vec3::zeros()),
+            ..*record
+        };
+        self.problem.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(of).collect()
     }
 
     /// |F| and the row with the largest part in it.

@@ -54,9 +54,14 @@ pub fn solve_nlgs(contact_problem: &ContactProblem, criteria: StoppingCriteria, 
     loop {
         let evaluator = ResidualEvaluator::new(contact_problem, &active, width);
         let single = sweeps_in_f32(contact_problem, &active, criteria);
-        let (residual, motions) =
-            iterate_sweeps(contact_problem, &evaluator, &active, &mut reactions, criteria, single, &mut sweeps);
-        let solver_bodies = evaluator.solver_bodies(&motions);
+        // Many bodies without a contact, as in a cloud that falls together, take no more than a copy.
+        let (residual, solver_bodies) = if active.is_empty() && contact_problem.rolling_constraints.is_empty() {
+            (Residual { value: 0.0, worst: None }, evaluator.unmoved_bodies())
+        } else {
+            let (residual, motions) =
+                iterate_sweeps(contact_problem, &evaluator, &active, &mut reactions, criteria, single, &mut sweeps);
+            (residual, evaluator.solver_bodies(&motions))
+        };
         let missed = closing_inactive_rows(contact_problem, &active, &solver_bodies);
         if missed.is_empty() || sweeps >= max_sweeps || activity::is_stopped() {
             let ContactReactions { impulses, moments } = reactions;
