@@ -171,7 +171,7 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
         return Err(RunFailure::Files(Fault::new("options".as_ref(), None, "step-loop", found, expected).into()));
     }
     let driver = match &arguments.lmgc90 {
-        Some(script) => read::driver::read_driver(script, &arguments.flags)?,
+        Some(script) => read::driver::read_driver(script, case, &arguments.flags)?,
         None => DriverSettings::default(),
     };
     let flags = arguments.flags.or(&driver.options);

@@ -37,7 +37,8 @@ fn the_commands_of_the_page_lead_to_a_picture() {
             }
         } else if kind == "text" {
             let script = "pyramid/command.py".as_ref();
-            let read = cd_solve::read::driver::read_driver(script, &ComputeFlags::default()).unwrap();
+            let read =
+                cd_solve::read::driver::read_driver(script, "pyramid".as_ref(), &ComputeFlags::default()).unwrap();
             let printed: Vec<String> = read.notes.iter().map(|note| format!("cd-solve: {note}")).collect();
             assert!(text.lines().all(|line| printed.iter().any(|note| note == line)), "{printed:#?}");
         }

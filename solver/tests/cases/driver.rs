@@ -70,7 +70,7 @@ fn options(text: &str, given: &ComputeFlags) -> Result<ComputeFlags, String> {
     let folder = tempfile::tempdir().unwrap();
     let script = folder.path().join("command.py");
     fs::write(&script, text).unwrap();
-    let read = read_driver(&script, given).map(|settings| settings.options);
+    let read = read_driver(&script, folder.path(), given).map(|settings| settings.options);
     read.map_err(|faults| faults.to_string().replace(&format!("{}:", script.display()), ""))
 }
 
@@ -145,6 +145,13 @@ fn scripts_of_both_forms_mean_the_same() {
     let in_time = SCRIPT.replace("for k in range(0, nb_steps):", "while chipy.TimeEvolution_GetTime() < nb_steps*dt:");
     let read = options(&in_time, &given).unwrap();
     assert_eq!((read.steps, read.end_time), (None, Some(0.02)));
+    // Steps of 0.25 s at 0, 0.25, ..., 1 s; ten of 0.1 s add up to less than 1 s, those of 0.25 s to 1 s.
+    for (sign, dt, end) in [("<", "0.25", 1.0), ("<=", "0.25", 1.25), ("<=", "0.3", 1.0), ("<", "0.1", 1.1)] {
+        let text = SCRIPT.replace("1.e-3", dt);
+        let text =
+            text.replace("for k in range(0, nb_steps):", &format!("while chipy.TimeEvolution_GetTime() {sign} 1.:"));
+        assert_eq!(options(&text, &given).unwrap().end_time, Some(end), "{sign} {dt}");
+    }
     let maxm = options(&SCRIPT.replace("QM/16", "Maxm "), &given).unwrap();
     assert_eq!(maxm.tol, Some(1.666e-4));
 }
@@ -227,6 +234,54 @@ fn a_relaxation_is_reported() {
     let (_, out, _) = ran(&case, SCRIPT, &["--force"]);
     assert!(!out.contains("relaxation"), "{out}");
     assert_eq!(relaxed.x(1), case.last().x(1));
+}
+
+/// Default arguments have the values that they had where the function was defined; parameters behind a star are given by
+/// their names; classes of constants have attributes.
+#[test]
+fn functions_and_classes_have_the_values_of_python() {
+    let head = "from pylmgc90 import chipy as c\nimport numpy as np\n";
+    let read = |text: &str| options(&format!("{head}{text}"), &ComputeFlags::default());
+    let solve = "c.IncrementStep(); c.ExSolver('SDL', 'Quad ', tol, 1., 50, 10)";
+    let by_default = format!(
+        "tol = 1e-4\nc.TimeEvolution_SetTimeStep(np.float64(1e-3))\ndef run(n, *, tol=tol, m=2):\n  \
+         for k in range(n*m): {solve}\ntol = 1e-8\nrun(5, m=3)\n"
+    );
+    let found = read(&by_default).unwrap();
+    assert_eq!((found.dt, found.steps, found.tol), (Some(1e-3), Some(15), Some(6e-4)));
+    let class = |class: &str, more: &str| {
+        format!("{class}\n{more}\nc.TimeEvolution_SetTimeStep(p.dt)\nfor k in range(p.n): c.IncrementStep()\n")
+    };
+    let plain = "class p:\n  'parameters'\n  dt: float = 1e-3\n  t = 20*dt\n  n = int(round(t/dt))\n";
+    for (text, dt) in [(class(plain, ""), 1e-3), (class(plain, "p.dt = 2e-3"), 2e-3)] {
+        let found = read(&text).unwrap();
+        assert_eq!((found.dt, found.steps), (Some(dt), Some(20)), "{text}");
+    }
+    // Attributes that may change by another name, in a function or by a method.
+    let object = "p = Parameters()\np.dt = 1e-3; p.n = 20\n";
+    for (before, more) in [
+        (plain, "q = p; q.dt = 2e-3"),
+        (plain, "f(p)"),
+        (plain, "def f(): p.dt = 2e-3; p.n = 3\nf()"),
+        (object, "q = p; q.dt = 2e-3"),
+        (object, "p.update()"),
+        (&plain.replace("class p", "class p(Base)"), ""),
+        (&plain.replace("class p", "@change\nclass p"), ""),
+    ] {
+        let found = read(&class(before, more)).unwrap_err();
+        assert!(found.contains("TimeEvolution_SetTimeStep: its value is not known: p.dt"), "{before}{more}\n{found}");
+    }
+}
+
+/// The tolerance depends on the norm, which must therefore be known.
+#[test]
+fn a_norm_that_is_not_known_is_rejected() {
+    let text = SCRIPT.replace("norm = 'QM/16'", "norm = f'{kind}'");
+    let expected = "21: ExSolver: its norm is not known: norm, set in line 7 from 'f-string'; expected 'Quad ', 'QM/16' or \
+                    'Maxm ', or the option --tol";
+    assert_eq!(rejected(&text).trim_end(), expected);
+    let given = ComputeFlags { tol: Some(1e-3), ..ComputeFlags::default() };
+    assert_eq!(options(&text, &given).unwrap().tol, None);
 }
 
 /// Loops of unknown length, and steps that a condition may skip, need an option.

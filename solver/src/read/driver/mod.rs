@@ -8,7 +8,8 @@ mod walk;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use cd_formats::compute::ComputeFlags;
+use cd_formats::compute::{Compute, ComputeFlags};
+use cd_formats::dof::Dof;
 use cd_formats::error::{Fault, Faults};
 
 pub use commands::table_rows;
@@ -38,11 +39,15 @@ pub struct DriverSettings {
     pub notes: Vec<String>,
 }
 
-/// Reads a script. `given`: options of the command line, which need no value in the script and override it.
+/// Largest number of steps that are counted one by one, far above those of any run.
+const MAX_COUNTED_STEPS: u64 = 100_000_000;
+
+/// Reads a script for the folder `case`. `given`: options of the command line, which need no value in the script and
+/// override it.
 ///
 /// Rejected are calls that change the mechanics without a counterpart, and scripts whose time step, number of steps,
 /// theta, tolerance, periods or gravity cannot be computed and are not given.
-pub fn read_driver(path: &Path, given: &ComputeFlags) -> Result<DriverSettings, Faults> {
+pub fn read_driver(path: &Path, case: &Path, given: &ComputeFlags) -> Result<DriverSettings, Faults> {
     let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
     let text = String::from_utf8_lossy(&bytes);
     let lines = logical_lines(text.trim_start_matches('\u{feff}'))
@@ -50,8 +55,10 @@ pub fn read_driver(path: &Path, given: &ComputeFlags) -> Result<DriverSettings, 
     let walk = walk(lines);
     let mut reader = DriverReader {
         path,
+        case,
         pictures: None,
         given: given.given_names(),
+        given_dt: given.dt,
         settings: DriverSettings::default(),
         faults: Faults::default(),
         lines: walk.remarks,
@@ -74,10 +81,13 @@ pub fn read_driver(path: &Path, given: &ComputeFlags) -> Result<DriverSettings, 
 /// Reader of a script: sets options from its calls, and collects faults and notes.
 struct DriverReader<'a> {
     path: &'a Path,
+    /// Folder of the case.
+    case: &'a Path,
     /// First call that writes pictures.
     pictures: Option<&'a ScriptCall>,
     /// Names of the options on the command line.
     given: Vec<&'static str>,
+    given_dt: Option<f64>,
     settings: DriverSettings,
     faults: Faults,
     /// Lines of the script with the remarks on them.
@@ -217,12 +227,17 @@ impl<'a> DriverReader<'a> {
         }
     }
 
-    /// Sets `tol` from norm, tolerance and relaxation, the arguments at these positions.
+    /// Sets `tol` from norm, tolerance and relaxation, the arguments at these positions. A norm that is not known is a fault,
+    /// unless `tol` is given on the command line.
     fn read_tolerance(&mut self, call: &ScriptCall, [norm, tolerance, relaxation]: [usize; 3]) {
         let norm = match argument(call, norm, &["norm", "checktype", "check_type"]) {
             // LMGC90 pads texts with blanks.
             Some(Ok(ScriptValue::Text(norm))) => format!("'{norm:<5}'"),
-            Some(Err(why)) => format!("(not known: {why})"),
+            Some(Err(_)) if self.given.contains(&"tol") => return,
+            Some(Err(why)) => {
+                let expected = "expected 'Quad ', 'QM/16' or 'Maxm ', or the option --tol";
+                return self.reject(call, &format!("its norm is not known: {why}"), expected);
+            }
             _ => "(not given)".into(),
         };
         let factor = if norm == "'Maxm '" { MAXM_TOL_FACTOR } else { QUAD_TOL_FACTOR };
@@ -299,11 +314,14 @@ impl<'a> DriverReader<'a> {
             for around in &call.loops {
                 match &around.end {
                     LoopEnd::Count(times) => count = count.saturating_mul(*times),
-                    LoopEnd::Time(time) if steps.len() == 1 && call.loops.len() == 1 && call.condition.is_none() => {
-                        self.take(call, "end_time", Some(*time), |options, x| options.end_time = Some(x));
+                    &LoopEnd::Time { limit, inclusive }
+                        if steps.len() == 1 && call.loops.len() == 1 && call.condition.is_none() =>
+                    {
+                        let end = self.end_of_time_loop(limit, inclusive);
+                        self.take(call, "end_time", Some(end), |options, x| options.end_time = Some(x));
                         return;
                     }
-                    LoopEnd::Time(_) => {
+                    LoopEnd::Time { .. } => {
                         self.reject_length(Some(around.line), "loop", "ends at a time, next to other loops of steps");
                         return;
                     }
@@ -322,6 +340,28 @@ impl<'a> DriverReader<'a> {
         }
         self.settings.options.steps = Some(total);
         self.remark(line, format!("loop of {}: steps = {total}", first.name));
+    }
+
+    /// `end_time` of a loop that makes steps while the time is below a limit, or at most that if `inclusive`: the limit, or
+    /// the time of the last step where rounding or `inclusive` make more or fewer. Like LMGC90, the loop adds `dt` to the
+    /// time in each step.
+    fn end_of_time_loop(&self, limit: f64, inclusive: bool) -> f64 {
+        let Some(dt) = self.given_dt.or(self.settings.options.dt).filter(|&dt| dt > 0.0) else { return limit };
+        let start = Dof::read(&self.case.join("DATBOX/DOF.INI")).map_or(0.0, |dof| dof.time);
+        let (mut steps, mut time) = (0, start);
+        while time < limit || inclusive && time == limit {
+            (steps, time) = (steps + 1, time + dt);
+            if steps > MAX_COUNTED_STEPS {
+                return limit;
+            }
+        }
+        let by_limit = Compute { dt, end_time: Some(limit), ..Compute::default() }.last_step(0, (0, start));
+        if by_limit == Some(steps) {
+            return limit;
+        }
+        let end = start + steps as f64 * dt;
+        // Without the digits of the product's rounding.
+        format!("{end:.12e}").parse().unwrap_or(end)
     }
 
     /// Adds a fault of the number of steps.

@@ -513,11 +513,13 @@ fn call_function(name: &str, arguments: &[ScriptValue]) -> Option<Evaluation> {
             parse_number(text.trim()).ok().filter(|value| matches!(value, ScriptValue::Int(_)))
         }
         ("float", [ScriptValue::Text(text)]) => parse_number(text.trim()).ok()?.number().map(ScriptValue::Real),
-        ("int", [_]) => integer(x()?.trunc()),
+        ("int", []) => Some(ScriptValue::Int(0)),
+        ("float", []) => Some(ScriptValue::Real(0.0)),
+        ("int" | "int64" | "int_", [_]) => integer(x()?.trunc()),
         ("round", [_]) => integer(x()?.round_ties_even()),
         ("ceil", [_]) => integer(x()?.ceil()),
         ("floor", [_]) => integer(x()?.floor()),
-        ("float", [_]) => Some(ScriptValue::Real(x()?)),
+        ("float" | "float64" | "double", [_]) => Some(ScriptValue::Real(x()?)),
         ("abs" | "fabs", [ScriptValue::Int(x)]) => x.checked_abs().map(ScriptValue::Int),
         ("abs" | "fabs", [_]) => Some(ScriptValue::Real(x()?.abs())),
         ("sqrt", [_]) => Some(ScriptValue::Real(x()?.sqrt())).filter(|_| x() >= Some(0.0)),
@@ -625,6 +627,10 @@ mod tests {
         int("round(2.5)", 2);
         int("max(3, n, 1)", 4);
         int("int('12')", 12);
+        real("np.float64(1e-3)", 1e-3);
+        real("numpy.double(n)", 4.0);
+        int("np.int64(4.7)", 4);
+        real("float() + int()", 0.0);
         for (text, count) in [("range(1, n+1)", 4), ("xrange(10)", 10), ("range(0,10,3)", 4), ("range(5,0,-2)", 3)] {
             assert_eq!(value(text), Ok(ScriptValue::Range(count)), "{text}");
         }
@@ -650,6 +656,8 @@ mod tests {
         assert_eq!(why("float(input())"), "the call of input");
         assert_eq!(why("x[3]"), "x[...]");
         assert_eq!(why("1 if input() else 2"), "the call of input");
+        // Its results are rounded to fewer digits, by rules that depend on numpy's version.
+        assert_eq!(why("np.float32(0.1)"), "the call of np.float32");
         assert_eq!(why("1/0"), "the result of '/'");
         assert_eq!(why("10.0**1000"), "the result of '**'");
         assert_eq!(why("lambda: 1"), "lambda");

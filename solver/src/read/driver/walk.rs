@@ -34,8 +34,8 @@ pub struct ScriptLoop {
 pub enum LoopEnd {
     /// After this many iterations.
     Count(u64),
-    /// When the time of LMGC90 reaches this value, s.
-    Time(f64),
+    /// When the time of LMGC90 reaches `limit` (s), or exceeds it if `inclusive`.
+    Time { limit: f64, inclusive: bool },
     /// Not known, for the part of the expression that is given.
     Unknown(String),
 }
@@ -120,6 +120,7 @@ pub fn walk(lines: Vec<LogicalLine>) -> ScriptCalls {
     let mut assigned = BTreeSet::new();
     assigned_names(&statements, &mut assigned);
     walker.redefined.extend(assigned.into_iter().filter(|name| walker.functions.contains_key(name)));
+    walker.find_whole_uses(&statements);
     walker.follow(&statements);
     walker.report_uncalled();
     if walker.statements >= MAX_STATEMENTS {
@@ -165,8 +166,12 @@ struct ScriptWalker<'a> {
     functions: BTreeMap<String, &'a ScriptStatement>,
     classes: BTreeMap<String, &'a ScriptStatement>,
     called: BTreeSet<String>,
-    /// Functions with a decorator, which may call them any number of times.
+    /// Functions and classes with a decorator, which may call or change them.
     decorated: BTreeSet<String>,
+    /// Values of the parameters of a function that has been defined, by its name; `None` for those without default.
+    defaults: BTreeMap<String, Vec<Option<Evaluation>>>,
+    /// Names of objects that the script passes on or copies, or whose methods it calls: their attributes may change.
+    whole_uses: BTreeSet<String>,
     /// Functions with more than one definition, and variables that a function declares as global or nonlocal.
     redefined: BTreeSet<String>,
     globals: BTreeSet<String>,
@@ -215,11 +220,44 @@ impl<'a> ScriptWalker<'a> {
                 }
                 "class" => {
                     self.variables.insert(name.clone(), Err(DEFINITION_VALUE.into()));
+                    if has_decorator {
+                        self.decorated.insert(name.clone());
+                    }
                     self.classes.insert(name, statement);
                 }
                 _ => self.find_functions(&statement.body),
             }
             has_decorator = statement.tokens[0].token.is("@");
+        }
+    }
+
+    /// Records the names of objects that may change by other names, and attributes that functions set.
+    fn find_whole_uses(&mut self, block: &[ScriptStatement]) {
+        for ScriptStatement { tokens, body } in block {
+            let mut at = 0;
+            while at < tokens.len() {
+                let (start, (name, end)) = (at, dotted_name(tokens, at));
+                at = end;
+                let before = |words: &[&str]| start > 0 && words.contains(&tokens[start - 1].token.source().as_str());
+                let next = |symbol: &str| tokens.get(end).is_some_and(|lexeme| lexeme.token.is(symbol));
+                let is_target = next("=") || start == 0 && next(":");
+                if name.is_empty() || is_target || before(&[".", "class", "def", "import", "as", "from", "global"]) {
+                    continue;
+                }
+                let used = match name.rsplit_once('.') {
+                    _ if !next("(") => &name,
+                    Some((object, _)) => object,
+                    None if self.functions.contains_key(&name) || self.classes.contains_key(&name) => continue,
+                    None => &name,
+                };
+                self.whole_uses.insert(used.to_string());
+            }
+            if tokens[0].token.name() == "def" {
+                let mut assigned = BTreeSet::new();
+                assigned_names(body, &mut assigned);
+                self.globals.extend(assigned.into_iter().filter(|name| name.contains('.')));
+            }
+            self.find_whole_uses(body);
         }
     }
 
@@ -236,11 +274,8 @@ impl<'a> ScriptWalker<'a> {
             let line = statement.line();
             self.condition = self.condition.or(self.skipped);
             match statement.keyword() {
-                "def" => {
-                    for parameter in parameters(statement) {
-                        self.check_values(split_at(parameter, "=").get(1).copied().unwrap_or_default());
-                    }
-                }
+                "def" => self.define(statement),
+                "class" if self.is_constant_class(statement) => self.set_class_attributes(statement),
                 "class" => self.report_unread(statement, "class"),
                 keyword @ ("if" | "elif" | "else") => {
                     if keyword == "if" {
@@ -306,6 +341,47 @@ impl<'a> ScriptWalker<'a> {
             }
         }
         self.depth -= 1;
+    }
+
+    /// Computes the default arguments of a function, as Python does where the function is defined.
+    fn define(&mut self, function: &ScriptStatement) {
+        let mut defaults = Vec::new();
+        for parameter in parameters(function) {
+            let default = split_at(parameter, "=").get(1).copied();
+            default.into_iter().for_each(|default| self.find_calls(default));
+            defaults.push(default.map(|default| self.value(default)));
+        }
+        self.defaults.insert(function.tokens.get(1).map_or("", |lexeme| lexeme.token.name()).to_string(), defaults);
+    }
+
+    /// Whether a class has no base and no decorator, and contains nothing but assignments to single names.
+    fn is_constant_class(&self, class: &ScriptStatement) -> bool {
+        let header: Vec<String> = class.tokens.iter().skip(2).map(|lexeme| lexeme.token.source()).collect();
+        let name = class.tokens.get(1).map_or("", |lexeme| lexeme.token.name());
+        let is_constant = |statement: &ScriptStatement| match &statement.tokens[..] {
+            [only] => matches!(only.token, ScriptToken::Text(_)) || only.token.name() == "pass",
+            tokens => class_attribute(tokens).is_some(),
+        };
+        ["", "()", "(object)"].contains(&header.concat().as_str())
+            && !self.decorated.contains(name)
+            && class.body.iter().all(is_constant)
+    }
+
+    /// Sets the attributes of a class of constants; those that come first are names in the values of later ones.
+    fn set_class_attributes(&mut self, class: &ScriptStatement) {
+        let outer = self.variables.clone();
+        let mut attributes = Vec::new();
+        for statement in &class.body {
+            let Some((name, value)) = class_attribute(&statement.tokens) else { continue };
+            self.find_calls(value);
+            let value = self.value(value);
+            self.variables.insert(name.to_string(), value.clone());
+            attributes.push((format!("{}.{name}", class.tokens[1].token.name()), value, statement.line()));
+        }
+        self.variables = outer;
+        for (name, value, line) in attributes {
+            self.set_variable(&name, value, line);
+        }
     }
 
     /// Ends the script at an exit that is not in a condition; others are for errors.
@@ -389,17 +465,36 @@ impl<'a> ScriptWalker<'a> {
     }
 
     /// End of a loop with the condition that LMGC90's time is before a value.
-    fn time_limit(&self, tokens: &[Lexeme]) -> Option<LoopEnd> {
-        let position =
-            tokens.iter().position(|lexeme| ["<", "<=", ">", ">="].iter().any(|sign| lexeme.token.is(sign)))?;
+    fn time_limit(&self, mut tokens: &[Lexeme]) -> Option<LoopEnd> {
+        let mut negated = false;
+        loop {
+            let first = &tokens.first()?.token;
+            if first.is("(") && after_bracket(tokens, 0) == tokens.len() {
+                tokens = &tokens[1..tokens.len() - 1];
+            } else if first.name() == "not" && !depends_on_values(tokens) {
+                (tokens, negated) = (&tokens[1..], !negated);
+            } else {
+                break;
+            }
+        }
+        const SIGNS: [&str; 4] = ["<", "<=", ">", ">="];
+        let position = tokens.iter().position(|lexeme| SIGNS.iter().any(|sign| lexeme.token.is(sign)))?;
         let (left, right) = (&tokens[..position], &tokens[position + 1..]);
-        let earlier = tokens[position].token.source().starts_with('<');
-        let (time, limit) = if earlier { (left, right) } else { (right, left) };
-        let (name, end) = dotted_name(time, time.iter().position(|lexeme| !lexeme.token.name().is_empty())?);
-        if self.command(&name)? != TIME_COMMAND || time.len() < end + 2 {
+        let is_time = |side: &[Lexeme]| {
+            let Some((name, end)) = side.first().map(|_| dotted_name(side, 0)) else { return false };
+            let is_call = matches!(&side[end..], [open, close] if open.token.is("(") && close.token.is(")"));
+            is_call && self.command(&name).as_deref() == Some(TIME_COMMAND)
+        };
+        let time_first = is_time(left);
+        if !time_first && !is_time(right) {
             return None;
         }
-        evaluate(limit, &self.variables).ok()?.number().map(LoopEnd::Time)
+        let sign = tokens[position].token.source();
+        // The condition `time < limit` or `time <= limit` in its four forms.
+        let is_before = (sign.starts_with('<') == time_first) != negated;
+        let inclusive = sign.ends_with('=') != negated;
+        let limit = evaluate(if time_first { right } else { left }, &self.variables).ok()?.number()?;
+        is_before.then_some(LoopEnd::Time { limit, inclusive })
     }
 
     /// Number of iterations of a loop whose condition compares a variable with a value, and whose body adds to the variable
@@ -670,6 +765,13 @@ impl<'a> ScriptWalker<'a> {
     }
 
     fn set_variable(&mut self, name: &str, value: Evaluation, line: usize) {
+        let mut objects = name.match_indices('.').map(|(point, _)| &name[..point]);
+        if let Some(object) = objects.find(|object| self.whole_uses.contains(*object)) {
+            let why = format!("an attribute of {object}, which the script also passes on, copies or calls methods of");
+            self.lose(name, &why);
+            value.iter().for_each(ScriptValue::forget);
+            return;
+        }
         if let (Ok(value), true) = (&value, self.condition.is_some() || self.globals.contains(name)) {
             value.forget();
         }
@@ -904,12 +1006,17 @@ impl<'a> ScriptWalker<'a> {
             return;
         }
         let outer = self.variables.clone();
+        let defaults = self.defaults.get(name).cloned().unwrap_or_default();
         let mut positional = positional.into_iter();
-        for parameter in parameters(function) {
+        for (k, parameter) in parameters(function).into_iter().enumerate() {
             let name = parameter[0].token.name();
+            // A star or a slash alone separates parameters.
+            if name.is_empty() && parameter.len() == 1 {
+                continue;
+            }
             let given = keywords.iter().position(|(keyword, _)| keyword == name).map(|k| keywords.swap_remove(k).1);
-            let default = split_at(parameter, "=").get(1).map(|value| evaluate(value, &outer));
-            // `*args` and `**kwargs` take any others; a single star takes none.
+            let default = defaults.get(k).cloned().flatten();
+            // `*args` and `**kwargs` take any others.
             if let [star, others, ..] = parameter
                 && name.is_empty()
             {
@@ -997,13 +1104,25 @@ fn all_assigned_names(block: &[ScriptStatement], names: &mut Vec<String>) {
     for statement in block {
         let assigns = |lexeme: &Lexeme| {
             matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.ends_with('=')
-                && !["==", "!=", "<=", ">="].contains(&symbol.as_str()))
+                && !["==", "!=", "<=", ">=", ":="].contains(&symbol.as_str()))
+        };
+        // Not the `=` of a keyword argument.
+        let outside_brackets = |position: &usize| {
+            let mut starts = 0;
+            while starts < *position {
+                let opens = ["(", "[", "{"].iter().any(|open| statement.tokens[starts].token.is(open));
+                starts = if opens { after_bracket(&statement.tokens, starts) } else { starts + 1 };
+            }
+            starts == *position
         };
         let position = if statement.keyword() == "for" {
             statement.tokens.iter().position(|lexeme| lexeme.token.name() == "in")
         } else {
-            statement.tokens.iter().position(assigns).filter(|_| !BLOCK_KEYWORDS.contains(&statement.keyword()))
+            let mut positions = (0..statement.tokens.len()).filter(|&at| assigns(&statement.tokens[at]));
+            positions.find(outside_brackets).filter(|_| !BLOCK_KEYWORDS.contains(&statement.keyword()))
         };
+        let walrus = statement.tokens.windows(2).filter(|pair| pair[1].token.is(":="));
+        names.extend(walrus.map(|pair| pair[0].token.name().to_string()));
         if let Some(end) = position {
             let mut at = 0;
             while at < end {
@@ -1014,6 +1133,14 @@ fn all_assigned_names(block: &[ScriptStatement], names: &mut Vec<String>) {
         }
         all_assigned_names(&statement.body, names);
     }
+}
+
+/// Name and value of an assignment to one name, as `dt = 1e-3` or `dt: float = 1e-3`.
+fn class_attribute(tokens: &[Lexeme]) -> Option<(&str, &[Lexeme])> {
+    let [target, value] = split_at(tokens, "=")[..] else { return None };
+    let [name, rest @ ..] = target else { return None };
+    let is_name = rest.first().is_none_or(|lexeme| lexeme.token.is(":")) && !value.is_empty();
+    Some((name.token.name(), value)).filter(|(name, _)| is_name && !name.is_empty())
 }
 
 /// Sign and expression that a statement adds to a variable: `k += 1`, `k -= 1`, `k = k + 1`.
@@ -1133,8 +1260,23 @@ mod tests {
         let end = |text: &str| calls(&format!("{head}{text}")).pop().unwrap().4.pop().unwrap();
         assert_eq!(end("for k in range(1, n + 1):\n  chipy.A()\n"), LoopEnd::Count(20));
         assert_eq!(end("for k in xrange(int(t/1e-3)): chipy.A()\n"), LoopEnd::Count(500));
-        assert_eq!(end("while chipy.TimeEvolution_GetTime() < 2*t:\n  chipy.A()\n"), LoopEnd::Time(1.0));
-        assert_eq!(end("while t > chipy.TimeEvolution_GetTime():\n  chipy.A()\n"), LoopEnd::Time(0.5));
+        assert_eq!(
+            end("while chipy.TimeEvolution_GetTime() < 2*t:\n  chipy.A()\n"),
+            LoopEnd::Time { limit: 1.0, inclusive: false }
+        );
+        for (condition, inclusive) in [
+            ("t > chipy.TimeEvolution_GetTime()", false),
+            ("not chipy.TimeEvolution_GetTime() >= t", false),
+            ("(not (t < chipy.TimeEvolution_GetTime()))", true),
+            ("chipy.TimeEvolution_GetTime() <= t", true),
+        ] {
+            let expected = LoopEnd::Time { limit: 0.5, inclusive };
+            assert_eq!(end(&format!("while {condition}:\n  chipy.A()\n")), expected, "{condition}");
+        }
+        for condition in ["chipy.TimeEvolution_GetTime() > t", "2*chipy.TimeEvolution_GetTime() < t"] {
+            let found = end(&format!("while {condition}:\n  chipy.A()\n"));
+            assert!(matches!(found, LoopEnd::Unknown(_)), "{condition} {found:?}");
+        }
         assert_eq!(end("while True:\n  chipy.A()\n"), LoopEnd::Unknown("True".into()));
         assert_eq!(end("for f in files:\n  chipy.A()\n"), LoopEnd::Unknown("files".into()));
         // A value that a loop changes is not that of its first iteration.
