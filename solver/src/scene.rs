@@ -209,9 +209,10 @@ impl RigidBody {
         self.can_rotate() && !self.rotates_freely()
     }
 
-    /// Whether its plates and cylinders count as walls of infinite radius: it is driven and does not rotate by moments.
-    fn is_flat_wall(&self) -> bool {
-        !self.can_rotate()
+    /// Curvature of its plates and cylinders: 0 next to spheres, and of a body that is driven and does not rotate by moments.
+    fn curvature_of_flat_part(&self) -> ContactorCurvature {
+        let value = if self.can_rotate() { 1.0 / self.radius } else { 0.0 };
+        ContactorCurvature { next_to_sphere: 0.0, ..ContactorCurvature::new(value) }
     }
 
     /// 1 for each axis of the body about which moments turn it, else 0.
@@ -329,10 +330,37 @@ impl VisibilityTable {
     }
 }
 
-/// Effective radius of two curvatures (1/m), m; `flat` of two flat walls.
+/// Curvature 1/R of a contactor, 1/m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactorCurvature {
+    /// Curvature next to all but spheres.
+    pub value: f64,
+    /// Curvature next to a sphere: plates and cylinders are flat there, however their bodies move.
+    pub next_to_sphere: f64,
+    pub is_sphere: bool,
+}
+
+impl ContactorCurvature {
+    /// Curvature of a contactor that is no sphere; `value` next to all others, too.
+    fn new(value: f64) -> Self {
+        Self { value, next_to_sphere: value, is_sphere: false }
+    }
+
+    fn sphere(radius: f64) -> Self {
+        Self { is_sphere: true, ..Self::new(1.0 / radius) }
+    }
+
+    /// Curvature next to another contactor, 1/m.
+    #[inline(always)]
+    fn next_to(&self, other: &Self) -> f64 {
+        if other.is_sphere { self.next_to_sphere } else { self.value }
+    }
+}
+
+/// Effective radius R, 1/R = 1/R_a + 1/R_b, of two curvatures, m; `flat` of two flat walls.
 #[inline(always)]
-pub fn radius_of_curvatures([a, b]: [f64; 2], flat: impl Fn() -> f64) -> f64 {
-    let sum = a + b;
+pub fn radius_of_curvatures([a, b]: [ContactorCurvature; 2], flat: impl Fn() -> f64) -> f64 {
+    let sum = a.next_to(&b) + b.next_to(&a);
     if sum > 0.0 { 1.0 / sum } else { flat() }
 }
 
@@ -520,24 +548,24 @@ impl Scene {
         }
     }
 
-    fn contactor_curvature(&self, (body, part_number): (BodyId, u16)) -> f64 {
+    fn contactor_curvature(&self, (body, part_number): (BodyId, u16)) -> ContactorCurvature {
         match self.bodies[body.index()].shape {
-            BodyShape::Sphere { radius } => 1.0 / radius,
-            BodyShape::Plane { .. } if self.bodies[body.index()].is_flat_wall() => 0.0,
-            BodyShape::Plane { .. } => 1.0 / self.bodies[body.index()].radius,
-            BodyShape::Parts => self.find_part(body, part_number).map_or(0.0, |part| self.part_curvature(part)),
+            BodyShape::Sphere { radius } => ContactorCurvature::sphere(radius),
+            BodyShape::Plane { .. } => self.bodies[body.index()].curvature_of_flat_part(),
+            BodyShape::Parts => {
+                self.find_part(body, part_number).map_or(ContactorCurvature::new(0.0), |part| self.part_curvature(part))
+            }
         }
     }
 
-    /// Curvature 1/R of a contactor, 1/m: a polyhedron, and a plate or cylinder that is not a wall, has that of the sphere of
-    /// its body's volume; walls are flat.
-    pub fn part_curvature(&self, part: &BodyPart) -> f64 {
+    /// Curvature of a contactor: next to a sphere, as in LMGC90, plates and cylinders are flat. Otherwise a polyhedron, and a
+    /// plate or cylinder that is not a wall, has that of the sphere of its body's volume; walls are flat.
+    pub fn part_curvature(&self, part: &BodyPart) -> ContactorCurvature {
         let body = &self.bodies[part.body.index()];
         match part.geometry {
-            ContactorShape::Sphere { radius } => 1.0 / radius,
-            ContactorShape::Polyhedron(_) => 1.0 / body.radius,
-            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } if body.is_flat_wall() => 0.0,
-            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } => 1.0 / body.radius,
+            ContactorShape::Sphere { radius } => ContactorCurvature::sphere(radius),
+            ContactorShape::Polyhedron(_) => ContactorCurvature::new(1.0 / body.radius),
+            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } => body.curvature_of_flat_part(),
         }
     }
 

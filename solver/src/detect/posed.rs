@@ -7,7 +7,7 @@ use super::travel::{LISTING_MARGIN, TravelBounds};
 use crate::geometry::{ContactPoint, ListingRange, Manifold, PosedPolyhedron};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Quat, Vec3};
-use crate::scene::{BodyId, BodyPart, ContactorShape, Scene, radius_of_curvatures};
+use crate::scene::{BodyId, BodyPart, ContactorCurvature, ContactorShape, Scene, radius_of_curvatures};
 use crate::state::{Contact, VisiblePair};
 
 /// Position of a contactor and the scene data that its pairs need, packed so that a pair reads little memory.
@@ -33,7 +33,7 @@ pub struct PosedContactor<'a> {
     /// Accumulated displacement of its surface, m.
     pub accumulated_travel: f64,
     /// Curvature used by cohesion, 1/m.
-    pub curvature: f64,
+    pub curvature: ContactorCurvature,
     pub body: BodyId,
     /// Row and column in the visibility table.
     pub class: u16,

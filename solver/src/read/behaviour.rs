@@ -191,7 +191,7 @@ fn set_visibility(file: &Path, tact: &TactBehav, numbers: &[Option<u8>], scene: 
         table[b * classes + a] = Some(rule);
     }
     let radius = |body: &RigidBody| if let BodyShape::Plane { .. } = body.shape { 0.0 } else { body.radius };
-    let of_parts = scene.parts.iter().map(|part| scene.part_curvature(part)).filter(|curvature| *curvature > 0.0);
+    let of_parts = scene.parts.iter().map(|part| scene.part_curvature(part).value).filter(|curvature| *curvature > 0.0);
     let radii = scene.bodies.iter().map(radius).chain(of_parts.map(f64::recip));
     let largest = radii.fold(0.0, f64::max);
     let range = |rule: &InteractionRule| rule.alert.max(scene.laws[rule.law as usize].interaction_range(largest));

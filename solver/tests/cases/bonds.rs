@@ -60,6 +60,30 @@ fn a_bond_holds_up_to_its_cohesion_and_no_further() {
     near(states[3].v(1), [v, 0.0, 0.0], 1e-7 * v);
 }
 
+/// Plates and cylinders are flat next to a sphere, whatever of their motion is imposed: S = π R².
+#[test]
+fn a_bond_on_a_wall_that_may_turn_has_the_area_of_the_sphere() {
+    let strength = COHESION * PI / 4.0;
+    for cylinder in [false, true] {
+        for free in [&[5][..], &[3], &[0, 5], &[0, 1, 3, 4, 5]] {
+            for (share, held) in [(0.999, 1), (1.001, 0)] {
+                let mut case = Case::new();
+                case.law_of_all("IQS_MOHR_DS_CLB", &[COHESION, 0.5 * COHESION, 0.125, 0.25]);
+                let wall = case.plate([2.0, 2.0, 0.125], [0.0, 0.0, -0.125], AXES);
+                if cylinder {
+                    let shape = ShapeRecord::Cylinder { half_height: 0.125, radius: 2.0, hollow: false };
+                    case.bodies[wall].contactors[0].shape = shape;
+                }
+                case.drive(wall, [0.0; 6].map(Evolution::constant));
+                case.driven.retain(|driven| !free.contains(&driven.component));
+                let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
+                case.pull(ball, 2, share * strength);
+                assert_eq!(bonded(&case.run(3)), [held], "{free:?} {share} {cylinder}");
+            }
+        }
+    }
+}
+
 #[test]
 fn what_has_broken_once_never_holds_again() {
     let weight = COHESION * PI / 4.0 / (PI / 6.0); // the acceleration that the bond carries
