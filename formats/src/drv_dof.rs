@@ -151,14 +151,14 @@ impl DrvDof {
         let scan = &mut LineScanner::new(path, text);
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut all = Vec::new();
-        let mut lines = HashMap::new();
+        let mut records = HashMap::new();
         for record in 1.. {
             scan.set_object(format!("record {record}"));
             scan.skip_to_keyword("bdyty");
             if scan.peek_line().is_none() {
                 break;
             }
-            if read_record(scan, folder, &mut all, &mut lines).is_none() {
+            if read_record(scan, folder, &mut all, &mut records).is_none() {
                 scan.skip_record();
             }
         }
@@ -177,7 +177,10 @@ impl DrvDof {
 
     fn text_with(&self, real: fn(f64) -> RealText) -> String {
         let mut out = String::new();
-        for driven in self.0.chunk_by(|a, b| a.body == b.body) {
+        // One record a body, as LMGC90 uses the last one alone.
+        let mut all: Vec<&DrivenComponent> = self.0.iter().collect();
+        all.sort_by_key(|driven| driven.body);
+        for driven in all.chunk_by(|a, b| a.body == b.body) {
             // Columns 7-15 are read; up to 13 are written, as pre does, while they suffice.
             let number = driven[0].body + 1;
             let number = if number > 99_999 { format_integer(number, 9) } else { format_integer(number, 7) };
@@ -208,12 +211,13 @@ impl DrvDof {
     }
 }
 
-/// Reads one body with all its driven components; `None` after a fault that leaves the scan inside the record.
+/// Reads one body with all its driven components; `None` after a fault that leaves the scan inside the record. `records`:
+/// lines of the bodies before.
 fn read_record(
     scan: &mut LineScanner,
     folder: &Path,
     all: &mut Vec<DrivenComponent>,
-    lines: &mut HashMap<(usize, u64), usize>,
+    records: &mut HashMap<usize, usize>,
 ) -> Option<()> {
     scan.expect_keyword("bdyty")?;
     let line = scan.expect_line("expected RBDY3 and the number of the body", TextLine::is_data)?;
@@ -222,6 +226,11 @@ fn read_record(
     }
     let body = scan.read_index(line, (7, 15), "number")?;
     scan.set_object(format!("body {}", body + 1));
+    if let Some(earlier) = records.insert(body, line.number) {
+        let found = format!("has another record in line {earlier}");
+        scan.add_fault(line.number, found, "expected one with all components: LMGC90 uses the last one alone");
+    }
+    let mut lines = HashMap::new();
     scan.expect_keyword("nodty")?;
     let node = scan.expect_line("expected NO6xx", |line| line.keyword() == "NO6xx")?;
     if let Some(number) = scan.read_integer(node, (9, 13), "number of the node").filter(|&number| number != 1) {
@@ -246,7 +255,7 @@ fn read_record(
             scan.add_fault(line.number, format!("component is {component}"), "expected 1 to 6");
             continue;
         }
-        if let Some(earlier) = lines.insert((body, component), line.number) {
+        if let Some(earlier) = lines.insert(component, line.number) {
             let found = format!("component {component} is driven already by line {earlier}");
             scan.add_fault(line.number, found, "expected each component once");
         }
@@ -332,6 +341,26 @@ mod tests {
         assert!((e.value_at(4.0) - 3.0).abs() < 1e-14); // and stays there
         assert_eq!(Evolution::constant(0.7).value_at(12.0), 0.7);
         assert_eq!((e.farthest_from(0.0, [0.0, 1.0]), e.farthest_from(4.0, [0.0, 1.0])), (3.0, 5.0));
+    }
+
+    #[test]
+    fn bodies_have_one_record() {
+        let component = |body: usize, component: usize| DrivenComponent {
+            line: 0,
+            body,
+            component,
+            kind: DrivenKind::Force,
+            evolution: Evolution::constant(1.0),
+        };
+        let text = DrvDof(vec![component(1, 0), component(0, 2), component(1, 1)]).to_text();
+        let read = |text: &str| DrvDof::parse("DRV_DOF.DAT".as_ref(), &AsciiText::new(text.as_bytes()));
+        let order = read(&text).unwrap().0.iter().map(|driven| (driven.body, driven.component)).collect::<Vec<_>>();
+        assert_eq!(order, [(0, 2), (1, 0), (1, 1)]);
+        let one = DrvDof(vec![component(1, 0)]).to_text();
+        let faults = read(&(one + &text)).unwrap_err().to_string();
+        let expected = "DRV_DOF.DAT:16: body 2: has another record in line 2; expected one with all components: LMGC90 \
+                        uses the last one alone";
+        assert_eq!(faults.trim_end(), expected);
     }
 
     #[test]

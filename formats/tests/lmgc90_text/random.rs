@@ -177,7 +177,11 @@ fn driven(evolution: impl Strategy<Value = Evolution>) -> impl Strategy<Value = 
 }
 
 fn drv_dof(evolution: impl Strategy<Value = Evolution>) -> impl Strategy<Value = DrvDof> {
-    vec(driven(evolution), 0..8).prop_map(|all| DrvDof(distinct(all, |d| format!("{} {}", d.body, d.component))))
+    vec(driven(evolution), 0..8).prop_map(|all| {
+        let mut all = distinct(all, |d| format!("{} {}", d.body, d.component));
+        all.sort_by_key(|driven| driven.body);
+        DrvDof(all)
+    })
 }
 
 fn harmonic() -> impl Strategy<Value = Evolution> {
