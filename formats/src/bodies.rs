@@ -212,9 +212,10 @@ fn read_body(scan: &mut LineScanner, begin: usize, number: u64) -> Option<Body> 
         return None;
     }
     // LMGC90 ignores the number, and writes stars for bodies above 99 999.
-    let is_stars = !line.columns(7, 15).trim().is_empty() && line.columns(7, 15).trim().chars().all(|c| c == '*');
-    if is_stars || scan.read_integer(line, (7, 15), "number").is_some_and(|written| written != number) {
-        scan.add_form(LenientForm::BodyNumber, line.number);
+    match line.columns(7, 15).replace(' ', "").parse::<u64>() {
+        Ok(written) if written == number => {}
+        Ok(_) => scan.add_form(LenientForm::BodyNumber, line.number),
+        Err(_) => scan.add_form(LenientForm::BodyWithoutNumber, line.number),
     }
 
     scan.expect_keyword("blmty")?;

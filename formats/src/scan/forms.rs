@@ -15,6 +15,8 @@ pub enum LenientForm {
     ShiftedHead,
     /// Body whose number is not its position.
     BodyNumber,
+    /// Body without a whole number after RBDY3.
+    BodyWithoutNumber,
     /// POLYF, a POLYR in patches.
     PatchedSurface,
     /// Vertex of a POLYR that is no corner of a triangle.
@@ -40,6 +42,11 @@ impl LenientForm {
             LenientForm::ShiftedHead => "step number and time are read next to $steps and time=".into(),
             LenientForm::BodyNumber => format!(
                 "{} {} a number other than the position; bodies are counted by position",
+                count_text(count, "body"),
+                if one { "has" } else { "have" }
+            ),
+            LenientForm::BodyWithoutNumber => format!(
+                "{} {} no whole number after RBDY3; bodies are counted by position",
                 count_text(count, "body"),
                 if one { "has" } else { "have" }
             ),

@@ -391,6 +391,12 @@ fn bodies_are_named_by_position() {
     edit(&case, "BODIES.DAT", |text| text.replacen("RBDY3      2", "RBDY3      9", 1));
     let notice = "BODIES.DAT:12: 1 body has a number other than the position; bodies are counted by position";
     weighs(runs(&case, &[notice]), SPHERE_WEIGHT, 1);
+    for no_number in [" ", "abc", "1.0"] {
+        let case = folder("base");
+        edit(&case, "BODIES.DAT", |text| text.replacen("RBDY3      2", &format!("RBDY3 {no_number:>6}"), 1));
+        let notice = "BODIES.DAT:12: 1 body has no whole number after RBDY3; bodies are counted by position";
+        weighs(runs(&case, &[notice]), SPHERE_WEIGHT, 1);
+    }
     edit(&case, "DRV_DOF.DAT", |text| text.replace("RBDY3      1", "RBDY3      9"));
     let (code, text) = messages(case.path());
     let expected = "DRV_DOF.DAT:6: body 9: does not exist; expected 1 to 2: bodies are counted by position, \
