@@ -77,10 +77,10 @@ pub fn agree_on_step(communicator: &dyn Communicator, state: &State) -> Result<(
     own.push(u8::from(activity::is_stop_requested()));
     let all = communicator.all_gather(&own, &vec![own.len(); communicator.size()]);
     let all: Vec<&[u8]> = all.chunks_exact(own.len()).collect();
-    if all.iter().any(|of_rank| of_rank.last() == Some(&1)) {
+    if all.iter().any(|bytes| bytes.last() == Some(&1)) {
         activity::agree_to_stop();
     }
-    let differs = |of_rank: &&[u8]| of_rank[..8] != all[0][..8];
+    let differs = |bytes: &&[u8]| bytes[..8] != all[0][..8];
     match all.iter().position(differs) {
         Some(rank) => Err(StateMismatch { step: state.step, rank }),
         None => Ok(()),

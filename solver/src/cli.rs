@@ -196,7 +196,7 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
         if let Some(before) = before {
             account_changed_forces(&scene, &before.parameters, &mut state);
             // The initial state is in DATBOX.
-            let text = (state.step > scene.start.0)
+            let text = (state.step > scene.start.step)
                 .then(|| write::text::is_written(&write::outbox_path(case), &state))
                 .transpose()?;
             let (warnings, notes) = before.option_changes(&scene, text, &flags.given_names());

@@ -105,7 +105,7 @@ impl ProgressDisplay {
             return;
         }
         let rate = (state.step - self.first) as f64 / self.start.elapsed().as_secs_f64().max(1e-9);
-        let left = (self.last - state.step) as f64 / rate.max(1e-9);
+        let seconds_left = (self.last - state.step) as f64 / rate.max(1e-9);
         print_line(format_args!(
             "step {}/{}  t = {} s  {} contacts carry force  {}, residual {:.1e}  kinetic {:.3e} J  {} steps/s, {:.0} s left",
             state.step,
@@ -116,7 +116,7 @@ impl ProgressDisplay {
             report.residual,
             report.kinetic + report.rotational,
             rate_text(rate),
-            left
+            seconds_left
         ));
     }
 

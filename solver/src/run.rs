@@ -182,7 +182,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     }
     statistics.overlap = statistics.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
     if communicator.size() > 1 {
-        statistics.traffic = RankTraffic::of_all(communicator);
+        statistics.traffic = RankTraffic::gather_all(communicator);
     }
     if communicator.rank() > 0 {
         return Ok(String::new());
@@ -214,7 +214,7 @@ fn warn_at_start(
     });
     statistics.overlap = initial_overlap;
     // A resumed run has its cache, which decides between equal directions; at the start of a run the cache is empty.
-    if state.step == scene.start.0 && state.detection_cache == DetectionCache::default() {
+    if state.step == scene.start.step && state.detection_cache == DetectionCache::default() {
         state.detection_cache = cache;
     }
     reported_share
@@ -226,7 +226,7 @@ fn summarise_run(case: &Path, scene: &Scene, state: &State, statistics: &RunStat
         let balance = BalanceErrors::new(scene, state);
         let sources = statistics.estimator.error_sources(scene, state, &balance);
         // Also if a run was killed before it wrote them.
-        if statistics.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {
+        if statistics.steps > 0 || state.step > scene.start.step && !errors::is_there(case) {
             errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
         }
         Ok(summary_text(scene, state, statistics, &balance, &sources))
@@ -351,8 +351,8 @@ fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
 fn single_step_warning(scene: &Scene, state: &State) -> Option<String> {
     let (dt, end) = (scene.options.dt, scene.options.end_time.filter(|_| scene.options.steps.is_none())?);
     // Up to the tolerance of the last step.
-    let left = end - state.time;
-    (left > 0.0 && (1.0 - 1e-3) * dt > left).then(|| {
+    let time_left = end - state.time;
+    (time_left > 0.0 && (1.0 - 1e-3) * dt > time_left).then(|| {
         let past = rounded_number(scene.end_time());
         let [dt, end] = [dt, end].map(rounded_number);
         let steps = match scene.last_step() > state.step {
@@ -509,15 +509,15 @@ pub fn check_run(scene: &Scene, state: &State) -> Result<(), Faults> {
     let end = scene.options.end_time.filter(|_| scene.options.steps.is_none());
     // A run passes its end by less than a step, with the tolerance of its last step.
     if let Some(end) = end.filter(|end| state.time - end > (1.0 - 1e-3) * scene.options.dt.max(state.h)) {
-        let from = if state.step > scene.start.0 { "from which the run continues" } else { "the time of DATBOX" };
+        let from = if state.step > scene.start.step { "from which the run continues" } else { "the time of DATBOX" };
         let (found, expected) = (number_text(end), format!("expected at least {} s, {from}", number_text(state.time)));
         faults.push(Fault::new(Path::new("options"), None, "end_time", found, expected));
     }
     let dt = scene.options.dt;
     if state.time + dt == state.time {
         let found = format!("{} s is lost in the rounding of the time {} s", number_text(dt), number_text(state.time));
-        let least = rounded_number(f64::EPSILON * state.time.abs());
-        let expected = format!("expected more than {least} s, or an earlier time of the start");
+        let time_rounding = rounded_number(f64::EPSILON * state.time.abs());
+        let expected = format!("expected more than {time_rounding} s, or an earlier time of the start");
         faults.push(Fault::new(Path::new("options"), None, "dt", found, expected));
     }
     let last = scene.last_step();

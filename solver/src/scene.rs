@@ -374,6 +374,14 @@ pub const NEARBY_GAP: f64 = 0.1;
 /// Number of bodies below which self-gravity is evaluated at every step.
 const MIN_BODIES_TO_EXTRAPOLATE: usize = 100;
 
+/// Number of a step and the time at its end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepTime {
+    pub step: u64,
+    /// Time, s.
+    pub time: f64,
+}
+
 /// Constant data of a run: bodies, laws, imposed motion and options.
 #[derive(Debug, Clone)]
 pub struct Scene {
@@ -385,10 +393,10 @@ pub struct Scene {
     /// Whether there are free bodies without a rule, which pass through each other.
     pub has_unseen_pairs: bool,
     pub options: Compute,
-    /// Step and time (s) of the state in DATBOX.
-    pub start: (u64, f64),
-    /// Step and time (s) from which steps of `dt` are counted: those of the start, unless `dt` has changed at a resume.
-    pub from: (u64, f64),
+    /// Step and time of the state in DATBOX.
+    pub start: StepTime,
+    /// Step and time from which steps of `dt` are counted: those of the start, unless `dt` has changed at a resume.
+    pub counted_from: StepTime,
     /// Events of the options ordered by time; repeated ones occur once per repetition.
     pub events: Vec<Event>,
     /// Names of the colours, for the files.
@@ -476,7 +484,8 @@ impl Scene {
 
     /// Last step of the run.
     pub fn last_step(&self) -> u64 {
-        self.options.last_step(self.start.0, self.from).unwrap_or(self.start.0 + DEFAULT_STEPS)
+        let StepTime { step, time } = self.counted_from;
+        self.options.last_step(self.start.step, (step, time)).unwrap_or(self.start.step + DEFAULT_STEPS)
     }
 
     /// Time at the end of the last step, s.
@@ -486,7 +495,7 @@ impl Scene {
 
     /// Time at the end of a step, s. It is computed as a product, as a sum would round at each step.
     pub fn time_at(&self, step: u64) -> f64 {
-        let (first, time) = self.from;
+        let StepTime { step: first, time } = self.counted_from;
         time + step.saturating_sub(first) as f64 * self.options.dt
     }
 
@@ -704,8 +713,8 @@ impl Scene {
         let spheres =
             |chosen: fn(&RigidBody) -> bool| self.spheres.iter().filter(|&&i| chosen(&self.bodies[i.index()])).count();
         let parts = |driven: bool, chosen: fn(&ContactorShape) -> bool| {
-            let of_shape = |part: &&BodyPart| self.bodies[part.body.index()].shape == BodyShape::Parts;
-            let parts = self.parts.iter().filter(of_shape);
+            let is_of_parts = |part: &&BodyPart| self.bodies[part.body.index()].shape == BodyShape::Parts;
+            let parts = self.parts.iter().filter(is_of_parts);
             parts.filter(|part| self.bodies[part.body.index()].driven == driven && chosen(&part.geometry)).count()
         };
         let free_planes = self.planes.iter().filter(|&&i| !self.bodies[i.index()].driven).count();

@@ -106,8 +106,8 @@ impl DetectionCache {
 
     /// Cached features of the pairs that were in contact, ordered by contactors.
     pub fn cached_pairs(&self) -> Vec<CachedPair> {
-        let of_pair = |&k: &u32| CachedPair { parts: self.pairs[k as usize].0, memory: self.memories[k as usize] };
-        let kept = self.order_by_parts.iter().map(of_pair).filter(|kept| kept.memory != CachedFeature::default());
+        let cached_pair = |&k: &u32| CachedPair { parts: self.pairs[k as usize].0, memory: self.memories[k as usize] };
+        let kept = self.order_by_parts.iter().map(cached_pair).filter(|kept| kept.memory != CachedFeature::default());
         self.restored_pairs.iter().copied().chain(kept).collect()
     }
 }
@@ -245,9 +245,10 @@ impl OutputInterval {
         let add_to = |(task, known): (usize, &mut [ContactExchange])| {
             let start = task.checked_sub(1).map(|before| ends[before]);
             let first = start.map_or(0, |start| step.partition_point(|list| list[list.len() - 1].bodies < start));
-            let of_step = step[first..].iter().flat_map(|list| *list);
-            let of_step = of_step.skip_while(|exchange| start.is_some_and(|start| exchange.bodies < start));
-            add_to_pairs(known, of_step.take_while(|exchange| exchange.bodies < ends[task]))
+            let step_exchanges = step[first..].iter().flat_map(|list| *list);
+            let step_exchanges =
+                step_exchanges.skip_while(|exchange| start.is_some_and(|start| exchange.bodies < start));
+            add_to_pairs(known, step_exchanges.take_while(|exchange| exchange.bodies < ends[task]))
         };
         let new: Vec<Vec<ContactExchange>> = if self.exchanges.is_empty() {
             vec![add_to_pairs(&mut [], step.iter().flat_map(|list| *list))]

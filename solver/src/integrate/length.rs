@@ -31,7 +31,7 @@ pub const MAX_STEP_GROWTH: u64 = 2;
 /// Length of the next step in units of `dt`. `disturbed`: velocities have been changed since the last step.
 pub fn choose_step_multiple(scene: &Scene, state: &State, disturbed: bool) -> u64 {
     let adaptive = scene.options.adaptive();
-    let knows_neighbours = state.step > scene.start.0 && !disturbed;
+    let knows_neighbours = state.step > scene.start.step && !disturbed;
     if !adaptive.is_on() || !knows_neighbours {
         return 1;
     }
@@ -46,11 +46,11 @@ pub fn choose_step_multiple(scene: &Scene, state: &State, disturbed: bool) -> u6
     let contact_limit = state.contacts.par_iter().with_min_len(1024).map(time_limit).reduce(|| f64::INFINITY, f64::min);
     let turn_limit = adaptive.travel / fastest_spin(scene, state);
     let orbit_limit = shortest_orbit(scene, state) / STEPS_PER_ORBIT;
-    let wanted = contact_limit.min(turn_limit).min(orbit_limit).min(constant_time) / dt;
-    let wanted = (wanted.min(largest) * (1.0 + 1e-12)).floor().max(1.0) as u64;
+    let multiple = contact_limit.min(turn_limit).min(orbit_limit).min(constant_time) / dt;
+    let multiple = (multiple.min(largest) * (1.0 + 1e-12)).floor().max(1.0) as u64;
     // Divides the time to the next stop into equal parts.
     let remaining = steps_to_next_stop(scene, state).max(1);
-    remaining.div_ceil(remaining.div_ceil(wanted))
+    remaining.div_ceil(remaining.div_ceil(multiple))
 }
 
 /// Longest step that a pair of near bodies allows, s.

@@ -153,8 +153,9 @@ pub fn concatenated<T: Copy + Default + Send + Sync>(lists: Vec<Vec<T>>) -> Vec<
         return lists.concat();
     }
     let mut all = vec![T::default(); lists.iter().map(Vec::len).sum()];
-    let mut left = &mut all[..];
-    let parts: Vec<&mut [T]> = lists.iter().map(|list| left.split_off_mut(..list.len()).unwrap_or_default()).collect();
+    let mut unfilled = &mut all[..];
+    let parts: Vec<&mut [T]> =
+        lists.iter().map(|list| unfilled.split_off_mut(..list.len()).unwrap_or_default()).collect();
     parts.into_par_iter().zip(lists).for_each(|(part, list)| part.copy_from_slice(&list));
     all
 }

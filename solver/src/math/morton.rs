@@ -63,10 +63,10 @@ pub fn sort_keys(keys: &mut [MortonKey], positions: &[Vec3]) -> bool {
     if !scale.is_finite() {
         return false;
     }
-    let most = (1u64 << AXIS_BITS) - 1;
+    let largest = (1u64 << AXIS_BITS) - 1;
     keys.par_chunks_mut(POINTS_PER_TASK).flatten_iter().for_each(|key| {
         let at = (positions[key.index as usize] - low) * scale;
-        let [x, y, z] = [at.x, at.y, at.z].map(|x| spread_bits((x as u64).min(most)));
+        let [x, y, z] = [at.x, at.y, at.z].map(|x| spread_bits((x as u64).min(largest)));
         key.key = x | y << 1 | z << 2;
     });
     if try_insertion_sort(keys) {

@@ -47,9 +47,9 @@ pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'stat
     // Spheres without friction do not turn.
     let turns = problem.block_data.is_some() || problem.has_friction(&active);
     let line_bytes = number_bytes * if turns { 6 } else { 3 };
-    let (text, of_sums) = (counts_text(&counts, moving, line_bytes), 2 * BATCH_LANES * number_bytes * counts.tasks);
+    let (text, sum_bytes) = (counts_text(&counts, moving, line_bytes), 2 * BATCH_LANES * number_bytes * counts.tasks);
     let times = NETWORKS.map(|(name, latency, bandwidth)| {
-        let found = sweep_seconds(&counts, seconds, [line_bytes, of_sums], latency, bandwidth);
+        let found = sweep_seconds(&counts, seconds, [line_bytes, sum_bytes], latency, bandwidth);
         format!("{} s with {name}", short_number(found))
     });
     let threads = count_text(rayon::current_num_threads(), "thread");
@@ -69,7 +69,7 @@ pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'stat
 /// Counts as text; `moving`: number of moving bodies.
 fn counts_text(counts: &DivisionCounts, moving: usize, line_bytes: usize) -> String {
     let DivisionCounts { blocks, colours, work, messages, lines, neighbours, ghosts, border_bodies, .. } = counts;
-    let most = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0);
+    let largest = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0);
     let working = work.iter().filter(|&&work| work > 0).count();
     format!(
         "{} for {}, in {}; {} at borders, {:.1} %; a rank has at most {:.2} of the mean work and {}, and sends at most {} in a sweep, {:.2} kB, to {}",
@@ -78,11 +78,11 @@ fn counts_text(counts: &DivisionCounts, moving: usize, line_bytes: usize) -> Str
         count_text(*colours, "colour"),
         count_text(*border_bodies as usize, "body"),
         100.0 * *border_bodies as f64 / moving.max(1) as f64,
-        most(work) as f64 * working as f64 / work.iter().sum::<u64>().max(1) as f64,
-        count_text(most(ghosts) as usize, "ghost"),
-        count_text(most(messages) as usize, "message"),
-        1e-3 * (most(lines) as usize * line_bytes) as f64,
-        count_text(most(neighbours) as usize, "neighbour"),
+        largest(work) as f64 * working as f64 / work.iter().sum::<u64>().max(1) as f64,
+        count_text(largest(ghosts) as usize, "ghost"),
+        count_text(largest(messages) as usize, "message"),
+        1e-3 * (largest(lines) as usize * line_bytes) as f64,
+        count_text(largest(neighbours) as usize, "neighbour"),
     )
 }
 
@@ -95,13 +95,13 @@ fn sweep_seconds(
     latency: f64,
     bandwidth: f64,
 ) -> f64 {
-    let most = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0) as f64;
+    let largest = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0) as f64;
     let working = counts.work.iter().filter(|&&work| work > 0).count();
     if working <= 1 {
         return seconds;
     }
-    let own = seconds * most(&counts.work) / counts.whole_work.max(1) as f64;
-    let exchanges = most(&counts.messages) * latency + most(&counts.lines) * line_bytes as f64 / bandwidth;
+    let own = seconds * largest(&counts.work) / counts.whole_work.max(1) as f64;
+    let exchanges = largest(&counts.messages) * latency + largest(&counts.lines) * line_bytes as f64 / bandwidth;
     own + exchanges + f64::from(working.next_power_of_two().trailing_zeros()) * latency + sum_bytes as f64 / bandwidth
 }
 

@@ -50,10 +50,10 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     let mass: f64 = free.iter().map(|(_, body)| body.mass).sum();
     let smallest = free.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
     let mean_velocity = free.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;
-    let of_free = free.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm());
+    let free_speeds = free.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm());
     let times = [state.time, scene.end_time().max(state.time)];
-    let of_driven = scene.drives.iter().map(|drive| max_drive_speed(scene, drive, &mean_velocity, times));
-    let fastest = of_free.chain(of_driven).fold(0.0, f64::max);
+    let driven_speeds = scene.drives.iter().map(|drive| max_drive_speed(scene, drive, &mean_velocity, times));
+    let fastest = free_speeds.chain(driven_speeds).fold(0.0, f64::max);
     let travel = MAX_TRAVEL_RADII * smallest;
     // A fall limits travel by its impact speed (m/s), and its first step by its acceleration (m/s²).
     let fall_bounds = |impact: String, speed: f64, acceleration: f64| {
@@ -210,8 +210,8 @@ fn share_of_constant_motion(scene: &Scene, start: f64) -> f64 {
 /// Largest memory use of this program so far, bytes; known on Linux.
 fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    Some(1024 * most.trim().strip_suffix(" kB")?.parse::<u64>().ok()?)
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(1024 * peak.trim().strip_suffix(" kB")?.parse::<u64>().ok()?)
 }
 
 /// Approximate number of bytes per contact: its stored data and its data in a step.
@@ -267,7 +267,7 @@ pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
 
 /// Memory of the program until now, and of each further contact.
 fn memory_estimate() -> String {
-    let until_now = peak_memory().map_or(String::new(), |held| format!("peak so far {:.1} MB; ", held as f64 / 1e6));
+    let until_now = peak_memory().map_or(String::new(), |peak| format!("peak so far {:.1} MB; ", peak as f64 / 1e6));
     format!(
         "{until_now}about {:.1} kB for each further contact and {} bytes for each pair that touches between two snapshots",
         contact_size() as f64 / 1e3,
@@ -330,8 +330,8 @@ fn step_lines(scene: &Scene, bounds: &[StepBound], max_multiple: u64) -> Vec<Pla
         Some(_) => format!("{shown} s is within all bounds on a step"),
         None => format!("{shown} s; no bound: nothing moves and no force acts"),
     };
-    let of_bounds = bounds.iter().map(|bound| ("", format!("up to {} s: {}", short_number(bound.h), bound.reason)));
-    [("dt", verdict)].into_iter().chain(of_bounds).collect()
+    let bound_lines = bounds.iter().map(|bound| ("", format!("up to {} s: {}", short_number(bound.h), bound.reason)));
+    [("dt", verdict)].into_iter().chain(bound_lines).collect()
 }
 
 /// The presets, each with its `dt` by the strictest of the `bounds`, cost and errors.

@@ -183,18 +183,18 @@ pub struct RankTraffic {
 
 impl RankTraffic {
     /// Traffic of each rank since its start, on every rank.
-    pub fn of_all(communicator: &dyn Communicator) -> Vec<RankTraffic> {
+    pub fn gather_all(communicator: &dyn Communicator) -> Vec<RankTraffic> {
         let RankTraffic { messages, message_bytes, gathers, gathered_bytes, divided_sweeps } = traffic();
         let own = [messages, message_bytes, gathers, gathered_bytes, divided_sweeps];
         let all = communicator.all_gather(as_bytes(&own), &vec![size_of_val(&own); communicator.size()]);
-        let of_rank = |[messages, message_bytes, gathers, gathered_bytes, divided_sweeps]: [u64; 5]| RankTraffic {
+        let from_counts = |[messages, message_bytes, gathers, gathered_bytes, divided_sweeps]: [u64; 5]| RankTraffic {
             messages,
             message_bytes,
             gathers,
             gathered_bytes,
             divided_sweeps,
         };
-        from_bytes::<[u64; 5]>(&all).into_iter().map(of_rank).collect()
+        from_bytes::<[u64; 5]>(&all).into_iter().map(from_counts).collect()
     }
 }
 

@@ -17,7 +17,7 @@ struct Mailbox {
 struct SharedMail {
     barrier: Barrier,
     /// Bytes that each rank gives to all.
-    given: Vec<Mutex<Vec<u8>>>,
+    contributions: Vec<Mutex<Vec<u8>>>,
     /// Mailboxes by sender and receiver.
     mail: Vec<Vec<Mailbox>>,
 }
@@ -34,7 +34,7 @@ impl Communicator for ThreadCommunicator {
     }
 
     fn size(&self) -> usize {
-        self.shared.given.len()
+        self.shared.contributions.len()
     }
 
     fn send_receive(&self, outgoing: &[RankMessage], incoming: &mut [RankMessage]) {
@@ -58,9 +58,9 @@ impl Communicator for ThreadCommunicator {
 
     fn all_gather(&self, own: &[u8], lengths: &[usize]) -> Vec<u8> {
         let lock = |bytes: &'static Mutex<Vec<u8>>| bytes.lock().unwrap_or_else(PoisonError::into_inner);
-        *lock(&self.shared.given[self.rank]) = own.to_vec();
+        *lock(&self.shared.contributions[self.rank]) = own.to_vec();
         self.shared.barrier.wait();
-        let all: Vec<Vec<u8>> = self.shared.given.iter().map(|bytes| lock(bytes).clone()).collect();
+        let all: Vec<Vec<u8>> = self.shared.contributions.iter().map(|bytes| lock(bytes).clone()).collect();
         self.shared.barrier.wait();
         assert!(all.iter().map(Vec::len).eq(lengths.iter().copied()));
         all.concat()
@@ -81,11 +81,11 @@ pub fn run_as_ranks<T: Send>(size: usize, work: impl Fn(&'static dyn Communicato
     let mailboxes = || (0..size).map(|_| Mailbox::default()).collect();
     let shared: &'static SharedMail = Box::leak(Box::new(SharedMail {
         barrier: Barrier::new(size),
-        given: (0..size).map(|_| Mutex::default()).collect(),
+        contributions: (0..size).map(|_| Mutex::default()).collect(),
         mail: (0..size).map(|_| mailboxes()).collect(),
     }));
     let work = &work;
-    let of_rank = |rank: usize| {
+    let run_rank = |rank: usize| {
         let communicator: &'static dyn Communicator = Box::leak(Box::new(ThreadCommunicator { rank, shared }));
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(1)
@@ -94,7 +94,7 @@ pub fn run_as_ranks<T: Send>(size: usize, work: impl Fn(&'static dyn Communicato
         pool.expect("a thread").install(|| work(communicator))
     };
     thread::scope(|scope| {
-        let ranks: Vec<_> = (0..size).map(|rank| scope.spawn(move || of_rank(rank))).collect();
+        let ranks: Vec<_> = (0..size).map(|rank| scope.spawn(move || run_rank(rank))).collect();
         ranks.into_iter().map(|rank| rank.join().expect("a result of each rank")).collect()
     })
 }

@@ -22,9 +22,11 @@ use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 use crate::gravity::SummationMethod;
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
+use crate::read::bodies::InitialMotion;
 use crate::read::contactors::{ContactorNumbers, ContactorTable, NamedContactor, POINT_NAME, part_number_in_scene};
 use crate::scene::{
-    BodyId, BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, VisibilityTable,
+    BodyId, BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, StepTime,
+    VisibilityTable,
 };
 use crate::state::{Contact, ContactStatus, LawMemory, SolvedContact, UNKNOWN_FEATURE};
 
@@ -191,10 +193,12 @@ fn set_visibility(file: &Path, tact: &TactBehav, numbers: &[Option<u8>], scene: 
         table[b * classes + a] = Some(rule);
     }
     let radius = |body: &RigidBody| if let BodyShape::Plane { .. } = body.shape { 0.0 } else { body.radius };
-    let of_parts = scene.parts.iter().map(|part| scene.part_curvature(part).value).filter(|curvature| *curvature > 0.0);
-    let radii = scene.bodies.iter().map(radius).chain(of_parts.map(f64::recip));
-    let largest = radii.fold(0.0, f64::max);
-    let range = |rule: &InteractionRule| rule.alert.max(scene.laws[rule.law as usize].interaction_range(largest));
+    let curvatures =
+        scene.parts.iter().map(|part| scene.part_curvature(part).value).filter(|curvature| *curvature > 0.0);
+    let radii = scene.bodies.iter().map(radius).chain(curvatures.map(f64::recip));
+    let largest_radius = radii.fold(0.0, f64::max);
+    let range =
+        |rule: &InteractionRule| rule.alert.max(scene.laws[rule.law as usize].interaction_range(largest_radius));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
     scene.visibility = VisibilityTable { classes, table };
 }
@@ -279,20 +283,20 @@ fn idle_rows_notes(tact: &TactBehav, contactors: &ContactorTable) -> Vec<String>
     let missing = note(&is_missing, "contactors or colours that no body has");
     // Rows without a law have a note of their own.
     let has_law = |row: &VisibilityRow| tact.laws.iter().any(|law| law.nickname == row.law);
-    let of_imposed = |row: &VisibilityRow| contactors.is_of_imposed(row) && has_law(row);
+    let is_of_imposed = |row: &VisibilityRow| contactors.is_of_imposed(row) && has_law(row);
     let imposed =
-        note(&of_imposed, "bodies whose motion is all imposed (of spheres: their translation): these do not meet");
+        note(&is_of_imposed, "bodies whose motion is all imposed (of spheres: their translation): these do not meet");
     let half_points = note(&|row| contactors.is_of_one_point(row), "PT3Dx and another contactor: these do not meet");
     offset_spheres.into_iter().chain(missing).chain(imposed).chain(half_points).collect()
 }
 
 /// Returns two bodies with contactors of these classes of which contacts can push the first, if there are any.
 fn moving_bodies_of(scene: &Scene, [a, b]: [usize; 2]) -> Option<[BodyId; 2]> {
-    let of_class = |class: usize| scene.parts.iter().filter(move |part| usize::from(part.class) == class);
+    let parts_of_class = |class: usize| scene.parts.iter().filter(move |part| usize::from(part.class) == class);
     let is_pushed = |part: &&BodyPart| scene.bodies[part.body.index()].can_be_pushed();
     [[a, b], [b, a]].into_iter().find_map(|[first, second]| {
-        let pushed = of_class(first).find(is_pushed)?.body;
-        let other = of_class(second).find(|part| part.body != pushed)?.body;
+        let pushed = parts_of_class(first).find(is_pushed)?.body;
+        let other = parts_of_class(second).find(|part| part.body != pushed)?.body;
         Some([pushed, other])
     })
 }
@@ -353,11 +357,11 @@ fn unseen_pairs(scene: &Scene) -> Vec<UnseenPair> {
         (0..).zip(&scene.bodies).for_each(|(number, body)| count(body.class, BodyId(number), body));
     }
     let mut unseen = Vec::new();
-    for (&a, of_a) in &members {
-        for (&b, of_b) in members.range(a..) {
-            let could = (of_a.free || of_b.free) && (a != b || of_a.count > 1);
-            if could && scene.visibility.interaction_rule(a, b).is_none() {
-                unseen.push(UnseenPair { classes: [a, b], both_free: of_a.free && of_b.free });
+    for (&a, members_a) in &members {
+        for (&b, members_b) in members.range(a..) {
+            let could_touch = (members_a.free || members_b.free) && (a != b || members_a.count > 1);
+            if could_touch && scene.visibility.interaction_rule(a, b).is_none() {
+                unseen.push(UnseenPair { classes: [a, b], both_free: members_a.free && members_b.free });
             }
         }
     }
@@ -399,12 +403,12 @@ fn unseen_contactors_note(scene: &Scene, unseen: &[UnseenPair], meant: &[[String
 /// Warns of contacts for which LMGC90 has no kind, if the state is also written as text.
 pub fn check_text(scene: &mut Scene) {
     let polyhedra = scene.parts.iter().filter(|part| matches!(part.geometry, ContactorShape::Polyhedron(_)));
-    let of_polyhedra: Vec<u16> = polyhedra.map(|part| part.class).collect();
+    let polyhedron_classes: Vec<u16> = polyhedra.map(|part| part.class).collect();
     let cylinders = scene.parts.iter().filter(|part| matches!(part.geometry, ContactorShape::Cylinder { .. }));
-    let sees = |part: &BodyPart| {
-        of_polyhedra.iter().any(|&class| scene.visibility.interaction_rule(class, part.class).is_some())
+    let meets_polyhedra = |part: &BodyPart| {
+        polyhedron_classes.iter().any(|&class| scene.visibility.interaction_rule(class, part.class).is_some())
     };
-    if scene.options.text && cylinders.into_iter().any(sees) {
+    if scene.options.text && cylinders.into_iter().any(meets_polyhedra) {
         let note =
             "Vloc_Rloc.OUT.k: contacts of polyhedra with cylinders are written as PRPRx: LMGC90 has no type for them";
         scene.notes.push(note.into());
@@ -453,7 +457,7 @@ pub fn check_probes(scene: &Scene, report: &mut FaultReport) {
 /// Warns of probable mistakes of units: densities of free bodies, friction of laws in use and friction set by events.
 ///
 /// The density 1 is that of scenes without units.
-pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mut FaultReport) {
+pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, event_report: &mut FaultReport) {
     let mut questions = Faults::default();
     let file = datbox.join("BULK_BEHAV.DAT");
     let text = AsciiText::read_file(&file).ok();
@@ -481,8 +485,8 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
             }
         }
     }
-    doubts::events(&scene.options.events, "", of_events);
-    questions.0.append(&mut of_events.warnings.0);
+    doubts::events(&scene.options.events, "", event_report);
+    questions.0.append(&mut event_report.warnings.0);
     scene.warnings.extend(questions.0.iter().map(Fault::to_string));
 }
 
@@ -497,47 +501,48 @@ pub fn check_event_counts(scene: &Scene, report: &mut FaultReport) {
 /// Messages about options and events that have no effect in this scene.
 pub fn ineffective_options(scene: &Scene) -> Vec<String> {
     let Compute { self_gravity, gravity, gravity_constant, gravity_moved, gravity_quadrupole, .. } = scene.options;
-    let of_gravity = !self_gravity;
-    let of_fmm = of_gravity || scene.gravity_solver().method_for(scene.free.len()) == SummationMethod::Direct;
+    let without_gravity = !self_gravity;
+    let without_fmm = without_gravity || scene.gravity_solver().method_for(scene.free.len()) == SummationMethod::Direct;
     let sweeps = matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs);
-    let in_double = scene.laws.iter().any(|law| law.rolling_friction().is_some() || law.is_regularised());
+    let sweeps_in_double = scene.laws.iter().any(|law| law.rolling_friction().is_some() || law.is_regularised());
     let default = Compute::default();
-    let set = [
-        ("gravity", of_gravity && gravity != default.gravity, "self_gravity"),
+    // Name of each option, whether it is set without an effect, and the feature that it needs.
+    let table = [
+        ("gravity", without_gravity && gravity != default.gravity, "self_gravity"),
         (
             "gravity_constant",
-            of_gravity && scene.options.fields.is_empty() && gravity_constant != default.gravity_constant,
+            without_gravity && scene.options.fields.is_empty() && gravity_constant != default.gravity_constant,
             "self_gravity or fields",
         ),
-        ("gravity_error", of_gravity && scene.options.gravity_error.is_some(), "self_gravity"),
-        ("gravity_order", of_fmm && scene.options.gravity_order.is_some(), "self_gravity by fmm"),
-        ("gravity_opening", of_fmm && scene.options.gravity_opening.is_some(), "self_gravity by fmm"),
-        ("gravity_refresh", of_gravity && scene.options.gravity_refresh.is_some(), "self_gravity"),
-        ("gravity_moved", of_gravity && gravity_moved != default.gravity_moved, "self_gravity"),
-        ("gravity_quadrupole", of_gravity && gravity_quadrupole, "self_gravity"),
-        ("gravity_softening", of_gravity && scene.options.gravity_softening.is_some(), "self_gravity"),
+        ("gravity_error", without_gravity && scene.options.gravity_error.is_some(), "self_gravity"),
+        ("gravity_order", without_fmm && scene.options.gravity_order.is_some(), "self_gravity by fmm"),
+        ("gravity_opening", without_fmm && scene.options.gravity_opening.is_some(), "self_gravity by fmm"),
+        ("gravity_refresh", without_gravity && scene.options.gravity_refresh.is_some(), "self_gravity"),
+        ("gravity_moved", without_gravity && gravity_moved != default.gravity_moved, "self_gravity"),
+        ("gravity_quadrupole", without_gravity && gravity_quadrupole, "self_gravity"),
+        ("gravity_softening", without_gravity && scene.options.gravity_softening.is_some(), "self_gravity"),
         ("narrow_phase", !scene.is_general() && scene.options.narrow_phase.is_some(), "polyhedra"),
         ("face_friction", !scene.is_general() && scene.options.face_friction != default.face_friction, "polyhedra"),
         (
             "sweep_precision",
-            (!sweeps || in_double) && scene.options.sweep_precision != default.sweep_precision,
+            (!sweeps || sweeps_in_double) && scene.options.sweep_precision != default.sweep_precision,
             "solver auto or nlgs, and laws without rolling friction, springs or interfaces",
         ),
         ("check_every", !sweeps && scene.options.check_every.is_some(), "solver auto or nlgs"),
     ];
     let adaptive = scene.options.adaptive().is_on() && scene.changes_in_time();
     let adaptive = adaptive.then(|| "adaptive: steps are dt while an imposed velocity or force changes".to_string());
-    let of_option =
+    let option_note =
         |(name, idle, needs): (&str, bool, &str)| idle.then(|| format!("{name}: without effect; needs {needs}"));
-    let (start, end, dt) = (scene.start.1, scene.end_time(), scene.options.dt);
-    let begin = end - dt;
-    let of_event = |(k, event): (usize, &Event)| {
+    let (start, end, dt) = (scene.start.time, scene.end_time(), scene.options.dt);
+    let last_begin = end - dt;
+    let event_note = |(k, event): (usize, &Event)| {
         let why = match event.action {
-            _ if event.time > begin + EVENT_SLACK * dt && end > start => {
+            _ if event.time > last_begin + EVENT_SLACK * dt && end > start => {
                 format!(
                     "no step begins at {} s or later, the last begins at {} s",
                     number_text(event.time),
-                    rounded_number(begin)
+                    rounded_number(last_begin)
                 )
             }
             EventAction::Bond if !scene.has_bonds() && !scene.laws.iter().any(ContactLaw::has_law_memory) => {
@@ -547,21 +552,23 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
         };
         Some(format!("event {}: without effect; {why}", k + 1))
     };
-    let events = scene.options.events.iter().enumerate().filter_map(of_event);
-    set.into_iter().filter_map(of_option).chain(adaptive).chain(events).collect()
+    let events = scene.options.events.iter().enumerate().filter_map(event_note);
+    table.into_iter().filter_map(option_note).chain(adaptive).chain(events).collect()
 }
 
 /// Returns the contacts of Vloc_Rloc.INI that this scene can have, to start the first step from; warns of the others.
 pub fn initial_contacts(
     datbox: &Path,
-    (records, history): (&Bodies, &VlocRloc),
+    records: &Bodies,
+    history: &VlocRloc,
     scene: &mut Scene,
-    (positions, orientations): (&[Vec3], &[Quat]),
+    motion: &InitialMotion,
     faults: &mut Faults,
 ) -> (Vec<SolvedContact>, Vec<LawMemory>) {
     let file = datbox.join("Vloc_Rloc.INI");
     check_head(&file, history, scene, faults);
     let numbers = ContactorNumbers::from_contacts(records, history);
+    let (positions, orientations) = (&motion.x[..], &motion.q[..]);
     let reader = ContactReader { file: &file, scene, records, numbers: &numbers, positions, orientations };
     let (mut contacts, mut left_out) = (Vec::new(), LeftOutContacts::default());
     for (number, record) in (0..).zip(&history.contacts) {
@@ -581,7 +588,7 @@ pub fn initial_contacts(
 /// Rejects contacts of another step or time than that of DOF.INI.
 fn check_head(file: &Path, history: &VlocRloc, scene: &Scene, faults: &mut Faults) {
     let h = scene.options.dt;
-    let (step, time) = scene.start;
+    let StepTime { step, time } = scene.start;
     // Same rule as LMGC90, except for a file without contacts; times have seven digits.
     let differs = history.step != step || (history.time - time).abs() > 1e-3 * h + 1e-6 * time.abs();
     if differs && !history.contacts.is_empty() {
@@ -617,7 +624,7 @@ struct LeftOutContacts {
     /// Contacts with a number that no contactor of the body has.
     unnumbered: Vec<usize>,
     /// Contacts of the end points of wires and rods.
-    of_points: Vec<usize>,
+    at_points: Vec<usize>,
 }
 
 impl LeftOutContacts {
@@ -634,7 +641,7 @@ impl LeftOutContacts {
         };
         let reasons = [
             (self.unseen, "left out: TACT_BEHAV.DAT has no row for the pair"),
-            (self.of_points, "of PT3Dx: the state of wires and rods is that of the positions"),
+            (self.at_points, "of PT3Dx: the state of wires and rods is that of the positions"),
             (self.unnumbered, "left out: the number of a contactor is none of its body's"),
             (self.renumbered, how),
         ];
@@ -671,7 +678,7 @@ impl ContactReader<'_> {
             return Err(fault(&format!("body {}", side.body + 1), "does not exist", &expected));
         }
         if sides.iter().all(|side| side.contactor == POINT_NAME) {
-            left_out.of_points.push(record.line);
+            left_out.at_points.push(record.line);
             return Ok(None);
         }
         let Some(part_numbers @ [part_a, part_b]) = self.parts_of_sides(record, left_out)? else { return Ok(None) };
@@ -694,11 +701,11 @@ impl ContactReader<'_> {
         let Some(normal) = frame[0].try_normalize(0.0) else {
             return Err(fault("contact", "a normal of length 0", "expected length 1"));
         };
-        let candidacy = [0, 1].map(|k| scene.candidate_order(BodyId::new(sides[k].body), part_numbers[k]));
-        let turned = candidacy[0] > candidacy[1];
+        let order = [0, 1].map(|k| scene.candidate_order(BodyId::new(sides[k].body), part_numbers[k]));
+        let swapped = order[0] > order[1];
         let (sign, [candidate, antagonist], kinds) =
-            if turned { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
-        let part_numbers = if turned { (part_b, part_a) } else { (part_a, part_b) };
+            if swapped { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
+        let part_numbers = if swapped { (part_b, part_a) } else { (part_a, part_b) };
         let normal = normal * sign;
         // A plate's face is identified by the normal, all other features by the position.
         let features = match kinds.map(|kind| CONTACTOR_NAMES[kind]) {
@@ -710,7 +717,7 @@ impl ContactReader<'_> {
             _ => (UNKNOWN_FEATURE, number),
         };
         // LMGC90's tangents differ from ours.
-        let ours = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
+        let to_own_frame = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
         let memory =
             law_memory(&scene.law_names[rule.law as usize].kind, &record.internals, &record.frame.map(Vec3::from));
         let solved = SolvedContact {
@@ -726,9 +733,9 @@ impl ContactReader<'_> {
                 area: 0.0,
                 law: rule.law,
             },
-            impulse: ours(record.force) * h,
+            impulse: to_own_frame(record.force) * h,
             moment: Vec3::zeros(),
-            velocity: ours(record.velocity),
+            velocity: to_own_frame(record.velocity),
             status,
             bond: bonded.then(|| scene.laws[rule.law as usize].bonded_at(record.gap)),
         };

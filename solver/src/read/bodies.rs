@@ -19,17 +19,28 @@ use crate::math::{Quat, Twist, Vec3};
 use crate::read::mirror;
 use crate::read::parts::{PreparedBody, body_from_record};
 use crate::scene::{
-    BodyId, BodyPart, BodyShape, ContactorShape, ImposedLoad, ImposedVelocity, PartId, RigidBody, Scene,
+    BodyId, BodyPart, BodyShape, ContactorShape, ImposedLoad, ImposedVelocity, PartId, RigidBody, Scene, StepTime,
     VisibilityTable,
 };
+
+/// Files of DATBOX that describe bodies.
+#[derive(Clone, Copy)]
+pub struct BodyFiles<'a> {
+    /// BODIES.DAT.
+    pub records: &'a Bodies,
+    /// BULK_BEHAV.DAT.
+    pub bulk: &'a BulkBehav,
+    /// DRV_DOF.DAT.
+    pub driven: &'a DrvDof,
+    /// DOF.INI.
+    pub dof: &'a Dof,
+}
 
 /// Returns the scene without its laws. `has_links`: whether wires or rods may join its points.
 pub fn scene_without_laws(
     datbox: &Path,
-    (records, has_links): (&Bodies, bool),
-    bulk: &BulkBehav,
-    driven: &DrvDof,
-    dof: &Dof,
+    BodyFiles { records, bulk, driven, dof }: BodyFiles,
+    has_links: bool,
     options: Compute,
     faults: &mut Faults,
 ) -> Scene {
@@ -52,8 +63,8 @@ pub fn scene_without_laws(
         BodyTables { parts, part_starts, .. } = body_tables(&file, records, bulk, true, &mut Faults::default());
     }
 
-    let indices = |chosen: &dyn Fn(&RigidBody) -> bool| -> Vec<BodyId> {
-        bodies.iter().enumerate().filter(|(_, body)| chosen(body)).map(|(i, _)| BodyId::new(i)).collect()
+    let indices = |is_chosen: &dyn Fn(&RigidBody) -> bool| -> Vec<BodyId> {
+        bodies.iter().enumerate().filter(|(_, body)| is_chosen(body)).map(|(i, _)| BodyId::new(i)).collect()
     };
     let free = indices(&|body| !body.driven);
     let is_plane = |body: &RigidBody| matches!(body.shape, BodyShape::Plane { .. });
@@ -63,8 +74,8 @@ pub fn scene_without_laws(
     let spheres = indices(&RigidBody::is_sphere);
     let planes = indices(&is_plane);
     let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.orients_spheres()).collect();
-    let with_moment = loads.iter().filter(|load| load.component >= 3).map(|load| load.body);
-    with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body.index()] = true);
+    let bodies_with_moment = loads.iter().filter(|load| load.component >= 3).map(|load| load.body);
+    bodies_with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body.index()] = true);
     let turning = indices(&|body| body.rotates_freely() && !body.is_isotropic());
     let guided = indices(&|body| body.rotates_in_part() && !body.is_isotropic());
     let mut scene = Scene {
@@ -75,8 +86,8 @@ pub fn scene_without_laws(
         has_unseen_pairs: false,
         events: Vec::new(),
         options,
-        start: (0, 0.0),
-        from: (0, 0.0),
+        start: StepTime { step: dof.step, time: dof.time },
+        counted_from: StepTime { step: dof.step, time: dof.time },
         materials: bulk.materials.iter().map(|m| MaterialName { name: m.name.clone(), density: m.density }).collect(),
         colours,
         law_names: Vec::new(),
@@ -152,28 +163,29 @@ fn body_tables(file: &Path, records: &Bodies, bulk: &BulkBehav, keeps_parts: boo
     let mut axes_matches = Vec::with_capacity(count);
     let mut unsplit = Vec::new();
     for (index, record) in records.0.iter().enumerate() {
-        let made = body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected }| {
-            let of_material = found.starts_with("material ");
-            let line = if of_material { Bodies::line_of_material(file, record) } else { record.line };
-            let is_unsplit = expected == EXPECTED_CONVEX;
-            let fault = Fault::new(file, Some(line), format!("body {}", index + 1), found, expected);
-            if is_unsplit {
-                unsplit.push(fault)
-            } else {
-                faults.push(fault)
-            }
-            placeholder_body()
-        });
-        bodies.push(made.body);
-        shapes.add((index, record.line), &made.parts);
+        let prepared =
+            body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected }| {
+                let is_of_material = found.starts_with("material ");
+                let line = if is_of_material { Bodies::line_is_of_material(file, record) } else { record.line };
+                let is_unsplit = expected == EXPECTED_CONVEX;
+                let fault = Fault::new(file, Some(line), format!("body {}", index + 1), found, expected);
+                if is_unsplit {
+                    unsplit.push(fault)
+                } else {
+                    faults.push(fault)
+                }
+                placeholder_body()
+            });
+        bodies.push(prepared.body);
+        shapes.add((index, record.line), &prepared.parts);
         let extent = |part: &BodyPart| part.offset.norm() + part.bounding_radius;
-        extents.push(made.parts.iter().map(extent).fold(0.0, f64::max));
+        extents.push(prepared.parts.iter().map(extent).fold(0.0, f64::max));
         if keeps_parts {
             part_starts.push(PartId::new(parts.len()));
-            parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
+            parts.extend(prepared.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
         }
-        frames.push((made.shift, made.axes));
-        axes_matches.push(made.axes_match);
+        frames.push((prepared.shift, prepared.axes));
+        axes_matches.push(prepared.axes_match);
     }
     faults.0.extend(unsplit_fault(unsplit));
     part_starts.push(PartId::new(parts.len()));
@@ -311,10 +323,10 @@ fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)], records: 
     let moved = |(_, (body, (shift, _))): &(usize, (&RigidBody, &(Vec3, Quat)))| shift.norm() > 1e-6 * body.radius;
     let moved: Vec<(usize, f64)> =
         bodies.iter().zip(frames).enumerate().filter(moved).map(|(i, (_, (shift, _)))| (i + 1, shift.norm())).collect();
-    let (body, most) = moved.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+    let (body, largest) = moved.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
     let bodies = if moved.len() == 1 { "body was" } else { "bodies were" };
     Some(format!(
-        "BODIES.DAT:{}: {} {bodies} shifted from coo1 to coo3 to the centre of mass of the shape, by up to {most:.3e} m (body {body})",
+        "BODIES.DAT:{}: {} {bodies} shifted from coo1 to coo3 to the centre of mass of the shape, by up to {largest:.3e} m (body {body})",
         records.0[body - 1].line,
         moved.len()
     ))
@@ -338,8 +350,8 @@ fn eccentric_spheres_note(bodies: &[RigidBody], records: &Bodies) -> Option<Stri
 
 /// Notes about bodies of DOF.INI whose axes LMGC90 may have chosen otherwise.
 fn axes_notes(dof: &Dof, matches: &[AxesMatch]) -> Vec<String> {
-    let note = |wanted: AxesMatch, reason: &str| {
-        let listed = dof.bodies.iter().filter(|row| matches.get(row.body) == Some(&wanted));
+    let note = |kind: AxesMatch, reason: &str| {
+        let listed = dof.bodies.iter().filter(|row| matches.get(row.body) == Some(&kind));
         let listed: Vec<&BodyDof> = listed.collect();
         let first = listed.first()?;
         Some(format!(
@@ -355,7 +367,7 @@ fn axes_notes(dof: &Dof, matches: &[AxesMatch]) -> Vec<String> {
         (AxesMatch::ArbitrarySigns, "whose moments of inertia leave the signs of two axes to rounding"),
         (AxesMatch::TooSmall, "too small for LMGC90 to find principal axes"),
     ];
-    reasons.into_iter().filter_map(|(wanted, reason)| note(wanted, reason)).collect()
+    reasons.into_iter().filter_map(|(kind, reason)| note(kind, reason)).collect()
 }
 
 /// Notes about periods that the widest plate does not span: bodies next to it would fall forever. `q`: orientations.

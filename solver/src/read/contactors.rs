@@ -21,6 +21,7 @@ fn kind_name(name: &str) -> &str {
 /// Bodies that have a contactor of some kind and colour.
 #[derive(Debug, Default)]
 struct ContactorOwners {
+    /// Index of the first of them.
     first: usize,
     /// Whether a second body has one.
     several: bool,
@@ -70,8 +71,8 @@ impl ContactorTable {
 
     /// Whether both contactors of a row exist and are on bodies that contacts cannot push.
     pub fn is_of_imposed(&self, row: &VisibilityRow) -> bool {
-        let of_imposed = |side| self.owners(side).is_some_and(|owners| !owners.moves);
-        of_imposed(&row.candidate) && of_imposed(&row.antagonist)
+        let is_imposed = |side| self.owners(side).is_some_and(|owners| !owners.moves);
+        is_imposed(&row.candidate) && is_imposed(&row.antagonist)
     }
 
     /// Whether both contactors of a row exist, and one alone is a point PT3Dx.
@@ -114,10 +115,10 @@ impl ContactorNumbers {
             all.filter(|side| side.body < records.0.len())
         };
         let fits = |numbers: &ContactorNumbers| sides().all(|side| numbers.exact_index(records, side).is_some());
-        let mut before = 0;
+        let mut count_before = 0;
         let starts = records.0.iter().map(|body| {
-            before += body.contactors.len();
-            before - body.contactors.len()
+            count_before += body.contactors.len();
+            count_before - body.contactors.len()
         });
         let over_all = ContactorNumbers::OverAll(starts.collect());
         if !fits(&ContactorNumbers::InBody) && fits(&over_all) { over_all } else { ContactorNumbers::InBody }

@@ -74,8 +74,8 @@ pub fn check_absent_axes(datbox: &Path, bodies: &Bodies, faults: &mut Faults) {
     let path = datbox.join("DOF.INI");
     let needs_axes = |body: &&Body| {
         let is_sphere = |shape: &ShapeRecord| matches!(shape, ShapeRecord::Sphere { .. } | ShapeRecord::Point { .. });
-        let given = body.inertia.is_some_and(|inertia| inertia != [0.0; 3]);
-        given && !body.contactors.iter().all(|contactor| is_sphere(&contactor.shape))
+        let has_inertia = body.inertia.is_some_and(|inertia| inertia != [0.0; 3]);
+        has_inertia && !body.contactors.iter().all(|contactor| is_sphere(&contactor.shape))
     };
     let Some(body) = bodies.0.iter().position(|body| needs_axes(&body)).filter(|_| !path_exists(&path)) else { return };
     let found = format!("absent, and body {} is given in its principal axes", body + 1);

@@ -55,7 +55,7 @@ pub fn has_links(records: &Bodies, tact: &TactBehav) -> bool {
 
 /// Sets the wires and rods of the scene: as in LMGC90, one between each two points of different bodies that a row joins and whose
 /// distance in BODIES.DAT is at most its alert distance, for the whole run.
-pub fn set_links(datbox: &Path, (records, tact): (&Bodies, &TactBehav), scene: &mut Scene, faults: &mut Faults) {
+pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut Scene, faults: &mut Faults) {
     let points = point_contactors(records);
     let mut is_joined = vec![false; points.len()];
     let mut along_x: Vec<usize> = (0..points.len()).collect();
@@ -67,8 +67,8 @@ pub fn set_links(datbox: &Path, (records, tact): (&Bodies, &TactBehav), scene: &
         let Some(law) = scene.law_names.iter().position(|law| law.nickname == row.law) else { continue };
         let joins = |a: &PointContactor, b: &PointContactor| {
             let colours = [a.colour, b.colour];
-            let of_row = [row.candidate.colour.as_str(), row.antagonist.colour.as_str()];
-            a.body != b.body && (colours == of_row || [colours[1], colours[0]] == of_row)
+            let row_colours = [row.candidate.colour.as_str(), row.antagonist.colour.as_str()];
+            a.body != b.body && (colours == row_colours || [colours[1], colours[0]] == row_colours)
         };
         let alert = row.alert * (1.0 + ALERT_ROUNDING);
         for (k, &first) in along_x.iter().enumerate() {

@@ -31,9 +31,10 @@ use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::features::BARE;
 use crate::math::Vec3;
+use crate::read::bodies::BodyFiles;
 use crate::read::contactors::ContactorTable;
 use crate::read::lenient::FolderReader;
-use crate::scene::{BodyId, Scene};
+use crate::scene::{BodyId, Scene, StepTime};
 use crate::state::{BondingMode, DetectionCache, LawMemory, OutputInterval, SolvedContact, State};
 
 /// Name of the options file in DATBOX.
@@ -82,43 +83,43 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let DatboxFiles { options, bodies, bulk, tact, driven, dof, history, notices } = files;
     lenient::check_absent_axes(&datbox, &bodies, &mut faults);
 
-    let with_links = (&bodies, links::has_links(&bodies, &tact));
-    let mut scene = bodies::scene_without_laws(&datbox, with_links, &bulk, &driven, &dof, options, &mut faults);
-    (scene.start, scene.from) = ((dof.step, dof.time), (dof.step, dof.time));
+    let body_files = BodyFiles { records: &bodies, bulk: &bulk, driven: &driven, dof: &dof };
+    let has_links = links::has_links(&bodies, &tact);
+    let mut scene = bodies::scene_without_laws(&datbox, body_files, has_links, options, &mut faults);
     set_requests(&datbox, bodies.0.len(), &mut scene, &mut faults);
     scene.notes.splice(0..0, notices);
     let contactors = ContactorTable::new(&bodies, &scene);
     behaviour::set_laws_and_visibility(&datbox, &tact, &contactors, &mut scene, &mut faults);
-    links::set_links(&datbox, (&bodies, &tact), &mut scene, &mut faults);
+    links::set_links(&datbox, &bodies, &tact, &mut scene, &mut faults);
     let (source, text) = faults.gather_result(events_text(&datbox, flags)).unwrap_or_default();
-    let mut of_events = FaultReport::new(&source, &text);
-    behaviour::check_events(&scene, &mut of_events);
-    behaviour::check_probes(&scene, &mut of_events);
+    let mut event_report = FaultReport::new(&source, &text);
+    behaviour::check_events(&scene, &mut event_report);
+    behaviour::check_probes(&scene, &mut event_report);
     behaviour::check_text(&mut scene);
     let motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
     scene.notes.extend(bodies::period_gap_notes(&scene, &motion.q));
     bodies::check_level(&datbox, &bodies, &scene, &motion.q, &mut faults);
     bodies::check_within(&datbox, &bodies, &scene, &motion.x, &motion.q, &mut faults);
-    let contacts =
-        behaviour::initial_contacts(&datbox, (&bodies, &history), &mut scene, (&motion.x, &motion.q), &mut faults);
+    let contacts = behaviour::initial_contacts(&datbox, &bodies, &history, &mut scene, &motion, &mut faults);
     let mut state = initial_state(&scene, &dof, motion, contacts, Vec3::from(bulk.gravity));
     let start = datbox.join(START_FILE);
     let started = path_exists(&start) && faults.0.is_empty();
     if started {
         faults.gather_result(resume::restore_start(&start, &scene, &mut state));
-        (scene.start, scene.from) = ((state.step, state.time), (state.step, state.time));
+        scene.start = StepTime { step: state.step, time: state.time };
+        scene.counted_from = scene.start;
     }
-    behaviour::check_event_counts(&scene, &mut of_events);
+    behaviour::check_event_counts(&scene, &mut event_report);
     if BARE {
         check_bare(&scene, &mut faults);
     }
-    faults.0.append(&mut of_events.faults.0);
+    faults.0.append(&mut event_report.faults.0);
     if !faults.0.is_empty() {
         return Err(faults);
     }
     apply_lmgc90_defaults(&datbox, flags, &mut scene);
     scene.notes.extend(behaviour::ineffective_options(&scene));
-    behaviour::doubts(&datbox, &tact, &mut scene, &mut of_events);
+    behaviour::doubts(&datbox, &tact, &mut scene, &mut event_report);
     scene.warnings.extend(origin_change_warning(case));
     scene.warnings.extend(behaviour::pass_through_warning(&scene));
     scene.warnings.extend(former_option_names(&datbox));
@@ -152,8 +153,8 @@ fn initial_state(
     (contacts, memories): (Vec<SolvedContact>, Vec<LawMemory>),
     gravity: Vec3,
 ) -> State {
-    let of_body = |i: &BodyId| scene.bodies[i.index()].angular_momentum(&q[i.index()], &w[i.index()]);
-    let angular_momentum = scene.turning.iter().map(of_body).collect();
+    let angular_momentum_of = |i: &BodyId| scene.bodies[i.index()].angular_momentum(&q[i.index()], &w[i.index()]);
+    let angular_momentum = scene.turning.iter().map(angular_momentum_of).collect();
     State {
         step: dof.step,
         time: dof.time,
@@ -216,13 +217,13 @@ fn passed_events_note(scene: &Scene, state: &State) -> Option<String> {
 
 /// Rejects features that the program is built without.
 fn check_bare(scene: &Scene, faults: &mut Faults) {
-    let has = [
+    let is_used = [
         (!scene.parts.is_empty(), "other shapes than spheres and plates"),
         (scene.options.self_gravity, "self-gravity"),
         (scene.laws.iter().any(|law| law.cohesion.is_some()), "cohesion"),
         (scene.laws.iter().any(|law| law.rolling.is_some()), "resistance to rolling"),
     ];
-    for (_, what) in has.into_iter().filter(|(has, _)| *has) {
+    for (_, what) in is_used.into_iter().filter(|(is_used, _)| *is_used) {
         faults.push(Fault::new(
             "program".as_ref(),
             None,
@@ -284,10 +285,10 @@ fn apply_lmgc90_defaults(datbox: &Path, flags: &ComputeFlags, scene: &mut Scene)
     let options = options_of_lmgc90(flags);
     let tol = options.tol.filter(|_| flags.tol.is_none()).map(|tol| format!("tol = {tol}"));
     let checks = options.check_every.filter(|_| flags.check_every.is_none()).map(|n| format!("check_every = {n}"));
-    let most = options.max_sweeps.filter(|_| flags.max_sweeps.is_none()).map(|n| format!("max_sweeps = {n}"));
+    let max_sweeps = options.max_sweeps.filter(|_| flags.max_sweeps.is_none()).map(|n| format!("max_sweeps = {n}"));
     let corners = (by_default && scene.is_general())
         .then(|| "face_friction = corners (--face-friction uniform: as a uniform pressure)".to_string());
-    let defaults: Vec<String> = tol.into_iter().chain(checks).chain(most).chain(corners).collect();
+    let defaults: Vec<String> = tol.into_iter().chain(checks).chain(max_sweeps).chain(corners).collect();
     if !defaults.is_empty() {
         let note =
             format!("DATBOX has no {COMPUTE_FILE}: {}, for the scenes of LMGC90's examples", defaults.join(", "));

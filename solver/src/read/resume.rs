@@ -13,7 +13,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{Vec3, to_local, to_world};
-use crate::scene::{BodyId, EVENT_SLACK, Scene};
+use crate::scene::{BodyId, EVENT_SLACK, Scene, StepTime};
 use crate::state::{
     BondingMode, CachedPair, Contact, ContactExchange, ContactStatus, DetectionCache, GravityHistory, LawMemory,
     OutputInterval, SolvedContact, State, UNKNOWN_FEATURE,
@@ -24,8 +24,8 @@ use crate::state::{
 pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Option<PreviousRun>, Faults> {
     let snapshots = snapshot::list_snapshots(outbox)?;
     let Some((_, path)) = snapshots.last() else { return Ok(None) };
-    if let Some((step, first)) = snapshots.first().filter(|(step, _)| *step < scene.start.0) {
-        let expected = format!("expected none before step {}, with which DATBOX begins", scene.start.0);
+    if let Some((step, first)) = snapshots.first().filter(|(step, _)| *step < scene.start.step) {
+        let expected = format!("expected none before step {}, with which DATBOX begins", scene.start.step);
         return Err(Fault::new(first, None, "snapshot", format!("step {step}"), expected).into());
     }
     let snapshot = Snapshot::read(path).map_err(|faults| unreadable_snapshot_faults(faults, &snapshots))?;
@@ -46,9 +46,9 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
     let from = snapshot.meta.counted_from;
     restore_state(snapshot, state);
     state.detection_cache = DetectionCache { restored_pairs: kept, ..DetectionCache::default() };
-    scene.from = counted_from(scene, state, from);
+    scene.counted_from = counted_from(scene, state, from);
     scene.events = event_schedule(&scene.options.events, scene.end_time());
-    if state.step > scene.start.0 {
+    if state.step > scene.start.step {
         state.bonding = BondingMode::No;
         let dt = if parameters.adaptive.is_none() { state.h } else { scene.options.dt.min(state.h) };
         pass_events(scene, state, dt);
@@ -108,25 +108,27 @@ impl PreviousRun {
 
 /// Faults of the last snapshot, with advice.
 fn unreadable_snapshot_faults(faults: Faults, snapshots: &[(u64, PathBuf)]) -> Faults {
-    let before = snapshots.len().checked_sub(2).map(|last| &snapshots[last].1);
-    let from = before.map_or("DATBOX".into(), |path| path.file_name().unwrap_or_default().display().to_string());
+    let last_but_one = snapshots.len().checked_sub(2).map(|last| &snapshots[last].1);
+    let from = last_but_one.map_or("DATBOX".into(), |path| path.file_name().unwrap_or_default().display().to_string());
     let advice = format!("if it is deleted, --resume continues from {from}");
-    let one = |fault: Fault| {
+    let with_advice = |fault: Fault| {
         let parts = [fault.expected.as_str(), advice.as_str()].into_iter().filter(|part| !part.is_empty());
         Fault { expected: parts.collect::<Vec<_>>().join("; "), ..fault }
     };
-    Faults(faults.0.into_iter().map(one).collect())
+    Faults(faults.0.into_iter().map(with_advice).collect())
 }
 
 /// Step and time (s) from which steps are counted: those of the run before, or the start if that run had steps of another
 /// length.
-fn counted_from(scene: &Scene, state: &State, before: Option<(u64, f64)>) -> (u64, f64) {
-    let agrees = |(step, time): &(u64, f64)| {
+fn counted_from(scene: &Scene, state: &State, before: Option<(u64, f64)>) -> StepTime {
+    let agrees = |StepTime { step, time }: &StepTime| {
         let steps = state.step.saturating_sub(*step) as f64;
-        let away = (state.time - (time + steps * scene.options.dt)).abs();
-        away <= 4.0 * f64::EPSILON * state.time.abs().max(time.abs())
+        let deviation = (state.time - (time + steps * scene.options.dt)).abs();
+        deviation <= 4.0 * f64::EPSILON * state.time.abs().max(time.abs())
     };
-    before.into_iter().chain([scene.start]).find(agrees).unwrap_or((state.step, state.time))
+    let before = before.map(|(step, time)| StepTime { step, time });
+    let now = StepTime { step: state.step, time: state.time };
+    before.into_iter().chain([scene.start]).find(agrees).unwrap_or(now)
 }
 
 /// Settings made by events follow from the events again, so that flags may change the others.
@@ -156,9 +158,9 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
         let found = format!("{} bodies", bodies.body_mass.len());
         refuse("snapshot".into(), found, format!("expected the {} of DATBOX", scene.bodies.len()));
     } else {
-        let there =
+        let in_snapshot =
             |i: usize| (bodies.body_mass[i], bodies.body_radius[i], bodies.body_inertia[i], bodies.body_driven[i]);
-        let here = |i: usize| {
+        let in_datbox = |i: usize| {
             let body = &scene.bodies[i];
             (body.mass, body.radius, body.inertia, body.imposed_components())
         };
@@ -167,8 +169,12 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
             let inertia = inertia.map(number_text).join(", ");
             format!("mass {mass} kg, radius {radius} m, moments {inertia} kg m², imposed components {imposed:06b}")
         };
-        if let Some(i) = (0..scene.bodies.len()).find(|&i| there(i) != here(i)) {
-            refuse(format!("body {}", i + 1), text(there(i)), format!("expected as in DATBOX: {}", text(here(i))));
+        if let Some(i) = (0..scene.bodies.len()).find(|&i| in_snapshot(i) != in_datbox(i)) {
+            refuse(
+                format!("body {}", i + 1),
+                text(in_snapshot(i)),
+                format!("expected as in DATBOX: {}", text(in_datbox(i))),
+            );
         }
     }
     let laws = snapshot.meta.laws_of_file();
@@ -218,8 +224,8 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
     }
     // A body whose density has changed keeps its angular velocity.
     for (momentum, row) in started.angular_momentum.into_iter().zip(turning) {
-        let (i, there) = (body[row as usize], inertia[row as usize]);
-        if let (Ok(index), true) = (scene.turning.binary_search(&i), scene.bodies[i.index()].inertia == there) {
+        let (i, body_inertia) = (body[row as usize], inertia[row as usize]);
+        if let (Ok(index), true) = (scene.turning.binary_search(&i), scene.bodies[i.index()].inertia == body_inertia) {
             state.angular_momentum[index] = momentum;
         }
     }
@@ -260,11 +266,12 @@ fn check_start(path: &Path, snapshot: &Snapshot, scene: &Scene, state: &State) -
             continue;
         }
         let (i, bodies) = (id as usize - 1, &snapshot.bodies);
-        let mut agree = |what: &str, here: [f64; 3], there: Vec3, unit: &str, most: f64| {
-            let agrees = (Vec3::from(here) - there).norm() <= FILE_ROUNDING * most;
+        let mut agree = |what: &str, found: [f64; 3], datbox: Vec3, unit: &str, scale: f64| {
+            let agrees = (Vec3::from(found) - datbox).norm() <= FILE_ROUNDING * scale;
             if !agrees {
-                let expected = format!("expected {:?} as in BODIES.DAT and DOF.INI, or no START.npz", there.as_slice());
-                refuse(object.clone(), format!("{what} {here:?} {unit}"), expected);
+                let expected =
+                    format!("expected {:?} as in BODIES.DAT and DOF.INI, or no START.npz", datbox.as_slice());
+                refuse(object.clone(), format!("{what} {found:?} {unit}"), expected);
             }
             agrees
         };

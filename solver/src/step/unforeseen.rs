@@ -18,7 +18,7 @@ const SPEED_DIGITS: f64 = 1e-6;
 
 /// Whether velocities differ from those at the end of the last step and are not bounded by it.
 pub fn velocities_are_unbounded(scene: &Scene, state: &State, applied: &AppliedEvents) -> bool {
-    state.step == scene.start.0 || applied.velocities_changed
+    state.step == scene.start.step || applied.velocities_changed
 }
 
 /// Whether the next step, of `step_multiple` times `dt`, is taken with θ = 1: with x_c = x + (1-θ) h V some bodies would close

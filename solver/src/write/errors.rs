@@ -302,11 +302,11 @@ impl ErrorEstimator {
     /// [`step_noise`] if some rows are omitted: uses the changes of the kept rows from their neighbours.
     fn noise_of_samples(&self) -> f64 {
         let changes = |values: &mut dyn Iterator<Item = f64>| median(values.filter(|change| !change.is_nan()));
-        let of_steps = 2.0 * changes(&mut second_half(&self.loaded.rows).iter().map(|row| row.virial_change));
+        let step_noise = 2.0 * changes(&mut second_half(&self.loaded.rows).iter().map(|row| row.virial_change));
         let intervals = second_half(&self.intervals.rows);
         let number = mean_of(intervals.iter().map(|interval| interval.count)).max(1.0);
-        let of_means = changes(&mut intervals.iter().map(|interval| interval.change)) / number.sqrt();
-        if intervals.len() < MIN_INTERVALS { of_steps } else { of_steps.min(of_means) }
+        let mean_noise = changes(&mut intervals.iter().map(|interval| interval.change)) / number.sqrt();
+        if intervals.len() < MIN_INTERVALS { step_noise } else { step_noise.min(mean_noise) }
     }
 }
 
@@ -322,9 +322,9 @@ const MIN_INTERVALS: usize = 4;
 /// change of means from one interval to the next over √n for n steps, whichever is smaller.
 fn step_noise(steps: &[f64], means: &[f64]) -> f64 {
     let change = |values: &[f64]| median(values.windows(2).map(|pair| (pair[1] - pair[0]).abs()));
-    let of_steps = 2.0 * change(steps);
+    let change_of_steps = 2.0 * change(steps);
     let number = (steps.len() as f64 / means.len() as f64).max(1.0);
-    if means.len() < MIN_INTERVALS { of_steps } else { of_steps.min(change(means) / number.sqrt()) }
+    if means.len() < MIN_INTERVALS { change_of_steps } else { change_of_steps.min(change(means) / number.sqrt()) }
 }
 
 /// Fraction of the forces of driven bodies on free ones that cancel in the sum, over the root of the number of such
@@ -395,7 +395,7 @@ pub fn summary_lines(sources: &[ErrorSource], noise: ForceNoise) -> [(&'static s
     let all: f64 = sources.iter().map(|source| source.error).sum();
     let seconds: f64 = sources.iter().map(|source| source.seconds).sum();
     let largest = |of: fn(&ErrorSource) -> f64| sources.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
-    let most = |of: fn(&ErrorSource) -> f64| {
+    let title_of_largest = |of: fn(&ErrorSource) -> f64| {
         largest(of).map_or(String::new(), |source| match source.option {
             "" => source.title().to_string(),
             option => format!("{} ({option})", source.title()),
@@ -425,7 +425,7 @@ pub fn summary_lines(sources: &[ErrorSource], noise: ForceNoise) -> [(&'static s
             } else {
                 String::new()
             };
-            let main = most(|source| source.error);
+            let main = title_of_largest(|source| source.error);
             format!("{} of the pressure, mainly {main}: {}{advice}", percent(all), each.join(", "))
         }
     };
@@ -433,7 +433,7 @@ pub fn summary_lines(sources: &[ErrorSource], noise: ForceNoise) -> [(&'static s
     let shares: Vec<String> = sources.iter().filter(|source| source.seconds > 0.005 * seconds).map(share).collect();
     let cost = match shares.len() {
         0 => "none".into(),
-        _ => format!("mainly {}: {}", most(|source| source.seconds), shares.join(", ")),
+        _ => format!("mainly {}: {}", title_of_largest(|source| source.seconds), shares.join(", ")),
     };
     [("estimated error", error), ("cost", cost)]
 }

@@ -153,23 +153,23 @@ impl LogTable {
         let indices: Vec<Option<usize>> =
             names.iter().map(|column| known.iter().position(|name| name == column)).collect();
         let (mut last, mut before) = (first, first);
-        let mut held: Option<(String, Vec<LogCell>)> = None;
+        let mut pending: Option<(String, Vec<LogCell>)> = None;
         atomic::write_with(path, |file| {
             writeln!(file, "{}", names.join(","))?;
             while let Some(line) = line_of(&mut old) {
                 let fields: Vec<&str> = line.split(',').collect();
                 let number = fields[0].parse::<u64>().ok().filter(|number| (last + 1..=step).contains(number));
                 let (Some(number), true) = (number, fields.len() == known.len()) else { break };
-                if let Some((text, cells)) = held.take() {
+                if let Some((text, cells)) = pending.take() {
                     writeln!(file, "{text}")?;
                     take(&LogRow { names: &names, cells: &cells });
                 }
                 let fields: Vec<&str> = indices.iter().map(|index| index.map_or("", |k| fields[k])).collect();
-                held = Some((fields.join(","), fields.iter().map(|field| LogCell::from_text(field)).collect()));
+                pending = Some((fields.join(","), fields.iter().map(|field| LogCell::from_text(field)).collect()));
                 (before, last) = (last, number);
             }
             if due.is_due_after(last, before)
-                && let Some((text, cells)) = held.take()
+                && let Some((text, cells)) = pending.take()
             {
                 writeln!(file, "{text}")?;
                 take(&LogRow { names: &names, cells: &cells });
@@ -190,17 +190,17 @@ impl LogTable {
             file: BufWriter::new(file),
             columns: columns.to_vec(),
             others: ",".repeat(names.len() - own),
-            pending: held.map(|(_, cells)| cells[..own].to_vec()),
+            pending: pending.map(|(_, cells)| cells[..own].to_vec()),
             last: before,
         })
     }
 
-    /// Adds the figures of a step. If a row is due, writes it and passes it to `take`.
+    /// Adds the figures of a step. If a row is due, writes it and passes it to `record`.
     pub fn add_step(
         &mut self,
         cells: Vec<LogCell>,
         due: RowSchedule,
-        take: impl FnOnce(&LogRow),
+        record: impl FnOnce(&LogRow),
     ) -> Result<(), Faults> {
         let step = cells[0].to_f64() as u64;
         match &mut self.pending {
@@ -212,7 +212,7 @@ impl LogTable {
                 columns.for_each(|((sum, (_, kind)), cell)| sum.add(*kind, cell, share));
             }
         }
-        if due.is_due_after(step, self.last) { self.finish_rows(take) } else { Ok(()) }
+        if due.is_due_after(step, self.last) { self.finish_rows(record) } else { Ok(()) }
     }
 
     /// Writes the row of the steps since the last one, if there are any.

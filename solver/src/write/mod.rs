@@ -55,13 +55,13 @@ pub fn outbox_path(case: &Path) -> PathBuf {
 pub struct OutboxLock {
     folder: Option<File>,
     /// Path, if the lock created the folder.
-    made: Option<PathBuf>,
+    created: Option<PathBuf>,
 }
 
 impl Drop for OutboxLock {
     fn drop(&mut self) {
         // A rejected run leaves no empty folder; a folder with files remains.
-        self.made.take().into_iter().for_each(|path| drop(std::fs::remove_dir(path)));
+        self.created.take().into_iter().for_each(|path| drop(std::fs::remove_dir(path)));
         // Closing is not enough: a child process that is just being started has the file open, too.
         self.folder.take().into_iter().for_each(|folder| drop(folder.unlock()));
     }
@@ -72,7 +72,7 @@ impl Drop for OutboxLock {
 /// Errors: another run has locked it, or it cannot be created. If folders cannot be locked, every run gets it.
 pub fn lock_outbox(case: &Path) -> Result<OutboxLock, Faults> {
     let path = outbox_path(case);
-    let made = match std::fs::create_dir(&path) {
+    let created = match std::fs::create_dir(&path) {
         Ok(()) => Some(path.clone()),
         Err(error) if error.kind() == ErrorKind::AlreadyExists => None,
         Err(error) => return Err(Fault::from_io(&path, "created", &error).into()),
@@ -82,7 +82,7 @@ pub fn lock_outbox(case: &Path) -> Result<OutboxLock, Faults> {
         let expected = "wait for it, or use another folder";
         return Err(Fault::new(case, None, "folder", "another run is writing to it", expected).into());
     }
-    Ok(OutboxLock { folder, made })
+    Ok(OutboxLock { folder, created })
 }
 
 /// Rejects a case that has results; files of LMGC90 count only if this run would overwrite them.
@@ -94,12 +94,13 @@ pub fn check_no_results(case: &Path, scene: &Scene) -> Result<(), Faults> {
         return Err(Fault::new(&outbox, None, "results", format!("{} exists", shown(last)), expected).into());
     }
     let texts = text::first_names().into_iter().map(|name| outbox.join(name)).filter(|_| scene.options.text);
-    let of_texts = texts.map(|path| (path, "--text would overwrite it; use --force to remove such files"));
-    let of_commands = postpro::paths(case, scene).into_iter();
-    let of_commands = of_commands.map(|path| (path, "POSTPRO.DAT would overwrite it; use --force to do so"));
-    let of_probes = probes::paths(case, scene).into_iter();
-    let of_probes = of_probes.map(|path| (path, "a probe would overwrite it; use --force to do so"));
-    match of_texts.chain(of_commands).chain(of_probes).find(|(path, _)| path_exists(path)) {
+    let text_conflicts = texts.map(|path| (path, "--text would overwrite it; use --force to remove such files"));
+    let command_conflicts = postpro::paths(case, scene).into_iter();
+    let command_conflicts =
+        command_conflicts.map(|path| (path, "POSTPRO.DAT would overwrite it; use --force to do so"));
+    let probe_conflicts = probes::paths(case, scene).into_iter();
+    let probe_conflicts = probe_conflicts.map(|path| (path, "a probe would overwrite it; use --force to do so"));
+    match text_conflicts.chain(command_conflicts).chain(probe_conflicts).find(|(path, _)| path_exists(path)) {
         Some((path, expected)) => {
             let folder = path.parent().unwrap_or(case);
             Err(Fault::new(folder, None, "results", format!("{} exists", shown(&path)), expected).into())
@@ -156,7 +157,7 @@ impl ResultFiles {
             columns.extend(log::GROUP);
             seconds.extend(log::GROUP);
         }
-        let steps = [scene.start.0, state.step];
+        let steps = [scene.start.step, state.step];
         let mut estimator = ErrorEstimator::new(options.output_every);
         let log =
             LogTable::open(&outbox.join(log::STEPS_FILE), &columns, steps, due, |row| estimator.add_figures(row))?;

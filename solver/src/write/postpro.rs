@@ -53,7 +53,7 @@ pub struct PostproFiles {
 impl PostproFiles {
     /// Opens the files for a run that continues from `state`: rows up to its time are kept.
     pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<Self, Faults> {
-        let resumed = state.step > scene.start.0;
+        let resumed = state.step > scene.start.step;
         let open = |command: &PostproCommand| {
             let paths = file_names(&command.kind).into_iter().map(|name| case.join(FOLDER).join(name));
             let files: Result<Vec<RowFile>, Faults> =

@@ -41,7 +41,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
         step: state.step,
         time: state.time,
         h: state.h,
-        counted_from: Some(scene.from).filter(|from| *from != scene.start),
+        counted_from: (scene.counted_from != scene.start).then_some((scene.counted_from.step, scene.counted_from.time)),
         interval_start: Some(state.interval.start),
         parameters: RunParameters {
             theta: options.theta,
@@ -147,11 +147,11 @@ fn shape_arrays(scene: &Scene, state: &State) -> ShapeArrays {
         state.contacts.iter().map(|c| [c.contact.part_numbers.0, c.contact.part_numbers.1].map(u32::from)).collect();
     shapes.contacts.contact_area = state.contacts.iter().map(|c| c.contact.area).collect();
     let kept = state.detection_cache.cached_pairs();
-    let of_pairs = |value: fn(&BodyPart) -> u32| -> Vec<[u32; 2]> {
+    let pair_values = |value: fn(&BodyPart) -> u32| -> Vec<[u32; 2]> {
         kept.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part.index()]))).collect()
     };
-    shapes.pairs.pair_body = of_pairs(|part| part.body.0);
-    shapes.pairs.pair_rank = of_pairs(|part| part.number.into());
+    shapes.pairs.pair_body = pair_values(|part| part.body.0);
+    shapes.pairs.pair_rank = pair_values(|part| part.number.into());
     shapes.pairs.pair_memory = kept.iter().map(|pair| pair.memory.to_words()).collect();
     shapes
 }
@@ -166,12 +166,15 @@ fn interval_arrays(state: &State) -> IntervalArrays {
 
 fn gravity_arrays(scene: &Scene, state: &State) -> Option<GravityArrays> {
     let attraction = state.attraction.as_ref()?;
-    let of_all = |rows: &[Vec3]| {
+    let of_all_bodies = |rows: &[Vec3]| {
         let mut all = vec![[0.0; 3]; scene.bodies.len()];
         scene.free.iter().zip(rows).for_each(|(&i, row)| all[i.index()] = (*row).into());
         all
     };
-    Some(GravityArrays { gravity_last: of_all(&attraction.last), gravity_before: of_all(&attraction.before) })
+    Some(GravityArrays {
+        gravity_last: of_all_bodies(&attraction.last),
+        gravity_before: of_all_bodies(&attraction.before),
+    })
 }
 
 fn contact_arrays(state: &State) -> ContactArrays {

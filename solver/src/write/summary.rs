@@ -268,17 +268,18 @@ fn add_cost(summary: &mut SummaryLines, statistics: &RunStatistics) {
 /// Number of ranks, of sweeps that they have divided, and the largest traffic of a rank over the number of these
 /// sweeps.
 fn traffic_text(traffic: &[RankTraffic]) -> String {
-    let sweeps = traffic.iter().map(|of_rank| of_rank.divided_sweeps).max().unwrap_or(0);
+    let sweeps = traffic.iter().map(|rank| rank.divided_sweeps).max().unwrap_or(0);
     if sweeps == 0 {
         let reason = "the bodies in contact are one block, or their solver has no blocks";
         return format!("{}; no sweep was divided: {reason}", traffic.len());
     }
-    let most = |count: fn(&RankTraffic) -> u64| traffic.iter().map(count).max().unwrap_or(0) as f64 / sweeps as f64;
+    let largest_per_sweep =
+        |count: fn(&RankTraffic) -> u64| traffic.iter().map(count).max().unwrap_or(0) as f64 / sweeps as f64;
     format!(
         "{}; {sweeps} sweeps divided; for each of these a rank sends at most {:.1} messages with {:.2} kB, and gives {:.2} kB to all, with self-gravity and residual",
         traffic.len(),
-        most(|of_rank| of_rank.messages),
-        1e-3 * most(|of_rank| of_rank.message_bytes),
-        1e-3 * most(|of_rank| of_rank.gathered_bytes),
+        largest_per_sweep(|rank| rank.messages),
+        1e-3 * largest_per_sweep(|rank| rank.message_bytes),
+        1e-3 * largest_per_sweep(|rank| rank.gathered_bytes),
     )
 }

@@ -36,7 +36,7 @@ pub fn first_names() -> Vec<String> {
 /// Number of the output of a step, counted from 1 for the first after the start.
 fn output_number(scene: &Scene, step: u64) -> u64 {
     let every = scene.options.output_every;
-    step.div_ceil(every).saturating_sub(scene.start.0 / every)
+    step.div_ceil(every).saturating_sub(scene.start.step / every)
 }
 
 /// Offset that a run continuing from `state` adds to its output numbers; an earlier part may have had outputs closer
@@ -54,17 +54,17 @@ pub fn is_written(outbox: &Path, state: &State) -> Result<bool, Faults> {
 fn last(outbox: &Path, state: &State) -> Result<Option<(u64, u64)>, Faults> {
     let number_of = |path: &Path| path.file_name()?.to_str()?.strip_prefix(DOF_PREFIX)?.parse::<u64>().ok();
     let files = folder_entries(outbox)?.into_iter();
-    let mut there: Vec<(u64, PathBuf)> = files.filter_map(|path| Some((number_of(&path)?, path))).collect();
-    there.sort_unstable();
+    let mut numbered_files: Vec<(u64, PathBuf)> = files.filter_map(|path| Some((number_of(&path)?, path))).collect();
+    numbered_files.sort_unstable();
     // Outputs after the snapshot are rewritten.
     let before =
         |(k, path): &(u64, PathBuf)| Some((*k, Dof::read(path).ok()?.step)).filter(|last| last.1 <= state.step);
-    Ok(there.iter().rev().find_map(before))
+    Ok(numbered_files.iter().rev().find_map(before))
 }
 
 /// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, where k is the number of the output plus `numbered`.
 pub fn write_text(outbox: &Path, scene: &Scene, state: &State, numbered: u64) -> Result<(), Faults> {
-    if state.step == scene.start.0 {
+    if state.step == scene.start.step {
         return Ok(()); // the initial state is in DATBOX
     }
     let k = output_number(scene, state.step) + numbered;

@@ -49,8 +49,8 @@ pub fn written_copies(outbox: &Path) -> BTreeSet<PathBuf> {
     let driven = outbox.join(DRIVEN_COPY);
     let driven =
         if atomic::path_exists(&driven) { DrvDof::read(&driven).unwrap_or_default() } else { DrvDof::default() };
-    let of_tables = tables(&driven).map(|(name, _)| outbox.join(name));
-    INPUT_COPIES.iter().map(|name| outbox.join(name)).chain(of_tables).collect()
+    let table_copies = tables(&driven).map(|(name, _)| outbox.join(name));
+    INPUT_COPIES.iter().map(|name| outbox.join(name)).chain(table_copies).collect()
 }
 
 /// Names and texts of the tables of imposed motion.

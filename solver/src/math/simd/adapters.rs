@@ -119,13 +119,13 @@ impl<L: Arithmetic> Arithmetic for DoubleWidth<L> {
 /// Joins vectors of the left and of the right half.
 #[inline(always)]
 fn zip_halves<V: Copy, const N: usize>(left: [V; N], right: [V; N]) -> [[V; 2]; N] {
-    let mut both = [[left[0], right[0]]; N];
+    let mut joined = [[left[0], right[0]]; N];
     let mut k = 1;
     while k < N {
-        both[k] = [left[k], right[k]];
+        joined[k] = [left[k], right[k]];
         k += 1;
     }
-    both
+    joined
 }
 
 /// Divides vectors into those of the left and of the right half.

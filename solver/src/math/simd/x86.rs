@@ -212,9 +212,9 @@ impl LaneMemory<f32> for V4 {
         let mut r = [l.splat(0.0); 8];
         for (k, r) in r.iter_mut().enumerate() {
             let row = k % 4 + 8 * (k / 4);
-            let of_a = cast([lines[a[row] as usize].0, lines[a[row + 4] as usize].0]);
-            let of_b = cast([lines[b[row] as usize].0, lines[b[row + 4] as usize].0]);
-            *r = l.mul_add(of_b, signs, of_a);
+            let line_a = cast([lines[a[row] as usize].0, lines[a[row + 4] as usize].0]);
+            let line_b = cast([lines[b[row] as usize].0, lines[b[row + 4] as usize].0]);
+            *r = l.mul_add(line_b, signs, line_a);
         }
         columns_of_sixteen(self, r)
     }
@@ -490,9 +490,9 @@ impl LaneMemory<f32> for V3 {
         let signs = self.avx._mm256_permute2f128_ps::<0>(signs, signs);
         let mut r = [l.splat(0.0); 4];
         for k in 0..4 {
-            let of_a = cast([halves[a[k] as usize].0, halves[a[k + 4] as usize].0]);
-            let of_b = cast([halves[b[k] as usize].0, halves[b[k + 4] as usize].0]);
-            r[k] = l.mul_add(of_b, signs, of_a);
+            let half_a = cast([halves[a[k] as usize].0, halves[a[k + 4] as usize].0]);
+            let half_b = cast([halves[b[k] as usize].0, halves[b[k + 4] as usize].0]);
+            r[k] = l.mul_add(half_b, signs, half_a);
         }
         transpose_halves(self, r)
     }

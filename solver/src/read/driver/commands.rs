@@ -17,7 +17,7 @@ pub enum CommandMeaning {
     /// Part of every run.
     Implied,
     /// Has no counterpart, and needs none.
-    Replaced,
+    NotNeeded,
     /// Changes the mechanics in a way that is not supported.
     Rejected,
 }
@@ -43,7 +43,7 @@ pub enum DriverSetting {
     WholeStep,
 }
 
-use CommandMeaning::{Implied, Rejected, Replaced, Sets};
+use CommandMeaning::{Implied, NotNeeded, Rejected, Sets};
 
 const fn row(names: &'static [&'static str], meaning: CommandMeaning, counterpart: &'static str) -> ChipyCommand {
     ChipyCommand { names, meaning, counterpart }
@@ -140,7 +140,7 @@ pub const COMMANDS: &[ChipyCommand] = &[
     ),
     row(
         &["SetDomainBoundary", "RBDY3_Set?m*Boundary"],
-        Replaced,
+        NotNeeded,
         "bodies beyond a boundary of the domain are not removed",
     ),
     row(
@@ -158,23 +158,23 @@ pub const COMMANDS: &[ChipyCommand] = &[
             "PRPRx_Force*",
             "PRPRx_Verbose*",
         ],
-        Replaced,
+        NotNeeded,
         "one exact detection for convex bodies, without settings",
     ),
-    row(&["PRPRx_ShrinkPolyrFaces"], Replaced, "points of contact are the corners of the shared face"),
+    row(&["PRPRx_ShrinkPolyrFaces"], NotNeeded, "points of contact are the corners of the shared face"),
     row(
         &["POLYR_*Angle", "POLYR_Skip*", "POLYR_Set*", "SetNumberInteractionByContact", "*_SetNumberInterByContact"],
-        Replaced,
+        NotNeeded,
         "faces and neighbours are found without settings",
     ),
     row(
         &["nlgs_3D_*", "cpg_3D_*", "Siconos*", "nlgs_SetWithQuickScramble"],
-        Replaced,
+        NotNeeded,
         "the algorithm is that of `solver`",
     ),
-    row(&["RBDY3_NewRotationScheme"], Replaced, "the rotation of a step is exact"),
-    row(&["InitHDF5"], Replaced, "results are snapshots and, with `text`, the text files"),
-    row(&["overall_SetWorkingDirectory"], Replaced, "the folder is the argument `DIR`"),
+    row(&["RBDY3_NewRotationScheme"], NotNeeded, "the rotation of a step is exact"),
+    row(&["InitHDF5"], NotNeeded, "results are snapshots and, with `text`, the text files"),
+    row(&["overall_SetWorkingDirectory"], NotNeeded, "the folder is the argument `DIR`"),
     row(
         &[
             "mp_solver*",
@@ -187,7 +187,7 @@ pub const COMMANDS: &[ChipyCommand] = &[
             "AS*_*",
             "CS*_*",
         ],
-        Replaced,
+        NotNeeded,
         "bodies are rigid, without heat and electricity",
     ),
     row(
@@ -241,7 +241,7 @@ pub const COMMANDS: &[ChipyCommand] = &[
         Implied,
         "reads values only",
     ),
-    row(&["DDM_*"], Replaced, "threads share the work, without an effect on results"),
+    row(&["DDM_*"], NotNeeded, "threads share the work, without an effect on results"),
     row(
         &[
             "Initialize",
@@ -290,7 +290,7 @@ pub fn table_rows() -> Vec<String> {
         let effect = match command.meaning {
             Sets(_) => "taken",
             Implied => "implied",
-            Replaced => "none",
+            NotNeeded => "none",
             Rejected => "rejected",
         };
         format!("| {} | {effect} | {} |", names.join(", "), command.counterpart)
@@ -308,13 +308,13 @@ mod tests {
             ("TimeEvolution_SetTimeStep", Sets(DriverSetting::TimeStep)),
             ("TimeEvolution_ReadIniDof", Sets(DriverSetting::Record)),
             ("SPSPx_SetXPeriodicCondition", Sets(DriverSetting::PeriodX)),
-            ("RBDY3_SetXminBoundary", Replaced),
+            ("RBDY3_SetXminBoundary", NotNeeded),
             ("RBDY3_SetSourcePointWithIni", Rejected),
             ("RBDY3_PutBodyVector", Rejected),
             ("Integrator_InitGear", Rejected),
-            ("PRPRx_UseCpCundallDetection", Replaced),
-            ("POLYR_TopologyAngle", Replaced),
-            ("nlgs_3D_DiagonalResolution", Replaced),
+            ("PRPRx_UseCpCundallDetection", NotNeeded),
+            ("POLYR_TopologyAngle", NotNeeded),
+            ("nlgs_3D_DiagonalResolution", NotNeeded),
             ("RBDY3_ComputeFreeVelocity", Implied),
             ("RBDY3_GetBodyVector", Implied),
             ("inter_handler_3D_stockRloc", Implied),

@@ -35,7 +35,7 @@ pub struct DriverSettings {
     pub options: ComputeFlags,
     /// Gravity, m/s².
     pub gravity: Option<[f64; 3]>,
-    /// Lines about the values that were taken and the calls that were not.
+    /// Lines of text about the values that were taken and the calls that were not.
     pub notes: Vec<String>,
 }
 
@@ -61,8 +61,8 @@ pub fn read_driver(path: &Path, case: &Path, given: &ComputeFlags) -> Result<Dri
         given_dt: given.dt,
         settings: DriverSettings::default(),
         faults: Faults::default(),
-        lines: walk.remarks,
-        taken: BTreeMap::new(),
+        remarks: walk.remarks,
+        set_options: BTreeMap::new(),
         without_counterpart: BTreeMap::new(),
         has_stepped: false,
     };
@@ -78,6 +78,46 @@ pub fn read_driver(path: &Path, case: &Path, given: &ComputeFlags) -> Result<Dri
     reader.finish()
 }
 
+/// Value of an option in the script.
+struct SetOption {
+    /// Value as a text.
+    text: String,
+    line: usize,
+}
+
+/// Argument of a call.
+#[derive(Clone, Copy)]
+struct ScriptArgument<'a> {
+    /// Position among those without a keyword.
+    position: usize,
+    /// Keywords that it may have.
+    keywords: &'a [&'a str],
+}
+
+impl<'a> ScriptArgument<'a> {
+    const fn new(position: usize, keywords: &'a [&'a str]) -> Self {
+        ScriptArgument { position, keywords }
+    }
+
+    /// Value of the argument in a call; `None` if the call does not have it.
+    fn value(&self, call: &ScriptCall) -> Option<Evaluation> {
+        let named = || call.keywords.iter().find(|(name, _)| self.keywords.contains(&name.as_str()));
+        call.positional.get(self.position).or_else(|| named().map(|(_, value)| value)).cloned()
+    }
+
+    /// Number that the argument states, or the reason why there is none.
+    fn stated_number(&self, call: &ScriptCall) -> Result<f64, String> {
+        if let Some(line) = call.condition {
+            return Err(format!("depends on the condition in line {line}"));
+        }
+        match self.value(call) {
+            None => Err(format!("has no argument {}", self.keywords.join(" or "))),
+            Some(Err(why)) => Err(format!("its value is not known: {why}")),
+            Some(Ok(value)) => value.number().ok_or_else(|| "its value is no number".to_string()),
+        }
+    }
+}
+
 /// Reader of a script: sets options from its calls, and collects faults and notes.
 struct DriverReader<'a> {
     path: &'a Path,
@@ -90,10 +130,10 @@ struct DriverReader<'a> {
     given_dt: Option<f64>,
     settings: DriverSettings,
     faults: Faults,
-    /// Lines of the script with the remarks on them.
-    lines: Vec<(usize, String)>,
-    /// Value and line of each option that was taken, by its name.
-    taken: BTreeMap<&'static str, (String, usize)>,
+    /// Remarks, each with its line of the script.
+    remarks: Vec<(usize, String)>,
+    /// Options that the script sets, by their names.
+    set_options: BTreeMap<&'static str, SetOption>,
     /// Calls without counterpart, by the reason: names and lines.
     without_counterpart: BTreeMap<&'static str, Vec<(String, usize)>>,
     /// Whether a call that makes a step has been read.
@@ -113,12 +153,12 @@ impl<'a> DriverReader<'a> {
 
     fn read_call(&mut self, call: &'a ScriptCall) {
         let Some(command) = find_command(&call.name) else {
-            self.lines.push((call.line, format!("{}: is no known command, and is ignored", call.name)));
+            self.remarks.push((call.line, format!("{}: is no known command, and is ignored", call.name)));
             return;
         };
         match command.meaning {
             CommandMeaning::Implied => {}
-            CommandMeaning::Replaced => {
+            CommandMeaning::NotNeeded => {
                 let known = self.without_counterpart.entry(command.counterpart).or_default();
                 if known.iter().all(|(name, _)| *name != call.name) {
                     known.push((call.name.clone(), call.line));
@@ -133,58 +173,58 @@ impl<'a> DriverReader<'a> {
         self.has_stepped |= matches!(setting, DriverSetting::Steps | DriverSetting::WholeStep);
         match setting {
             DriverSetting::TimeStep => {
-                let value = self.read_number(call, 0, "dt", "dt");
-                self.take(call, "dt", value, |options, x| options.dt = Some(x));
+                let value = self.read_number(call, ScriptArgument::new(0, &["dt"]), "dt");
+                self.set_option(call, "dt", value, |options, x| options.dt = Some(x));
             }
             DriverSetting::Theta => {
-                let value = self.read_number(call, 0, "theta", "theta");
-                self.take(call, "theta", value, |options, x| options.theta = Some(x));
+                let value = self.read_number(call, ScriptArgument::new(0, &["theta"]), "theta");
+                self.set_option(call, "theta", value, |options, x| options.theta = Some(x));
             }
             DriverSetting::Steps => {} // by the loop
             DriverSetting::Solver => self.read_solver(call),
             DriverSetting::WholeStep => {
                 self.read_solver(call);
                 self.read_output(call, 6);
-                self.take(call, "text", Some(true), |options, text| options.text = Some(text));
+                self.set_option(call, "text", Some(true), |options, text| options.text = Some(text));
             }
             DriverSetting::Start => {
                 self.check_dimension(call);
-                let dt = self.read_number(call, 1, "dt", "dt");
-                self.take(call, "dt", dt, |options, x| options.dt = Some(x));
-                let theta = self.read_number(call, 2, "theta", "theta");
-                self.take(call, "theta", theta, |options, x| options.theta = Some(x));
-                self.check_record(call, 7, &["restart"]);
+                let dt = self.read_number(call, ScriptArgument::new(1, &["dt"]), "dt");
+                self.set_option(call, "dt", dt, |options, x| options.dt = Some(x));
+                let theta = self.read_number(call, ScriptArgument::new(2, &["theta"]), "theta");
+                self.set_option(call, "theta", theta, |options, x| options.theta = Some(x));
+                self.check_record(call, ScriptArgument::new(7, &["restart"]));
             }
             DriverSetting::SolverCheck => self.read_tolerance(call, [0, 1, 2]),
             DriverSetting::TextOutput | DriverSetting::Output => {
                 self.read_output(call, 0);
                 let text = (setting == DriverSetting::TextOutput).then_some(true);
-                self.take(call, "text", text, |options, text| options.text = Some(text));
+                self.set_option(call, "text", text, |options, text| options.text = Some(text));
             }
             DriverSetting::Pictures => self.pictures = self.pictures.or(Some(call)),
             DriverSetting::Periods => {
-                let x = self.read_period(call, 0, "xperiod", "xperiode");
-                self.take(call, "xperiode", x, |options, x| options.xperiode = Some(x));
-                let y = self.read_period(call, 1, "yperiod", "yperiode");
-                self.take(call, "yperiode", y, |options, y| options.yperiode = Some(y));
+                let x = self.read_period(call, ScriptArgument::new(0, &["xperiod"]), "xperiode");
+                self.set_option(call, "xperiode", x, |options, x| options.xperiode = Some(x));
+                let y = self.read_period(call, ScriptArgument::new(1, &["yperiod"]), "yperiode");
+                self.set_option(call, "yperiode", y, |options, y| options.yperiode = Some(y));
             }
             DriverSetting::PeriodX => {
-                let value = self.read_number(call, 0, "xperiod", "xperiode");
-                self.take(call, "xperiode", value, |options, x| options.xperiode = Some(x));
+                let value = self.read_number(call, ScriptArgument::new(0, &["xperiod"]), "xperiode");
+                self.set_option(call, "xperiode", value, |options, x| options.xperiode = Some(x));
             }
             DriverSetting::PeriodY => {
-                let value = self.read_number(call, 0, "yperiod", "yperiode");
-                self.take(call, "yperiode", value, |options, y| options.yperiode = Some(y));
+                let value = self.read_number(call, ScriptArgument::new(0, &["yperiod"]), "yperiode");
+                self.set_option(call, "yperiode", value, |options, y| options.yperiode = Some(y));
             }
             DriverSetting::Gravity => self.read_gravity(call),
             DriverSetting::Dimension => self.check_dimension(call),
-            DriverSetting::Record => self.check_record(call, 0, &["record", "num"]),
+            DriverSetting::Record => self.check_record(call, ScriptArgument::new(0, &["record", "num"])),
         }
     }
 
     /// Rejects other than three dimensions.
     fn check_dimension(&mut self, call: &ScriptCall) {
-        let value = argument(call, 0, &["dim", "idim"]);
+        let value = ScriptArgument::new(0, &["dim", "idim"]).value(call);
         if let Some(Ok(value)) = value.filter(|value| *value != Ok(ScriptValue::Int(3))) {
             let found = format!("{} dimensions", value.number().map_or("other".into(), |x| x.to_string()));
             self.reject(call, &found, "expected a script for three");
@@ -192,8 +232,8 @@ impl<'a> DriverReader<'a> {
     }
 
     /// Rejects a start from another record than the files of DATBOX, which is record 0.
-    fn check_record(&mut self, call: &ScriptCall, position: usize, keywords: &[&str]) {
-        let value = argument(call, position, keywords);
+    fn check_record(&mut self, call: &ScriptCall, argument: ScriptArgument) {
+        let value = argument.value(call);
         if !matches!(value, None | Some(Ok(ScriptValue::Int(0) | ScriptValue::None))) {
             self.reject(
                 call,
@@ -206,23 +246,25 @@ impl<'a> DriverReader<'a> {
 
     fn read_solver(&mut self, call: &ScriptCall) {
         self.read_tolerance(call, [1, 2, 3]);
-        let block = self.read_optional_count(call, 4, &["gsit1", "nb_iter_check", "gs_it1"], "check_every");
-        self.take(call, "check_every", block, |options, n| options.check_every = Some(n));
-        let blocks = self.read_optional_count(call, 5, &["gsit2", "nb_block_iter", "gs_it2"], "max_sweeps");
-        let most = block.zip(blocks).map(|(sweeps, checks)| sweeps.saturating_mul(checks));
-        self.take(call, "max_sweeps", most, |options, n| options.max_sweeps = Some(n));
+        let sweeps_in_block = ScriptArgument::new(4, &["gsit1", "nb_iter_check", "gs_it1"]);
+        let block = self.read_optional_count(call, sweeps_in_block, "check_every");
+        self.set_option(call, "check_every", block, |options, n| options.check_every = Some(n));
+        let block_count = ScriptArgument::new(5, &["gsit2", "nb_block_iter", "gs_it2"]);
+        let blocks = self.read_optional_count(call, block_count, "max_sweeps");
+        let max_sweeps = block.zip(blocks).map(|(sweeps, checks)| sweeps.saturating_mul(checks));
+        self.set_option(call, "max_sweeps", max_sweeps, |options, n| options.max_sweeps = Some(n));
     }
 
     /// Takes the interval of the output from the argument at a position.
     fn read_output(&mut self, call: &ScriptCall, position: usize) {
         let keywords = ["nsteps", "freq", "Nstep_writeDof", "nstep", "f_write"];
-        let value = self.read_optional_count(call, position, &keywords, "output_every");
-        self.take(call, "output_every", value, |options, n| options.output_every = Some(n));
+        let value = self.read_optional_count(call, ScriptArgument::new(position, &keywords), "output_every");
+        self.set_option(call, "output_every", value, |options, n| options.output_every = Some(n));
     }
 
     /// Takes the interval of pictures as that of the output, if no call sets it.
     fn read_pictures(&mut self) {
-        if let Some(call) = self.pictures.filter(|_| !self.taken.contains_key("output_every")) {
+        if let Some(call) = self.pictures.filter(|_| !self.set_options.contains_key("output_every")) {
             self.read_output(call, 0);
         }
     }
@@ -230,7 +272,7 @@ impl<'a> DriverReader<'a> {
     /// Sets `tol` from norm, tolerance and relaxation, the arguments at these positions. A norm that is not known is a fault,
     /// unless `tol` is given on the command line.
     fn read_tolerance(&mut self, call: &ScriptCall, [norm, tolerance, relaxation]: [usize; 3]) {
-        let norm = match argument(call, norm, &["norm", "checktype", "check_type"]) {
+        let norm = match ScriptArgument::new(norm, &["norm", "checktype", "check_type"]).value(call) {
             // LMGC90 pads texts with blanks.
             Some(Ok(ScriptValue::Text(norm))) => format!("'{norm:<5}'"),
             Some(Err(_)) if self.given.contains(&"tol") => return,
@@ -242,16 +284,16 @@ impl<'a> DriverReader<'a> {
         };
         let factor = if norm == "'Maxm '" { MAXM_TOL_FACTOR } else { QUAD_TOL_FACTOR };
         if !["'Quad '", "'QM/16'", "'Maxm '"].contains(&norm.as_str()) {
-            let line = format!("{}: norm {norm} is none of 'Quad ', 'QM/16', 'Maxm ': read as 'Quad '", call.name);
-            self.remark(call.line, line);
+            let remark = format!("{}: norm {norm} is none of 'Quad ', 'QM/16', 'Maxm ': read as 'Quad '", call.name);
+            self.remark(call.line, remark);
         }
-        let value = self.read_number_of(call, tolerance, &["conv", "tol", "tolerance"], "tol");
+        let value = self.read_number(call, ScriptArgument::new(tolerance, &["conv", "tol", "tolerance"]), "tol");
         let value = value.map(|x| (factor * x).min(MAX_TOL));
         // Without the digits of the product's rounding.
         let value = value.map(|x| format!("{x:.6e}").parse().unwrap_or(x));
-        self.take(call, "tol", value, |options, x| options.tol = Some(x));
-        let relaxed =
-            argument(call, relaxation, &["relax", "relaxation"]).and_then(Result::ok).and_then(|x| x.number());
+        self.set_option(call, "tol", value, |options, x| options.tol = Some(x));
+        let relaxation = ScriptArgument::new(relaxation, &["relax", "relaxation"]);
+        let relaxed = relaxation.value(call).and_then(Result::ok).and_then(|x| x.number());
         if let Some(x) = relaxed.filter(|&x| x != 1.0) {
             self.remark(
                 call.line,
@@ -265,7 +307,7 @@ impl<'a> DriverReader<'a> {
     }
 
     fn read_gravity(&mut self, call: &ScriptCall) {
-        let found = match argument(call, 0, &["gravity"]) {
+        let found = match ScriptArgument::new(0, &["gravity"]).value(call) {
             Some(Ok(ScriptValue::List(list))) if list.len() == 3 => {
                 let numbers: Vec<f64> = list.iter().filter_map(ScriptValue::number).collect();
                 <[f64; 3]>::try_from(numbers).map_err(|_| "has other values than numbers".to_string())
@@ -293,12 +335,12 @@ impl<'a> DriverReader<'a> {
 
     /// Sets the number of steps from the loops around the calls that begin a step.
     fn read_steps(&mut self, calls: &[ScriptCall]) {
-        let of_steps = |call: &&ScriptCall| {
+        let begins_step = |call: &&ScriptCall| {
             let makes_step =
                 |meaning| matches!(meaning, CommandMeaning::Sets(DriverSetting::Steps | DriverSetting::WholeStep));
             find_command(&call.name).is_some_and(|command| makes_step(command.meaning))
         };
-        let steps: Vec<&ScriptCall> = calls.iter().filter(of_steps).collect();
+        let steps: Vec<&ScriptCall> = calls.iter().filter(begins_step).collect();
         self.expect_set("dt", "TimeEvolution_SetTimeStep");
         if self.given.iter().any(|name| ["steps", "end_time"].contains(name)) {
             return;
@@ -311,22 +353,26 @@ impl<'a> DriverReader<'a> {
         let mut total = 0u64;
         for call in &steps {
             let mut count = 1u64;
-            for around in &call.loops {
-                match &around.end {
+            for enclosing in &call.loops {
+                match &enclosing.end {
                     LoopEnd::Count(times) => count = count.saturating_mul(*times),
                     &LoopEnd::Time { limit, inclusive }
                         if steps.len() == 1 && call.loops.len() == 1 && call.condition.is_none() =>
                     {
                         let end = self.end_of_time_loop(limit, inclusive);
-                        self.take(call, "end_time", Some(end), |options, x| options.end_time = Some(x));
+                        self.set_option(call, "end_time", Some(end), |options, x| options.end_time = Some(x));
                         return;
                     }
                     LoopEnd::Time { .. } => {
-                        self.reject_length(Some(around.line), "loop", "ends at a time, next to other loops of steps");
+                        self.reject_length(
+                            Some(enclosing.line),
+                            "loop",
+                            "ends at a time, next to other loops of steps",
+                        );
                         return;
                     }
                     LoopEnd::Unknown(why) => {
-                        self.reject_length(Some(around.line), "loop", &format!("its length is not known: {why}"));
+                        self.reject_length(Some(enclosing.line), "loop", &format!("its length is not known: {why}"));
                         return;
                     }
                 }
@@ -372,7 +418,7 @@ impl<'a> DriverReader<'a> {
 
     /// Adds a fault if an option has no value.
     fn expect_set(&mut self, option: &'static str, command: &str) {
-        let known = self.taken.contains_key(option) || self.given.contains(&option);
+        let known = self.set_options.contains_key(option) || self.given.contains(&option);
         if !known
             && self.faults.0.iter().all(|fault| ![command, "computation.initialize"].contains(&fault.object.as_str()))
         {
@@ -381,42 +427,18 @@ impl<'a> DriverReader<'a> {
         }
     }
 
-    /// Period of the argument `keyword`; `None` if there is none or it is Python's `None`.
-    fn read_period(
-        &mut self,
-        call: &ScriptCall,
-        position: usize,
-        keyword: &'static str,
-        option: &'static str,
-    ) -> Option<f64> {
-        let value = argument(call, position, &[keyword]);
-        if matches!(value, None | Some(Ok(ScriptValue::None))) {
+    /// Period that an argument states; `None` if there is no such argument or it is Python's `None`.
+    fn read_period(&mut self, call: &ScriptCall, argument: ScriptArgument, option: &'static str) -> Option<f64> {
+        if matches!(argument.value(call), None | Some(Ok(ScriptValue::None))) {
             None
         } else {
-            self.read_number(call, position, keyword, option)
+            self.read_number(call, argument, option)
         }
     }
 
-    /// Number of the argument `keyword`, as from [`Self::read_number_of`].
-    fn read_number(
-        &mut self,
-        call: &ScriptCall,
-        position: usize,
-        keyword: &'static str,
-        option: &'static str,
-    ) -> Option<f64> {
-        self.read_number_of(call, position, &[keyword], option)
-    }
-
     /// Number that an argument states; otherwise a fault, unless the option is given on the command line.
-    fn read_number_of(
-        &mut self,
-        call: &ScriptCall,
-        position: usize,
-        keywords: &[&str],
-        option: &'static str,
-    ) -> Option<f64> {
-        match stated_number(call, position, keywords) {
+    fn read_number(&mut self, call: &ScriptCall, argument: ScriptArgument, option: &'static str) -> Option<f64> {
+        match argument.stated_number(call) {
             Ok(value) => Some(value),
             Err(found) => {
                 if !self.given.contains(&option) {
@@ -432,15 +454,14 @@ impl<'a> DriverReader<'a> {
     fn read_optional_count(
         &mut self,
         call: &ScriptCall,
-        position: usize,
-        keywords: &[&str],
+        argument: ScriptArgument,
         option: &'static str,
     ) -> Option<u64> {
-        let found = match stated_number(call, position, keywords) {
+        let found = match argument.stated_number(call) {
             Ok(value) if value >= 1.0 && value.fract() == 0.0 && value < 1e15 => return Some(value as u64),
             Ok(value) => format!("{value}"),
             Err(_)
-                if position == 0
+                if argument.position == 0
                     && call.positional.is_empty()
                     && call.keywords.is_empty()
                     && call.condition.is_none() =>
@@ -457,7 +478,7 @@ impl<'a> DriverReader<'a> {
     }
 
     /// Sets an option. A second value that differs is a fault, unless the option is given on the command line.
-    fn take<T: std::fmt::Display>(
+    fn set_option<T: std::fmt::Display>(
         &mut self,
         call: &ScriptCall,
         option: &'static str,
@@ -466,7 +487,7 @@ impl<'a> DriverReader<'a> {
     ) {
         let Some(value) = value else { return };
         let (text, flag) = (value.to_string(), option.replace('_', "-"));
-        if let Some((before, line)) = self.taken.get(option) {
+        if let Some(SetOption { text: before, line }) = self.set_options.get(option) {
             if *before != text && !self.given.contains(&option) {
                 let found = format!("{option} is {text}, and {before} in line {line}");
                 self.reject(call, &found, &format!("expected one value, or the option --{flag}"));
@@ -479,12 +500,12 @@ impl<'a> DriverReader<'a> {
             self.remark(call.line, format!("{}: {option} = {text}", call.name));
             set(&mut self.settings.options, value);
         }
-        self.taken.insert(option, (text, call.line));
+        self.set_options.insert(option, SetOption { text, line: call.line });
     }
 
     fn remark(&mut self, line: usize, text: String) {
-        if !self.lines.contains(&(line, text.clone())) {
-            self.lines.push((line, text));
+        if !self.remarks.contains(&(line, text.clone())) {
+            self.remarks.push((line, text));
         }
     }
 
@@ -497,35 +518,17 @@ impl<'a> DriverReader<'a> {
 
     fn finish(mut self) -> Result<DriverSettings, Faults> {
         let file = self.path.display();
-        self.lines.sort();
-        let mut notes: Vec<String> = self.lines.iter().map(|(line, text)| format!("{file}:{line}: {text}")).collect();
+        self.remarks.sort();
+        let mut notes: Vec<String> = self.remarks.iter().map(|(line, text)| format!("{file}:{line}: {text}")).collect();
         for (reason, calls) in &self.without_counterpart {
             let calls: Vec<String> = calls.iter().map(|(name, line)| format!("{name} (line {line})")).collect();
             notes.push(format!("{file}: without counterpart: {}: {reason}", calls.join(", ")));
         }
-        if !self.taken.contains_key("theta") && !self.given.contains(&"theta") {
+        if !self.set_options.contains_key("theta") && !self.given.contains(&"theta") {
             notes
                 .push(format!("{file}: no call of Integrator_InitTheta is found: theta is that of COMPUTE.RON or 0.5"));
         }
         self.settings.notes = notes;
         self.faults.into_result(self.settings)
-    }
-}
-
-/// Argument of a call, by its position or one of its names.
-fn argument<'a>(call: &'a ScriptCall, position: usize, keywords: &[&str]) -> Option<Evaluation> {
-    let named = |call: &'a ScriptCall| call.keywords.iter().find(|(name, _)| keywords.contains(&name.as_str()));
-    call.positional.get(position).or_else(|| named(call).map(|(_, value)| value)).cloned()
-}
-
-/// Number that an argument states, or the reason why there is none.
-fn stated_number(call: &ScriptCall, position: usize, keywords: &[&str]) -> Result<f64, String> {
-    if let Some(line) = call.condition {
-        return Err(format!("depends on the condition in line {line}"));
-    }
-    match argument(call, position, keywords) {
-        None => Err(format!("has no argument {}", keywords.join(" or "))),
-        Some(Err(why)) => Err(format!("its value is not known: {why}")),
-        Some(Ok(value)) => value.number().ok_or_else(|| "its value is no number".to_string()),
     }
 }

@@ -195,14 +195,14 @@ impl ExpressionParser<'_> {
     }
 
     /// Reads the symbol or keyword `word`, if it comes next.
-    fn take(&mut self, word: &str) -> bool {
+    fn accept(&mut self, word: &str) -> bool {
         let found = self.peek().is_some_and(|token| token.is(word) || token.name() == word);
         self.at += usize::from(found);
         found
     }
 
     fn take_any(&mut self, words: &[&'static str]) -> Option<&'static str> {
-        words.iter().copied().find(|word| self.take(word))
+        words.iter().copied().find(|word| self.accept(word))
     }
 
     fn tuple(&mut self) -> Evaluation {
@@ -211,7 +211,7 @@ impl ExpressionParser<'_> {
             return Ok(first);
         }
         let mut list = vec![first];
-        while self.take(",") && self.peek().is_some_and(|token| !token.is(")") && !token.is("]")) {
+        while self.accept(",") && self.peek().is_some_and(|token| !token.is(")") && !token.is("]")) {
             list.push(self.choice()?);
         }
         Ok(ScriptValue::list(list))
@@ -220,11 +220,11 @@ impl ExpressionParser<'_> {
     /// Value of `a if condition else b`, or of its first part alone.
     fn choice(&mut self) -> Evaluation {
         let first = self.disjunction();
-        if !self.take("if") {
+        if !self.accept("if") {
             return first;
         }
         let condition = self.disjunction()?.is_true();
-        if !self.take("else") {
+        if !self.accept("else") {
             return Err("'if'".into());
         }
         let other = self.read_nested(Self::choice);
@@ -233,7 +233,7 @@ impl ExpressionParser<'_> {
 
     fn disjunction(&mut self) -> Evaluation {
         let mut value = self.conjunction()?;
-        while self.take("or") {
+        while self.accept("or") {
             let other = self.conjunction()?;
             value = if value.is_true() { value } else { other };
         }
@@ -242,7 +242,7 @@ impl ExpressionParser<'_> {
 
     fn conjunction(&mut self) -> Evaluation {
         let mut value = self.comparison()?;
-        while self.take("and") {
+        while self.accept("and") {
             let other = self.comparison()?;
             value = if value.is_true() { other } else { value };
         }
@@ -250,12 +250,12 @@ impl ExpressionParser<'_> {
     }
 
     fn comparison(&mut self) -> Evaluation {
-        if self.take("not") {
+        if self.accept("not") {
             return Ok(ScriptValue::Bool(!self.read_nested(Self::comparison)?.is_true()));
         }
         let left = self.sum()?;
         let Some(operator) = self.take_any(&["==", "!=", "<=", ">=", "<", ">", "is"]) else { return Ok(left) };
-        let negated = operator == "is" && self.take("not") || operator == "!=";
+        let negated = operator == "is" && self.accept("not") || operator == "!=";
         let right = self.sum()?;
         let holds = match (operator, left.number(), right.number()) {
             ("<", Some(a), Some(b)) => a < b,
@@ -298,7 +298,7 @@ impl ExpressionParser<'_> {
 
     fn power(&mut self) -> Evaluation {
         let base = self.atom()?;
-        if self.take("**") {
+        if self.accept("**") {
             let exponent = self.read_nested(Self::sign)?;
             return apply_operator("**", base, exponent);
         }
@@ -331,13 +331,13 @@ impl ExpressionParser<'_> {
             }
             ScriptToken::Symbol(symbol) if symbol == "(" || symbol == "[" => {
                 let close = if symbol == "(" { ")" } else { "]" };
-                if self.take(close) {
+                if self.accept(close) {
                     return Ok(ScriptValue::list(Vec::new()));
                 }
                 let is_single =
                     split_at(&self.tokens[self.at..after_bracket(self.tokens, self.at - 1) - 1], ",").len() < 2;
                 let value = self.read_nested(Self::tuple)?;
-                if !self.take(close) {
+                if !self.accept(close) {
                     return Err(self.peek().map_or("a bracket".into(), |token| format!("'{}'", token.source())));
                 }
                 let is_list = matches!(value, ScriptValue::List(_));
@@ -345,15 +345,15 @@ impl ExpressionParser<'_> {
             }
             ScriptToken::Symbol(symbol) if symbol == "{" => {
                 let mut map = BTreeMap::new();
-                while !self.take("}") {
+                while !self.accept("}") {
                     let ScriptValue::Text(key) = self.read_nested(Self::disjunction)? else {
                         return Err("a dictionary whose keys are no texts".into());
                     };
-                    if !self.take(":") {
+                    if !self.accept(":") {
                         return Err("a set".into());
                     }
                     map.insert(key, self.read_nested(Self::choice)?);
-                    if !self.take(",") && !self.peek().is_some_and(|token| token.is("}")) {
+                    if !self.accept(",") && !self.peek().is_some_and(|token| token.is("}")) {
                         return Err("a dictionary".into());
                     }
                 }
@@ -370,7 +370,7 @@ impl ExpressionParser<'_> {
             false => Ok(value),
         };
         value = known(value)?;
-        while self.take("[") {
+        while self.accept("[") {
             let key = self.read_nested(Self::disjunction)?;
             let item = match (&value, &key) {
                 (ScriptValue::List(list), ScriptValue::Int(k)) => {
@@ -380,7 +380,7 @@ impl ExpressionParser<'_> {
                 (ScriptValue::Map(map), ScriptValue::Text(key)) => map.get(key),
                 _ => None,
             };
-            value = item.cloned().filter(|_| self.take("]")).ok_or_else(|| format!("{name}[...]"))?;
+            value = item.cloned().filter(|_| self.accept("]")).ok_or_else(|| format!("{name}[...]"))?;
             value = known(value)?;
         }
         Ok(value)

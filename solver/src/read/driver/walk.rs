@@ -265,7 +265,7 @@ impl<'a> ScriptWalker<'a> {
     fn follow(&mut self, block: &'a [ScriptStatement]) {
         self.depth += 1;
         // Value of the last condition of a chain of `if` and `elif`: whether a branch was taken, unless it is not known.
-        let mut taken = Some(true);
+        let mut branch_taken = Some(true);
         for statement in block {
             self.statements += 1;
             if self.depth > MAX_NESTING || self.statements >= MAX_STATEMENTS || self.ended || self.exited {
@@ -279,13 +279,13 @@ impl<'a> ScriptWalker<'a> {
                 "class" => self.report_unread(statement, "class"),
                 keyword @ ("if" | "elif" | "else") => {
                     if keyword == "if" {
-                        taken = Some(false);
+                        branch_taken = Some(false);
                     }
-                    if taken == Some(true) {
+                    if branch_taken == Some(true) {
                         continue;
                     }
                     let outer = self.condition;
-                    if taken.is_none() {
+                    if branch_taken.is_none() {
                         self.condition = outer.or(Some(line));
                     }
                     self.find_calls(&statement.tokens[1..]);
@@ -295,25 +295,25 @@ impl<'a> ScriptWalker<'a> {
                     } else {
                         self.value(&statement.tokens[1..]).ok().map(|value| value.is_true())
                     };
-                    match (taken, condition) {
+                    match (branch_taken, condition) {
                         (_, Some(false)) => {}
                         (Some(false), Some(true)) => {
                             self.follow(&statement.body);
-                            taken = Some(true);
+                            branch_taken = Some(true);
                         }
                         _ => {
                             self.follow_conditional(&statement.body, line);
-                            taken = None;
+                            branch_taken = None;
                         }
                     }
                 }
                 "except" => self.follow_conditional(&statement.body, line),
                 "for" | "while" | "async" => {
-                    taken = Some(false); // an `else` after a loop is followed
+                    branch_taken = Some(false); // an `else` after a loop is followed
                     self.follow_loop(statement);
                 }
                 "try" | "with" | "finally" => {
-                    taken = Some(false);
+                    branch_taken = Some(false);
                     self.find_calls(&statement.tokens[1..]);
                     self.release(&statement.tokens[1..]);
                     for (at, _) in statement.tokens.iter().enumerate().filter(|(_, word)| word.token.name() == "as") {
