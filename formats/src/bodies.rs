@@ -142,7 +142,7 @@ impl Bodies {
     pub fn parse_rigid_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let (parts, notices) = read_records(path, text, "bdyty", read_bodies)?;
         let mut bodies = Vec::with_capacity(parts.iter().map(Vec::len).sum());
-        parts.into_iter().for_each(|of_part| bodies.extend(of_part));
+        parts.into_iter().for_each(|part_bodies| bodies.extend(part_bodies));
         Ok((Bodies(bodies), notices))
     }
 
@@ -359,8 +359,8 @@ fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord
 fn read_patches(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord> {
     let patch_count = scan.read_integer(line, (40, 47), "number of patches")?;
     let lines: Vec<_> = std::iter::from_fn(|| scan.next_line_if(TextLine::is_continuation)).collect();
-    let (mut left, mut patches) = (lines.as_slice(), Vec::new());
-    while let Some((head, rest)) = left.split_first() {
+    let (mut unread, mut patches) = (lines.as_slice(), Vec::new());
+    while let Some((head, rest)) = unread.split_first() {
         let counts = read_counts(scan, *head)?;
         let end = counts[0].saturating_add(counts[1]).try_into().unwrap_or(usize::MAX);
         let Some((own, next)) = rest.split_at_checked(end) else {
@@ -368,7 +368,7 @@ fn read_patches(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord> {
             return None;
         };
         patches.push(read_mesh(scan, counts[0], own));
-        left = next;
+        unread = next;
     }
     if patches.len() as u64 != patch_count {
         let found = format!("patches {} follow", patches.len());
@@ -392,10 +392,10 @@ fn join_patches(patches: &[Mesh]) -> Mesh {
     };
     let near = FLATNESS_OF_FILES * (0..3).map(extent).fold(0.0, f64::max);
     let (mut vertices, mut triangles): Mesh = Default::default();
-    for (of_patch, of_triangles) in patches {
+    for (patch_vertices, patch_triangles) in patches {
         let earlier = vertices.len();
         let is_same = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= near);
-        let numbers: Vec<u32> = of_patch
+        let numbers: Vec<u32> = patch_vertices
             .iter()
             .map(|vertex| {
                 let known = vertices[..earlier].iter().position(|other| is_same(other, vertex));
@@ -407,7 +407,7 @@ fn join_patches(patches: &[Mesh]) -> Mesh {
             .collect();
         // Triangles with missing vertices are reported.
         let joined = |triangle: &[u32; 3]| triangle.map(|v| numbers.get(v as usize).copied().unwrap_or(v));
-        triangles.extend(of_triangles.iter().map(joined));
+        triangles.extend(patch_triangles.iter().map(joined));
     }
     (vertices, triangles)
 }
@@ -420,8 +420,8 @@ fn read_counts(scan: &mut LineScanner, line: TextLine) -> Option<[u64; 2]> {
 
 /// Reports that `lines` are fewer or more than the vertices and triangles that `head` announces.
 fn report_counts(scan: &mut LineScanner, head: TextLine, [vertices, triangles]: [u64; 2], lines: &[TextLine]) {
-    let seen = lines.iter().take_while(|line| line.columns(35, 90).contains('.')).count();
-    let found = format!("vertices {seen}, triangles {} follow", lines.len() - seen);
+    let line_count = lines.iter().take_while(|line| line.columns(35, 90).contains('.')).count();
+    let found = format!("vertices {line_count}, triangles {} follow", lines.len() - line_count);
     let expected = format!("expected vertices {vertices}, triangles {triangles}, as announced");
     scan.add_fault(head.number, found, expected);
 }

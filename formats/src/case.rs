@@ -62,8 +62,8 @@ pub fn no_case(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
             return fault("file", "is a scene, not a case".into(), expected);
         }
         if name.starts_with("snapshot-") && name.ends_with(".npz") {
-            let of_outbox = Path::new(&folder).file_name().is_some_and(|name| name == "OUTBOX");
-            let expected = if of_outbox { format!("did you mean {}?", parent(Path::new(&folder))) } else { with };
+            let is_outbox = Path::new(&folder).file_name().is_some_and(|name| name == "OUTBOX");
+            let expected = if is_outbox { format!("did you mean {}?", parent(Path::new(&folder))) } else { with };
             return fault("file", "is a snapshot, not a case".into(), expected);
         }
         return fault("file", "is not a folder".into(), with);

@@ -277,9 +277,9 @@ macro_rules! options {
         impl ComputeFlags {
             /// Names of the options that are given.
             pub fn given_names(&self) -> Vec<&'static str> {
-                let mut given = Vec::new();
-                $(if self.$name.is_some() { given.push(stringify!($name)); })+
-                given
+                let mut names = Vec::new();
+                $(if self.$name.is_some() { names.push(stringify!($name)); })+
+                names
             }
 
             /// Options that are given here, and those of `other` for the rest.

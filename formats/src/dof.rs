@@ -70,7 +70,7 @@ impl Dof {
     fn from_parts(path: &Path, (parts, notices): (Vec<DofPart>, Vec<String>)) -> Result<(Self, Vec<String>), Faults> {
         let (step, time) = parts[0].0.expect("the first part has the head");
         let mut bodies = Vec::with_capacity(parts.iter().map(|(_, bodies)| bodies.len()).sum());
-        parts.into_iter().for_each(|(_, of_part)| bodies.extend(of_part));
+        parts.into_iter().for_each(|(_, part_bodies)| bodies.extend(part_bodies));
         let (mut faults, mut lines) = (Faults::default(), HashMap::new());
         // In rising order, as all programs write them, no body is repeated.
         if !bodies.is_sorted_by(|a, b| a.body < b.body) {

@@ -133,8 +133,8 @@ impl Faults {
     /// Message that a program prints: each distinct fault on its own line after the program's name. A fault repeated at
     /// more than five positions of a file is printed once, with the next lines, or lines and columns, and their number.
     pub fn format_report(&self, program: &str) -> String {
-        let mut seen = HashSet::new();
-        let faults: Vec<&Fault> = self.0.iter().filter(|fault| seen.insert(fault.to_string())).collect();
+        let mut reported = HashSet::new();
+        let faults: Vec<&Fault> = self.0.iter().filter(|fault| reported.insert(fault.to_string())).collect();
         // Faults of a file as a whole have no line and are not grouped.
         let alike = |fault: &Fault| {
             let sentence = [&fault.object, &fault.found, &fault.expected].map(|text| without_numbers(text));
@@ -152,14 +152,14 @@ impl Faults {
         for fault in faults {
             let group = alike(fault).map(|(sentence, _)| sentence);
             let positions = group.as_ref().map_or(&[][..], |sentence| &positions[sentence]);
-            let mut more = String::new();
+            let mut further = String::new();
             if positions.len() > MAX_ALIKE_FAULTS {
                 if !printed.insert(group) {
                     continue;
                 }
-                more = format!("; the same {}", further_positions(positions));
+                further = format!("; the same {}", further_positions(positions));
             }
-            text += &format!("{program}: {fault}{more}\n");
+            text += &format!("{program}: {fault}{further}\n");
         }
         text
     }

@@ -141,7 +141,7 @@ fn tide(strength: f64, r: &Vec3, d: &Vec3) -> Vec3 {
 /// axes fall freely with the origin.
 pub fn primary_motions(fields: &[ExternalField], constant: f64, time: f64) -> Vec<Option<(Vec3, Vec3)>> {
     let mut falling = (Vec3::zeros(), Vec3::zeros());
-    let of_field = |field: &ExternalField| {
+    let motion_of = |field: &ExternalField| {
         let (ExternalField::PointMass { mass, position, orbit } | ExternalField::Oblate { mass, position, orbit, .. }) =
             field
         else {
@@ -152,7 +152,7 @@ pub fn primary_motions(fields: &[ExternalField], constant: f64, time: f64) -> Ve
         falling = (falling.0 - r, falling.1 - v);
         Some(falling)
     };
-    fields.iter().map(of_field).collect()
+    fields.iter().map(motion_of).collect()
 }
 
 #[cfg(test)]

@@ -12,9 +12,9 @@ const MIN_REMNANT_SHARE: f64 = 0.1;
 /// assert_eq!(largest_remnant(&[(5.0, 20), (90.0, 1), (6.0, 12)]), Some(2));
 /// ```
 pub fn largest_remnant(groups: &[(f64, usize)]) -> Option<usize> {
-    let most = groups.iter().map(|(_, members)| *members).max()?;
-    let many = |k: &usize| groups[*k].1 as f64 >= MIN_REMNANT_SHARE * most as f64;
-    (0..groups.len()).filter(many).reduce(|best, k| if groups[k].0 > groups[best].0 { k } else { best })
+    let largest = groups.iter().map(|(_, members)| *members).max()?;
+    let is_large = |k: &usize| groups[*k].1 as f64 >= MIN_REMNANT_SHARE * largest as f64;
+    (0..groups.len()).filter(is_large).reduce(|best, k| if groups[k].0 > groups[best].0 { k } else { best })
 }
 
 /// Disjoint sets of the numbers 0, 1, ... with halving of paths.

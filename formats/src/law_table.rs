@@ -27,7 +27,7 @@ use crate::ron_text::nearest_name;
 
 pub use error::LawError;
 pub use interface::{DamageLaw, InterfaceParameter, LawInterface, ModePair};
-pub use pair::{PairCohesion, PairStrength};
+pub use pair::{PairCohesion, PairStrength, SpherePacking};
 pub use refused::refusal_reason;
 
 /// Physical quantity of a parameter.
@@ -377,8 +377,8 @@ pub fn reference_gap_position(label: &str) -> Option<usize> {
 /// Names of the laws that the programs compute with, in a list that gives those of points apart: each is rejected where the
 /// others act.
 pub fn computed_list() -> String {
-    let (of_points, others): (Vec<&str>, Vec<&str>) = computed_labels().partition(|label| is_law_of_points(label));
-    format!("{}; between PT3Dx {}", others.join(", "), of_points.join(", "))
+    let (point_laws, others): (Vec<&str>, Vec<&str>) = computed_labels().partition(|label| is_law_of_points(label));
+    format!("{}; between PT3Dx {}", others.join(", "), point_laws.join(", "))
 }
 
 /// Names of the laws that the programs compute with.

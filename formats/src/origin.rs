@@ -45,15 +45,15 @@ const SETTING_PREFIX: &str = ", --set ";
 /// Path of a file or folder relative to the folder `case`; none if it lies elsewhere, see [`SCENE_FOLDERS`].
 fn near(path: &Path, case: &Path) -> Option<String> {
     let whole = |path: &Path| fs::canonicalize(if path == Path::new("") { Path::new(".") } else { path }).ok();
-    let there = match path.file_name() {
+    let target = match path.file_name() {
         Some(name) => whole(path.parent()?)?.join(name),
         None => whole(path)?,
     };
-    let of_above = |above: &str| {
+    let path_below = |above: &str| {
         let base = whole(&case.join(above)).filter(|base| base.parent().is_some())?;
-        Some(Path::new(above).join(there.strip_prefix(base).ok()?).to_str()?.to_string())
+        Some(Path::new(above).join(target.strip_prefix(base).ok()?).to_str()?.to_string())
     };
-    SCENE_FOLDERS.into_iter().find_map(of_above).filter(|path| !path.contains(['\n', '\r']))
+    SCENE_FOLDERS.into_iter().find_map(path_below).filter(|path| !path.contains(['\n', '\r']))
 }
 
 fn plain(settings: &[String]) -> Vec<String> {

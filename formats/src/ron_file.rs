@@ -55,7 +55,7 @@ impl CurrentText {
         }
         let uses = locations.former_names().to_vec();
         let mut current = text.to_string();
-        uses.iter().rev().for_each(|one| current.replace_range(one.span.clone(), one.name.current));
+        uses.iter().rev().for_each(|former| current.replace_range(former.span.clone(), former.name.current));
         Ok(CurrentText { text: current, uses })
     }
 
@@ -69,17 +69,18 @@ impl CurrentText {
 
     /// Returns the byte of the original text for a byte of this one.
     pub fn original_byte(&self, at: usize) -> usize {
-        let (mut start, mut removed) = (0, 0);
-        for one in &self.uses {
+        // Bytes that this text has in place of those of the original, up to the current use.
+        let (mut inserted, mut removed) = (0, 0);
+        for former in &self.uses {
             // Begin and end of the current name in this text.
-            let begin = one.span.start + start - removed;
-            let end = begin + one.name.current.len();
+            let begin = former.span.start + inserted - removed;
+            let end = begin + former.name.current.len();
             if at < end {
-                return if at < begin { at + removed - start } else { one.span.start };
+                return if at < begin { at + removed - inserted } else { former.span.start };
             }
-            (start, removed) = (start + one.name.current.len(), removed + one.span.len());
+            (inserted, removed) = (inserted + former.name.current.len(), removed + former.span.len());
         }
-        at + removed - start
+        at + removed - inserted
     }
 }
 
@@ -114,7 +115,7 @@ pub fn former_name_warnings(file: &Path, text: &str, settings: &[String]) -> Fau
     let mut faults = warnings_of_uses(file, text, ValueLocations::from_text(text).former_names());
     for setting in settings {
         let uses = former_names_of_setting(setting);
-        faults.0.extend(uses.iter().map(|one| setting_warning(setting, one.name)));
+        faults.0.extend(uses.iter().map(|former| setting_warning(setting, former.name)));
     }
     faults
 }
@@ -122,9 +123,10 @@ pub fn former_name_warnings(file: &Path, text: &str, settings: &[String]) -> Fau
 /// Warnings about these former names in the text of a file: one for each name, at its first position.
 pub fn warnings_of_uses(file: &Path, text: &str, uses: &[FormerNameUse]) -> Faults {
     let mut faults = Faults::default();
-    for (k, one) in uses.iter().enumerate() {
-        let is_same =
-            |other: &&FormerNameUse| (other.name.former, other.name.current) == (one.name.former, one.name.current);
+    for (k, former) in uses.iter().enumerate() {
+        let is_same = |other: &&FormerNameUse| {
+            (other.name.former, other.name.current) == (former.name.former, former.name.current)
+        };
         if uses[..k].iter().any(|other| is_same(&other)) {
             continue;
         }
@@ -132,9 +134,9 @@ pub fn warnings_of_uses(file: &Path, text: &str, uses: &[FormerNameUse]) -> Faul
             1 => "renamed".to_string(),
             count => format!("renamed, {count} times in this file"),
         };
-        let (line, column) = line_and_column(text, one.span.start);
-        let expected = format!("write {}", one.name.current);
-        let fault = Fault::new(file, Some(line), one.name.former, found, expected);
+        let (line, column) = line_and_column(text, former.span.start);
+        let expected = format!("write {}", former.name.current);
+        let fault = Fault::new(file, Some(line), former.name.former, found, expected);
         faults.push(Fault { column: Some(column), ..fault });
     }
     faults

@@ -289,9 +289,10 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
             );
         }
     }
-    if let Some(more) = scan.next_line_if(|line| line.is_continuation() && has_real(line, PARAMETER_COLUMNS[0])) {
+    if let Some(continuation) = scan.next_line_if(|line| line.is_continuation() && has_real(line, PARAMETER_COLUMNS[0]))
+    {
         let found = format!("one more line of parameters than {} has", law.kind);
-        scan.add_fault(more.number, found, format!("expected {}", lines.len()));
+        scan.add_fault(continuation.number, found, format!("expected {}", lines.len()));
     }
     Some(law)
 }

@@ -86,14 +86,14 @@ impl ComputedSnapshot<'_> {
 
     /// First few faults of a file, and the count of the others.
     fn first_faults(&self, file: &Path, mut faults: Vec<Fault>) -> Vec<Fault> {
-        let more = faults.len().saturating_sub(MAX_REPORTED_BODIES);
+        let further = faults.len().saturating_sub(MAX_REPORTED_BODIES);
         faults.truncate(MAX_REPORTED_BODIES);
-        if more > 0 {
+        if further > 0 {
             faults.push(Fault::new(
                 file,
                 None,
                 "file",
-                format!("{more} more bodies differ"),
+                format!("{further} more bodies differ"),
                 self.expected_text("all"),
             ));
         }
@@ -147,16 +147,17 @@ impl ComputedSnapshot<'_> {
     /// Compares the components of velocities that DRV_DOF.DAT imposes; their values may change. Errors: the bodies that
     /// differ, first five, then the count of the others.
     pub fn expect_driven(&self, file: &Path, driven: &DrvDof) -> Result<(), Faults> {
-        let there = &self.snapshot.bodies.body_driven;
-        let mut here = vec![0; there.len()];
+        let in_snapshot = &self.snapshot.bodies.body_driven;
+        let mut in_files = vec![0; in_snapshot.len()];
         for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
-            if let Some(body) = here.get_mut(row.body) {
+            if let Some(body) = in_files.get_mut(row.body) {
                 *body |= 1 << row.component;
             }
         }
-        let differ = (0..here.len()).filter(|&k| here[k] != there[k]).map(|k| {
+        let differ = (0..in_files.len()).filter(|&k| in_files[k] != in_snapshot[k]).map(|k| {
             let line = driven.0.iter().find(|row| row.body == k).map(|row| row.line);
-            let (found, expected) = (imposed_components(here[k]), self.expected_text(&imposed_components(there[k])));
+            let (found, expected) =
+                (imposed_components(in_files[k]), self.expected_text(&imposed_components(in_snapshot[k])));
             Fault::new(file, line, format!("body {}", k + 1), found, expected)
         });
         Faults(self.first_faults(file, differ.collect())).into_result(())

@@ -288,9 +288,10 @@ impl VlocRloc {
         put_steps(&mut out, "Vloc_Rloc", self.step, self.time);
         for kind in &CONTACT_KINDS {
             let contacts: Vec<_> = self.contacts.iter().filter(|contact| contact.kind == kind.name).collect();
-            let most = contacts.iter().map(|c| c.candidate.body.max(c.antagonist.body) + 1).max().unwrap_or(0);
-            let wide = kind.name == "SPSPx" && contacts.len().max(most) > MAX_FIVE_DIGITS;
-            let pair = if wide { &WIDE_COLUMNS } else { kind.pair };
+            let largest_number =
+                contacts.iter().map(|c| c.candidate.body.max(c.antagonist.body) + 1).max().unwrap_or(0);
+            let needs_six_digits = kind.name == "SPSPx" && contacts.len().max(largest_number) > MAX_FIVE_DIGITS;
+            let pair = if needs_six_digits { &WIDE_COLUMNS } else { kind.pair };
             for (number, &contact) in (1..).zip(&contacts) {
                 write_contact(&mut out, kind, pair, number, contact.clone());
             }

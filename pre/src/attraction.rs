@@ -12,14 +12,14 @@ const MAX_NAMED_COLOURS: usize = 3;
 /// Polyhedra touch each other and walls in up to one point for each corner; bodies of several pieces touch in up to that
 /// number for each piece.
 pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut FaultReport) {
-    let of_colour = |colour: &str, counts: &dyn Fn(usize) -> bool| {
+    let any_body_of_colour = |colour: &str, counts: &dyn Fn(usize) -> bool| {
         let mut polyhedra =
             population.grains.iter().filter_map(|grain| Some((grain.group, grain.polyhedron.as_ref()?)));
         polyhedra
             .any(|(group, polyhedron)| scene.grains[group].colour == colour && counts(polyhedron.solid.pieces.len()))
     };
-    let is_polyhedral = |colour: &str| of_colour(colour, &|_| true);
-    let has_pieces = |colour: &str| of_colour(colour, &|pieces| pieces > 1);
+    let is_polyhedral = |colour: &str| any_body_of_colour(colour, &|_| true);
+    let has_pieces = |colour: &str| any_body_of_colour(colour, &|pieces| pieces > 1);
     let is_wall = |colour: &str| population.walls.iter().any(|wall| wall.colour == colour);
     let meets_in_points = |a: &str, b: &str| {
         has_pieces(a)
@@ -28,8 +28,8 @@ pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut 
             || is_polyhedral(b) && is_wall(a)
     };
     for (k, law) in scene.laws.iter().enumerate().filter(|(_, law)| law.kind.point_attraction() > 0.0) {
-        let of_law = scene.contacts.iter().filter(|contact| contact.law.as_ref() == Some(&law.name));
-        let pairs: Vec<String> = of_law
+        let contacts_of_law = scene.contacts.iter().filter(|contact| contact.law.as_ref() == Some(&law.name));
+        let pairs: Vec<String> = contacts_of_law
             .map(|contact| &contact.between)
             .filter(|(a, b)| meets_in_points(a, b))
             .map(|(a, b)| format!("{a} and {b}"))

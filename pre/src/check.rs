@@ -115,13 +115,13 @@ pub(crate) fn driven_in_part<'a>(
     walls: &'a [SceneWall],
 ) -> impl Iterator<Item = String> + use<'a> {
     let in_part = |grains: &Grains| !grains.is_imposed() && (grains.driven.is_some() || grains.driven_spin.is_some());
-    let of_grains = (0..).zip(grains).filter(move |(_, grains)| in_part(grains));
-    let of_walls = (0..).zip(walls).filter(move |(_, wall)| wall.is_pushed());
+    let driven_grains = (0..).zip(grains).filter(move |(_, grains)| in_part(grains));
+    let pushed_walls = (0..).zip(walls).filter(move |(_, wall)| wall.is_pushed());
     let name = |grains: &Grains| if grains.driven.is_some() { "driven" } else { "driven_spin" };
     let load = |wall: &SceneWall| if wall.has_force() { "force" } else { "moment" };
-    of_grains
+    driven_grains
         .map(move |(k, grains)| format!("grains.{k}.{}", name(grains)))
-        .chain(of_walls.map(move |(k, wall)| format!("walls.{k}.{}", load(wall))))
+        .chain(pushed_walls.map(move |(k, wall)| format!("walls.{k}.{}", load(wall))))
 }
 
 /// Rejects bodies with partly imposed motion, given by their paths, in rotating axes.
@@ -268,7 +268,7 @@ fn check_bulk_strength(report: &mut FaultReport, path: &str, law: &Law) {
     }
 }
 
-/// Checks a body of grains, but for names.
+/// Checks a group of grains, but for names.
 pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains) {
     check_shape(report, path, grains);
     match &grains.sizes {
@@ -487,7 +487,7 @@ fn check_placement(report: &mut FaultReport, path: &str, placement: &GrainPlacem
     };
     check_value(report, path, "jitter", jitter, (0.0..=1.0).contains(&jitter), "0 to 1");
     let path = format!("{path}.envelope");
-    let of_three = [
+    let triples = [
         match *envelope {
             Envelope::Ellipsoid { semi_axes, .. } => ("semi_axes", semi_axes),
             Envelope::Box { lengths, .. } => ("lengths", lengths),
@@ -498,7 +498,7 @@ fn check_placement(report: &mut FaultReport, path: &str, placement: &GrainPlacem
             _ => ("", None),
         },
     ];
-    for (name, lengths) in of_three {
+    for (name, lengths) in triples {
         each(
             report,
             &format!("{path}.{name}"),
@@ -507,12 +507,12 @@ fn check_placement(report: &mut FaultReport, path: &str, placement: &GrainPlacem
             "a length > 0 m",
         );
     }
-    let of_one = match *envelope {
+    let singles = match *envelope {
         Envelope::Ball { radius } => [("radius", radius), ("", None)],
         Envelope::Cylinder { half_height, radius } => [("radius", Some(radius)), ("half_height", Some(half_height))],
         _ => [("", None); 2],
     };
-    for (name, length) in of_one {
+    for (name, length) in singles {
         length
             .into_iter()
             .for_each(|length| check_positive(report, &format!("{path}.{name}"), length, "a length > 0 m"));
@@ -581,17 +581,22 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
         let plain = shape && grains.sizes.is_none() && grains.solid_fraction.is_none();
         let others = "shape, grain_orientation, radius, sizes or solid_fraction given for fragments";
         report.require(plain, path, others, "none of them: fragments fill the envelope");
-        let both = grains.number.is_some_and(|number| number <= MAX_FRAGMENTS) && sized;
+        let has_number_and_sizes = grains.number.is_some_and(|number| number <= MAX_FRAGMENTS) && sized;
         let expected = format!("both, and at most {MAX_FRAGMENTS} fragments");
-        report.require(both, path, "fragments without number or size of the envelope, or too many", &expected);
+        report.require(
+            has_number_and_sizes,
+            path,
+            "fragments without number or size of the envelope, or too many",
+            &expected,
+        );
         return;
     }
-    let given = [
+    let amounts = [
         (grains.number.is_some() || listed.is_some(), "number"),
         (grains.solid_fraction.is_some(), "solid_fraction"),
         (sized, "size of the envelope"),
     ];
-    let names: Vec<&str> = given.iter().filter(|(given, _)| *given).map(|(_, name)| *name).collect();
+    let names: Vec<&str> = amounts.iter().filter(|(is_given, _)| *is_given).map(|(_, name)| *name).collect();
     if names.len() != 2 {
         let found = if names.is_empty() { "nothing".to_string() } else { names.join(", ") };
         report.add_fault(
@@ -795,8 +800,8 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
             let path = format!("{path}.law");
             unknown(report, &path, format!("'{name}' is not defined"), name, &names, "a law");
         }
-        let of_walls = |colour: &String| plates.contains(&&colour[..]) && !spheres.contains(&&colour[..]);
-        let walls = contact.law.is_some() && of_walls(a) && of_walls(b) && !walls_meet(&scene.walls, a, b);
+        let is_of_walls = |colour: &String| plates.contains(&&colour[..]) && !spheres.contains(&&colour[..]);
+        let walls = contact.law.is_some() && is_of_walls(a) && is_of_walls(b) && !walls_meet(&scene.walls, a, b);
         report.require(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), NO_WALL_LAW);
         let exist = [a, b].iter().all(|colour| all.contains(&colour.as_str()));
         let imposed = exist && is_imposed(scene, a) && is_imposed(scene, b);
@@ -819,7 +824,7 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
         }
     }
     // A single body does not collide with itself, even if it has several pieces.
-    let alone = |colour: &str| {
+    let is_alone = |colour: &str| {
         let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
         let one = worn.next().is_some_and(Grains::is_single_body);
         one && worn.next().is_none()
@@ -827,8 +832,8 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
     for (k, a) in spheres.iter().enumerate() {
         let beyond = plates.iter().filter(|plate| !spheres[..k].contains(plate));
         for b in spheres[k..].iter().chain(beyond) {
-            let alone = a == b && alone(a) && !plates.contains(a);
-            if !(known.contains(&sorted(a, b)) || alone || is_imposed(scene, a) && is_imposed(scene, b)) {
+            let is_alone = a == b && is_alone(a) && !plates.contains(a);
+            if !(known.contains(&sorted(a, b)) || is_alone || is_imposed(scene, a) && is_imposed(scene, b)) {
                 known.push(sorted(a, b));
                 report.add_fault(
                     "contacts",

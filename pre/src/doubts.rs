@@ -78,8 +78,8 @@ pub fn report_doubts(
         velocity.iter().enumerate().for_each(|(axis, value)| check("velocity", axis, value));
         angular.iter().enumerate().for_each(|(axis, value)| check("spin", axis, value));
         for (name, loads) in [("force", force), ("moment", moment)] {
-            let given = loads.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
-            given.for_each(|(axis, value)| check(name, axis, value));
+            let pushed_axes = loads.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
+            pushed_axes.for_each(|(axis, value)| check(name, axis, value));
         }
     }
 }
@@ -93,22 +93,22 @@ pub fn check_angle(report: &mut FaultReport, path: &str, rotation: &Rotation) {
 }
 
 /// Reports plates with a force in a scene with other plates, which they pass through, unless a row of `contacts` declares
-/// that the colours have no law. `more`: colours of plates other than `walls`.
+/// that the colours have no law. `other_plates`: colours of plates other than `walls`.
 pub fn report_plate_presses<'a>(
     walls: &'a [SceneWall],
-    more: impl Iterator<Item = &'a str>,
+    other_plates: impl Iterator<Item = &'a str>,
     contacts: &[ColourPairLaw],
     report: &mut FaultReport,
 ) {
     let plates: Vec<(usize, &SceneWall)> = (0..).zip(walls).filter(|(_, wall)| wall.contactor() == "PLANx").collect();
-    let more: Vec<&str> = more.collect();
+    let other_plates: Vec<&str> = other_plates.collect();
     for &(k, press) in plates.iter().filter(|(_, wall)| wall.has_force()) {
         let is_meant = |colour: &str| {
             let pairs = [(press.colour(), colour), (colour, press.colour())];
             contacts.iter().any(|row| row.law.is_none() && pairs.contains(&(&row.between.0, &row.between.1)))
         };
         let others = plates.iter().filter(|(other, _)| *other != k).map(|(_, wall)| wall.colour());
-        if let Some(colour) = others.chain(more.iter().copied()).find(|colour| !is_meant(colour)) {
+        if let Some(colour) = others.chain(other_plates.iter().copied()).find(|colour| !is_meant(colour)) {
             let advice = format!(
                 "two plates never touch each other: press with a solid Cylinder or a Box of grains that is driven in \
                  part; if they cannot meet, write (between: (\"{}\", \"{colour}\"), law: None)",

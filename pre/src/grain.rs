@@ -13,14 +13,14 @@ use crate::walls::WallBody;
 pub struct Population {
     pub grains: Vec<Grain>,
     pub walls: Vec<WallBody>,
-    /// Envelope of each body of grains.
+    /// Envelope of each group of grains, an entry of `grains` in the scene; none for some placements.
     pub regions: Vec<Option<GrainRegion>>,
-    /// Notes on the file of each body of grains, empty without one.
+    /// Notes on the file of the shape of each group, empty without one.
     pub file_summaries: Vec<String>,
 }
 
 impl Population {
-    /// Path in the scene of the value that makes body `body`, from 0.
+    /// Path in the scene of the entry that makes the body of this index.
     pub fn scene_path(&self, body: usize) -> String {
         match self.grains.get(body) {
             Some(grain) => format!("grains.{}", grain.group),
@@ -32,7 +32,7 @@ impl Population {
 /// One sphere or polyhedron; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grain {
-    /// Index of its body of grains, 0-based.
+    /// Index of its group, an entry of `grains` in the scene.
     pub group: usize,
     /// Radius of the sphere of equal volume, m.
     pub radius: f64,

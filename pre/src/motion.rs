@@ -1,4 +1,4 @@
-//! Initial velocities of a body of grains.
+//! Initial velocities of a group of grains.
 
 use nalgebra::Vector3;
 

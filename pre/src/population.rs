@@ -201,12 +201,12 @@ pub(crate) fn nearest_images(options: &Compute, separation: &Vector3<f64>) -> Ve
     let mut shifts = vec![Vector3::zeros()];
     for (axis, period) in [options.xperiode, options.yperiode].into_iter().enumerate() {
         let Some(period) = period else { continue };
-        let moved = |shift: &Vector3<f64>, cells: f64| {
+        let shifted = |shift: &Vector3<f64>, cells: f64| {
             let mut shift = *shift;
             shift[axis] = (libm::round(separation[axis] / period) + cells) * period;
             shift
         };
-        shifts = shifts.iter().flat_map(|shift| [0.0, 1.0, -1.0].map(|cells| moved(shift, cells))).collect();
+        shifts = shifts.iter().flat_map(|shift| [0.0, 1.0, -1.0].map(|cells| shifted(shift, cells))).collect();
     }
     shifts
 }
@@ -231,9 +231,9 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
         let mass = density * sphere_volume(body.equivalent_radius);
         let sizes = [("radius", body.equivalent_radius), ("mass", mass)];
         let moments = body.inertia.unwrap_or([1.0; 3]);
-        let [least, most] =
+        let [smallest, largest] =
             [moments.iter().fold(f64::INFINITY, |a, b| a.min(*b)), moments.iter().fold(0.0, |a: f64, b| a.max(*b))];
-        if least <= f64::EPSILON * most && most < 1e99 {
+        if smallest <= f64::EPSILON * largest && largest < 1e99 {
             let found = "its moment of inertia about its long axis is lost in the rounding of the other two";
             fault_as(path(), found.to_string(), "a shape at most 1e7 times as long as it is wide");
         }

@@ -1,14 +1,14 @@
 //! Random numbers that are the same on every machine.
 //!
 //! ChaCha8 by its definition. Conversions use exact arithmetic or `libm` (the same code everywhere), never the platform's
-//! mathematics library. Each use draws from a stream of its own, so that one more grain in one body of grains changes
+//! mathematics library. Each use draws from a stream of its own, so that one more grain in one group of grains changes
 //! nothing in another.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 
-/// Purpose of random numbers; each has its own stream in a body of grains.
+/// Purpose of random numbers; each has its own stream in a group of grains.
 #[derive(Debug, Clone, Copy)]
 pub enum StreamPurpose {
     Sizes = 0,

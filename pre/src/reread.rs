@@ -68,13 +68,13 @@ pub fn check_files<'a>(
         };
         let path = name(k);
         match found.iter_mut().find(|(known, ..)| *known == path) {
-            Some((.., more)) => *more += 1,
+            Some((.., further)) => *further += 1,
             None => found.push((path, k, fault, 0)),
         }
     }
-    for (path, k, RecordFault { found: fault, expected }, more) in found {
-        let more = if more > 0 { format!(" (and {more} more like it)") } else { String::new() };
-        let found = format!("body {} as written in BODIES.DAT{more}: {fault}", k + 1);
+    for (path, k, RecordFault { found: fault, expected }, further) in found {
+        let further = if further > 0 { format!(" (and {further} more like it)") } else { String::new() };
+        let found = format!("body {} as written in BODIES.DAT{further}: {fault}", k + 1);
         report.add_fault(&path, found, expected.trim_start_matches("expected "));
     }
 }

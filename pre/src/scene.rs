@@ -3,7 +3,7 @@
 //! SI units and radians throughout. Only names and types are checked here, values in [`crate::check`].
 
 use cd_formats::compute::Compute;
-use cd_formats::law_table::LawModel;
+use cd_formats::law_table::{LawModel, SpherePacking};
 use cd_formats::tact_behav::LawRecord;
 use serde::{Deserialize, Deserializer};
 
@@ -87,7 +87,7 @@ fn required_option<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<
     Option::deserialize(deserializer)
 }
 
-/// One body of grains: of one material, one colour and one kind of shape.
+/// One group of grains: of one material, one colour and one kind of shape.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grains {
@@ -493,8 +493,10 @@ impl Law {
     /// Replaces the cohesive stress or Hamaker constant by that of the bulk strength, if one is given. Both are checked.
     pub fn apply_bulk_strength(&mut self) {
         let (Some(bulk), Some(pair)) = (self.bulk_strength, self.kind.pair_cohesion()) else { return };
-        let of_one = pair.with_strength_parameter(1.0).bulk_strength(bulk.nu, bulk.z, bulk.diameter.unwrap_or(1.0));
-        if let Some(kind) = self.kind.with_pair_value(bulk.tension / of_one) {
+        let diameter = bulk.diameter.unwrap_or(1.0);
+        let packing = SpherePacking { solid_fraction: bulk.nu, coordination: bulk.z, diameter };
+        let strength_of_unit = pair.with_strength_parameter(1.0).bulk_strength(packing);
+        if let Some(kind) = self.kind.with_pair_value(bulk.tension / strength_of_unit) {
             self.kind = kind;
         }
     }

@@ -241,11 +241,11 @@ fn expand_cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
         let total: usize = axes.iter().map(|axis| axis[0].values.len()).product();
         for number in 0..total {
             let mut case = Case { group: k, name: String::new(), from: None, values: vec![], settings: set.clone() };
-            let mut left = number;
+            let mut remaining = number;
             let mut picked: Vec<usize> = Vec::new();
             for axis in axes.iter().rev() {
-                picked.push(left % axis[0].values.len());
-                left /= axis[0].values.len();
+                picked.push(remaining % axis[0].values.len());
+                remaining /= axis[0].values.len();
             }
             for (axis, n) in axes.iter().zip(picked.into_iter().rev()) {
                 for column in axis {
@@ -313,7 +313,7 @@ fn add_columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<StudyCol
 fn former_name_warnings(file: &Path, text: &str, settings: &[String], cases: &[Case]) -> Faults {
     let locations = ValueLocations::from_text(text);
     let start = |path: &str| locations.value(path).map_or(0, |value| value.span.start);
-    let (mut uses, mut of_settings): (Vec<FormerNameUse>, _) = (Vec::new(), Faults::default());
+    let (mut uses, mut setting_faults): (Vec<FormerNameUse>, _) = (Vec::new(), Faults::default());
     for case_setting in cases.iter().flat_map(|case| &case.settings) {
         let length = case_setting.text.find('=').unwrap_or(0);
         for FormerNameUse { name, span } in former_names_of_setting(&case_setting.text) {
@@ -327,7 +327,7 @@ fn former_name_warnings(file: &Path, text: &str, settings: &[String], cases: &[C
             };
             let one = FormerNameUse { name, span: start..start + name.former.len() };
             match setting_of_path(settings, at).map(|setting| ron_file::setting_warning(setting, name)) {
-                Some(warning) if !of_settings.0.contains(&warning) => of_settings.push(warning),
+                Some(warning) if !setting_faults.0.contains(&warning) => setting_faults.push(warning),
                 None if !uses.contains(&one) => uses.push(one),
                 _ => {}
             }
@@ -335,7 +335,7 @@ fn former_name_warnings(file: &Path, text: &str, settings: &[String], cases: &[C
     }
     uses.sort_by_key(|one| one.span.start);
     let mut warnings = ron_file::warnings_of_uses(file, text, &uses);
-    warnings.0.extend(of_settings.0);
+    warnings.0.extend(setting_faults.0);
     warnings
 }
 

@@ -16,7 +16,7 @@ pub fn print_warnings(warnings: &Faults) {
     }
 }
 
-/// Counts, sizes and masses: a line for each body of grains and one for all.
+/// Counts, sizes and masses: a line for each group of grains and one for all.
 pub fn scene_summary(scene: &Scene, population: &Population) -> String {
     let (all, walls) = (population.grains.iter().collect::<Vec<_>>(), population.walls.len());
     let total = group_line(format!("{}, {walls} of them walls", count_text(all.len() + walls, "body")), &all);
@@ -68,7 +68,7 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
     format!("{name}: {kind}, radius {min} to {max} m (mean {mean} m), mass {mass:.6e} kg")
 }
 
-/// A line for each body of grains.
+/// A line for each group of grains.
 pub fn group_lines(scene: &Scene, population: &Population) -> String {
     let mut text = String::new();
     for (group, region) in population.regions.iter().enumerate() {

@@ -39,7 +39,7 @@ pub fn datbox_files(scene: &Scene, population: &Population) -> Vec<(String, Stri
 /// Bodies in their principal axes (the fixed ones for spheres, else those in DOF.INI), with inertia at density 1 and the
 /// centre of mass as position.
 pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
-    let of_grain = |grain: &Grain| {
+    let record_of_grain = |grain: &Grain| {
         let group = &scene.grains[grain.group];
         let radius = grain.radius;
         let (inertia, shapes) = match &grain.polyhedron {
@@ -66,7 +66,7 @@ pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
             contactors: vec![wall.contactor()],
         }
     };
-    Bodies(population.grains.iter().map(of_grain).chain(population.walls.iter().map(wall)).collect())
+    Bodies(population.grains.iter().map(record_of_grain).chain(population.walls.iter().map(wall)).collect())
 }
 
 /// Contactors of a polyhedron, one for each convex piece.
@@ -88,8 +88,8 @@ pub fn bulk_behav(scene: &Scene) -> BulkBehav {
 
 /// Comments of TACT_BEHAV.DAT for the pairs of colours without a law.
 fn no_law_comments(scene: &Scene) -> String {
-    let meant = scene.contacts.iter().filter(|contact| contact.law.is_none());
-    meant.map(|contact| TactBehav::no_law_comment(&contact.between.0, &contact.between.1)).collect()
+    let pairs_without_law = scene.contacts.iter().filter(|contact| contact.law.is_none());
+    pairs_without_law.map(|contact| TactBehav::no_law_comment(&contact.between.0, &contact.between.1)).collect()
 }
 
 /// Contents of TACT_BEHAV.DAT.

@@ -388,7 +388,7 @@ impl SolidSplitter<'_> {
     fn best_cut(&self, faces: &[FacePolygon]) -> Result<Option<HalfSpace>, SplitError> {
         let mut tried: Vec<(usize, &FacePolygon)> = Vec::new();
         let planes = self.plane_counts(faces)?;
-        let most = MAX_CUT_COMPARISONS / (planes.len() * faces.len()).max(1);
+        let max_cuts = MAX_CUT_COMPARISONS / (planes.len() * faces.len()).max(1);
         for PlaneCounts { first: face, in_front, .. } in planes {
             let is_known = |(_, known): &(usize, &FacePolygon)| {
                 known.plane.normal.dot(&face.plane.normal).abs() > 0.5
@@ -399,7 +399,7 @@ impl SolidSplitter<'_> {
             }
         }
         tried.sort_by_key(|(pairs, _)| std::cmp::Reverse(*pairs));
-        tried.truncate(most.clamp(2, MAX_TRIED_PLANES));
+        tried.truncate(max_cuts.clamp(2, MAX_TRIED_PLANES));
         let mut best: Option<((usize, usize), HalfSpace)> = None;
         for (_, face) in tried {
             let halves = self.split_faces(faces, &face.plane);

@@ -180,8 +180,8 @@ impl Body {
 
     /// Mass properties of all contactors together. Errors: those of any contactor.
     pub fn mass_properties(&self) -> Result<MassProperties, SurfaceFaults> {
-        let of_each = self.contactors.iter().map(Contactor::mass_properties);
-        Ok(MassProperties::composite(&of_each.collect::<Result<Vec<_>, _>>()?))
+        let contactor_properties = self.contactors.iter().map(Contactor::mass_properties);
+        Ok(MassProperties::composite(&contactor_properties.collect::<Result<Vec<_>, _>>()?))
     }
 
     /// Vector from `position` to the centre of mass, m; `own` are the mass properties of all contactors together. Zero
@@ -200,8 +200,8 @@ impl Body {
     pub fn computed_frame(&self, own: &MassProperties) -> Option<PrincipalFrame> {
         let simple =
             matches!(self.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::Polyhedron { .. }));
-        let given = self.inertia.is_some_and(|inertia| inertia != [0.0; 3]);
-        (!simple && !given).then(|| own.about(self.centre_of_mass_offset(own)).lmgc90_frame())
+        let has_inertia = self.inertia.is_some_and(|inertia| inertia != [0.0; 3]);
+        (!simple && !has_inertia).then(|| own.about(self.centre_of_mass_offset(own)).lmgc90_frame())
     }
 
     /// Mass properties at a density (kg/m^3); `own` are those of all contactors together. Given values of `avrd` and
@@ -210,10 +210,10 @@ impl Body {
     pub fn inertial_properties(&self, own: &MassProperties, density: f64) -> InertialProperties {
         let single = if let [single] = self.contactors.as_slice() { Some(single) } else { None };
         let simple = single.filter(|contactor| !matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
-        let given = self.inertia.filter(|inertia| simple.is_none() && *inertia != [0.0; 3]);
-        let of_frame = || own.about(self.centre_of_mass_offset(own)).lmgc90_frame().moments;
-        let own_moments = || simple.map_or_else(of_frame, |contactor| contactor.own_moments(own));
-        let inertia = given.unwrap_or_else(own_moments);
+        let file_inertia = self.inertia.filter(|inertia| simple.is_none() && *inertia != [0.0; 3]);
+        let frame_moments = || own.about(self.centre_of_mass_offset(own)).lmgc90_frame().moments;
+        let own_moments = || simple.map_or_else(frame_moments, |contactor| contactor.own_moments(own));
+        let inertia = file_inertia.unwrap_or_else(own_moments);
         let declared = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
         let uses_declared_volume = match simple.map(|contactor| &contactor.shape) {
             // Computed directly, the volume has more digits.

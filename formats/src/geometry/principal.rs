@@ -115,10 +115,10 @@ fn symmetric_eigen(matrix: &Matrix3<f64>) -> ([f64; 3], Matrix3<f64>) {
     let (reflected, mut t) = Tridiagonal::reduce(matrix);
     t.diagonalize();
     for column in 0..2 {
-        let least = (column + 1..3).fold(column, |least, k| if t.d[k] < t.d[least] { k } else { least });
-        if least != column {
-            t.d.swap(column, least);
-            t.z.swap_columns(column, least);
+        let smallest = (column + 1..3).fold(column, |smallest, k| if t.d[k] < t.d[smallest] { k } else { smallest });
+        if smallest != column {
+            t.d.swap(column, smallest);
+            t.z.swap_columns(column, smallest);
         }
     }
     if let Some(Reflection { tau, v }) = reflected {
@@ -306,15 +306,15 @@ impl Tridiagonal {
             (0.5 * root, -0.5 * root, true)
         };
         let same_sign = (difference >= 0.0) == positive;
-        let wide = if difference >= 0.0 { difference + root } else { difference - root };
-        let (mut c, mut s) = if wide.abs() > twice.abs() {
-            let cot = -twice / wide;
+        let larger_part = if difference >= 0.0 { difference + root } else { difference - root };
+        let (mut c, mut s) = if larger_part.abs() > twice.abs() {
+            let cot = -twice / larger_part;
             let s = 1.0 / (1.0 + cot * cot).sqrt();
             (cot * s, s)
         } else if twice == 0.0 {
             (1.0, 0.0)
         } else {
-            let tan = -wide / twice;
+            let tan = -larger_part / twice;
             let c = 1.0 / (1.0 + tan * tan).sqrt();
             (c, tan * c)
         };

@@ -157,9 +157,9 @@ impl Surface {
     /// Longest side of the box along the axes, m.
     fn longest_side(&self) -> f64 {
         let side = |k: usize| {
-            let (least, most) = (self.vertices.iter())
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), v| (v[k].min(least), v[k].max(most)));
-            most - least
+            let (low, high) = (self.vertices.iter())
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (v[k].min(low), v[k].max(high)));
+            high - low
         };
         side(0).max(side(1)).max(side(2))
     }
@@ -285,16 +285,16 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaul
             )),
         }
     }
-    let mut turned = vec![None; triangles.len()];
-    turned[0] = Some(false);
+    let mut is_reversed = vec![None; triangles.len()];
+    is_reversed[0] = Some(false);
     let mut open = vec![0];
     let mut one_sided = false;
     while let Some(i) = open.pop() {
         for &(j, against) in &neighbours[i] {
-            let wanted = turned[i].map(|turned| turned ^ against);
-            one_sided |= turned[j].is_some() && turned[j] != wanted;
-            if turned[j].is_none() {
-                turned[j] = wanted;
+            let reversed = is_reversed[i].map(|is_reversed| is_reversed ^ against);
+            one_sided |= is_reversed[j].is_some() && is_reversed[j] != reversed;
+            if is_reversed[j].is_none() {
+                is_reversed[j] = reversed;
                 open.push(j);
             }
         }
@@ -302,15 +302,16 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaul
     if one_sided {
         faults.push("the surface is one-sided; expected a surface that encloses a volume".into());
     }
-    if let (true, Some(apart)) = (faults.is_empty(), turned.iter().position(Option::is_none)) {
-        faults.push(format!("triangle {} is not connected with triangle 1; expected one piece", apart + 1));
+    if let (true, Some(unconnected)) = (faults.is_empty(), is_reversed.iter().position(Option::is_none)) {
+        faults.push(format!("triangle {} is not connected with triangle 1; expected one piece", unconnected + 1));
     }
     if !faults.is_empty() {
         return Err(SurfaceFaults(faults));
     }
-    let turn =
-        |(&[a, b, c], turned): (&[u32; 3], Option<bool>)| if turned == Some(true) { [a, c, b] } else { [a, b, c] };
-    Ok(triangles.iter().zip(turned).map(turn).collect())
+    let turn = |(&[a, b, c], is_reversed): (&[u32; 3], Option<bool>)| {
+        if is_reversed == Some(true) { [a, c, b] } else { [a, b, c] }
+    };
+    Ok(triangles.iter().zip(is_reversed).map(turn).collect())
 }
 
 #[cfg(test)]

@@ -60,11 +60,11 @@ impl LawInterface {
                 let expected = format!("at least strength over stiffness, {} m", rounded_number(elastic));
                 found.push((InterfaceParameter::Plateau { sliding }, number_text(start), expected));
             }
-            let taken = strength * (start.max(elastic) - 0.5 * elastic);
-            if energy <= taken {
+            let energy_before_falling = strength * (start.max(elastic) - 0.5 * elastic);
+            if energy <= energy_before_falling {
                 let expected = format!(
                     "more than {} J/m², which the interface takes before its stress falls",
-                    rounded_number(taken)
+                    rounded_number(energy_before_falling)
                 );
                 found.push((InterfaceParameter::Energy { sliding }, number_text(energy), expected));
             }

@@ -27,6 +27,17 @@ pub enum PairStrength {
     },
 }
 
+/// Packing of equal spheres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpherePacking {
+    /// Solid fraction ν.
+    pub solid_fraction: f64,
+    /// Coordination number Z: mean number of contacts of a sphere.
+    pub coordination: f64,
+    /// Diameter d of the spheres, m.
+    pub diameter: f64,
+}
+
 impl PairCohesion {
     /// Force at gaps up to `full_range`, N, of two bodies with the effective radius R (m), 1/R = 1/R_a + 1/R_b: c π R² or
     /// A R/(12 ζ²).
@@ -67,18 +78,19 @@ impl PairCohesion {
         }
     }
 
-    /// Tensile strength, Pa, of a packing of equal spheres of the diameter `diameter` (m) with the solid fraction `nu` and the
-    /// coordination number `z`: ν Z F/(π d²).
+    /// Tensile strength of a packing, Pa: ν Z F/(π d²).
     ///
     /// Source: H. Rumpf, Chem. Ing. Tech. 42 (1970) 538-540.
     ///
     /// ```
-    /// use cd_formats::law_table::{PairCohesion, PairStrength};
+    /// use cd_formats::law_table::{PairCohesion, PairStrength, SpherePacking};
     /// let pair = PairCohesion { strength: PairStrength::Stress(16.0), full_range: 0.0, range: 1e-3 };
-    /// assert!((pair.bulk_strength(0.5, 6.0, 2.0) - 3.0).abs() < 1e-14); // nu z c/16
+    /// let packing = SpherePacking { solid_fraction: 0.5, coordination: 6.0, diameter: 2.0 };
+    /// assert!((pair.bulk_strength(packing) - 3.0).abs() < 1e-14); // ν Z c/16
     /// ```
-    pub fn bulk_strength(&self, nu: f64, z: f64, diameter: f64) -> f64 {
-        nu * z * self.force(diameter / 4.0) / (PI * diameter * diameter)
+    pub fn bulk_strength(&self, packing: SpherePacking) -> f64 {
+        let SpherePacking { solid_fraction, coordination, diameter } = packing;
+        solid_fraction * coordination * self.force(diameter / 4.0) / (PI * diameter * diameter)
     }
 
     /// Returns a copy with another stress (Pa) or Hamaker constant (J).

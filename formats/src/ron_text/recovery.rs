@@ -71,16 +71,17 @@ pub fn type_faults<T: DeserializeOwned>(text: &str, error: SpannedError) -> Vec<
             }
             let mut is_new = true;
             if let Error::NoSuchStructField { expected, found, .. } = &error.code {
-                let meant = nearest_name(found, expected).map(str::to_string);
-                let is_same =
-                    |one: &&mut MisspeltField| meant.is_none() && one.meant.is_none() && one.holder == fault.path;
+                let probable_name = nearest_name(found, expected).map(str::to_string);
+                let is_same = |one: &&mut MisspeltField| {
+                    probable_name.is_none() && one.probable_name.is_none() && one.holder == fault.path
+                };
                 if let Some(known) = misspelt.iter_mut().find(is_same) {
                     known.names.push(format!("'{found}'"));
                     faults[known.fault].found = format!("unknown fields {}", known.names.join(", "));
                     is_new = false;
                 } else {
                     let (holder, names) = (fault.path.clone(), vec![format!("'{found}'")]);
-                    misspelt.push(MisspeltField { holder, meant, names, fault: faults.len() });
+                    misspelt.push(MisspeltField { holder, probable_name, names, fault: faults.len() });
                 }
             }
             // Numbers in place of all functions of a tuple are one mistake.
@@ -137,7 +138,7 @@ struct MisspeltField {
     /// Path of the record.
     holder: String,
     /// Name that was probably meant; if there is none, it may be any.
-    meant: Option<String>,
+    probable_name: Option<String>,
     /// Names in quotes.
     names: Vec<String>,
     /// Position of the fault in the list.
@@ -146,7 +147,7 @@ struct MisspeltField {
 
 impl MisspeltField {
     fn stands_for(&self, field: &str) -> bool {
-        self.meant.as_deref().is_none_or(|meant| meant == field)
+        self.probable_name.as_deref().is_none_or(|probable_name| probable_name == field)
     }
 }
 
@@ -204,9 +205,13 @@ impl DraftText {
             let text = format!("{name}: {value}, ");
             (self.replaced(start..start, &text), record.span.end + text.len())
         };
-        let of_kinds = self.kind_values::<T>(|value| with_value(value).0);
-        let drafts: Vec<_> =
-            STAND_INS.iter().copied().map(with_value).chain(of_kinds.iter().map(|value| with_value(value))).collect();
+        let values_of_kinds = self.kind_values::<T>(|value| with_value(value).0);
+        let drafts: Vec<_> = STAND_INS
+            .iter()
+            .copied()
+            .map(with_value)
+            .chain(values_of_kinds.iter().map(|value| with_value(value)))
+            .collect();
         // All fields of the record were read: an error within it is one of the stand-in, or another missing field.
         self.take_first::<T>(drafts.into_iter(), |site, code, end| match code {
             Error::MissingStructField { field, .. } => {
@@ -254,9 +259,9 @@ impl DraftText {
                 near.into_iter().chain(expected.iter().map(whole)).collect()
             }
             _ => {
-                let of_kinds = self.kind_values::<T>(|value| self.replaced(node.span.clone(), value));
-                let of_kinds: Vec<&str> = of_kinds.iter().map(String::as_str).collect();
-                STAND_INS.iter().chain(&of_kinds).map(whole).collect()
+                let values_of_kinds = self.kind_values::<T>(|value| self.replaced(node.span.clone(), value));
+                let values_of_kinds: Vec<&str> = values_of_kinds.iter().map(String::as_str).collect();
+                STAND_INS.iter().chain(&values_of_kinds).map(whole).collect()
             }
         };
         self.take_first::<T>(drafts.into_iter(), |site, code, end| match code {

@@ -472,7 +472,7 @@ pub fn frame_defect([a, b, c]: &[[f64; 3]; 3]) -> f64 {
     let dot = |x: &[f64; 3], y: &[f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
     let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let errors = [dot(a, a) - 1.0, dot(b, b) - 1.0, dot(a, b), c[0] - cross[0], c[1] - cross[1], c[2] - cross[2]];
-    errors.iter().fold(0.0, |most: f64, error| most.max(error.abs()))
+    errors.iter().fold(0.0, |largest: f64, error| largest.max(error.abs()))
 }
 
 /// Text up to a `!` after a blank. A search for the single byte is some ten times as fast as one for both.

@@ -154,12 +154,12 @@ pub fn put_records<T: Sync>(out: &mut String, records: &[T], write: impl Fn(&mut
     if records.len() <= RECORDS_PER_TASK {
         return put_task(out, (0, records));
     }
-    let of_task = |task: (usize, &[T])| {
+    let text_of = |task: (usize, &[T])| {
         let mut out = String::new();
         put_task(&mut out, task);
         out
     };
-    let texts: Vec<String> = records.par_chunks(RECORDS_PER_TASK).enumerate().map(of_task).collect();
+    let texts: Vec<String> = records.par_chunks(RECORDS_PER_TASK).enumerate().map(text_of).collect();
     out.reserve(texts.iter().map(String::len).sum());
     texts.into_iter().for_each(|text| out.push_str(&text));
 }

@@ -394,8 +394,8 @@ macro_rules! arrays {
             /// Adds the arrays to an archive; `rows`: those of a part, else all.
             fn write(&self, archive: &mut NpzWriter<impl Write + Seek>, rows: Option<&Range<usize>>) -> zip::result::ZipResult<()> {
                 $({
-                    let of_part = rows.map_or(&self.$name[..], |rows| &self.$name[rows.clone()]);
-                    archive.add_array(stringify!($name), of_part)?;
+                    let selected = rows.map_or(&self.$name[..], |rows| &self.$name[rows.clone()]);
+                    archive.add_array(stringify!($name), selected)?;
                 })+
                 Ok(())
             }
@@ -598,18 +598,18 @@ impl Snapshot {
     fn write_archive<W: Write + Seek>(&self, target: W, rows: Option<&PartRows>) -> zip::result::ZipResult<W> {
         let mut whole = NpzWriter::new(target);
         let archive = &mut whole;
-        let (of_bodies, of_contacts) = (rows.map(|rows| &rows.bodies), rows.map(|rows| &rows.contacts));
+        let (body_rows, contact_rows) = (rows.map(|rows| &rows.bodies), rows.map(|rows| &rows.contacts));
         rows.map_or_else(|| self.write_meta(archive), |_| Ok(()))?;
-        self.bodies.write(archive, of_bodies)?;
-        self.contacts.write(archive, of_contacts)?;
-        self.memory.as_ref().map_or(Ok(()), |memory| memory.write(archive, of_contacts))?;
-        self.laws.as_ref().map_or(Ok(()), |laws| laws.write(archive, of_contacts))?;
+        self.bodies.write(archive, body_rows)?;
+        self.contacts.write(archive, contact_rows)?;
+        self.memory.as_ref().map_or(Ok(()), |memory| memory.write(archive, contact_rows))?;
+        self.laws.as_ref().map_or(Ok(()), |laws| laws.write(archive, contact_rows))?;
         let attractions = self.attractions.as_ref();
-        attractions.map_or(Ok(()), |attractions| attractions.write(archive, of_contacts))?;
-        self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(archive, of_bodies))?;
+        attractions.map_or(Ok(()), |attractions| attractions.write(archive, contact_rows))?;
+        self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(archive, body_rows))?;
         self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(archive, rows))?;
-        let of_interval = rows.map(|rows| &rows.interval);
-        self.interval.as_ref().map_or(Ok(()), |interval| interval.write(archive, of_interval))?;
+        let interval_rows = rows.map(|rows| &rows.interval);
+        self.interval.as_ref().map_or(Ok(()), |interval| interval.write(archive, interval_rows))?;
         whole.finish()
     }
 
@@ -668,8 +668,8 @@ impl Snapshot {
     fn read_parts(path: &Path, meta: &SnapshotMeta) -> Result<Self, Faults> {
         let (mut all, mut faults) = (Snapshot::default(), Faults::default());
         for (number, part) in meta.parts.iter().enumerate() {
-            let of_part = Snapshot::read_part(path, &part_path(path, number), part);
-            faults.gather_result(of_part).into_iter().for_each(|rows| all.append(rows));
+            let part_rows = Snapshot::read_part(path, &part_path(path, number), part);
+            faults.gather_result(part_rows).into_iter().for_each(|rows| all.append(rows));
         }
         faults.into_result(all)
     }

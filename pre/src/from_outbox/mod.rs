@@ -88,7 +88,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
 
     let datbox = dir.join("DATBOX");
     overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
-    let mut files = datbox_files(&request.changes, &parts, &new, &records, &tables, &driven, &options);
+    let content = DatboxContent { records: &records, tables: &tables, driven: &driven, options: &options };
+    let mut files = datbox_files(request.changes.keep_time, &parts, &new, content);
     let path_of = |body: usize| scene_path(&parts, &new.population, body);
     let bytes = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
     reread::check_files(&datbox, bytes, &driven, &options, path_of, &mut report);
@@ -264,8 +265,9 @@ fn behaviour_tables(
     for (k, selection) in changes.bodies.iter().enumerate() {
         crate::doubts::check_angle(report, &format!("bodies.{k}.rotate"), &selection.rotate);
     }
-    let of_parts = records.0.iter().take(parts.iter().map(|part| part.records.len()).sum());
-    let plates = of_parts.flat_map(|body| &body.contactors).filter(|contactor| contactor.shape.type_name() == "PLANx");
+    let driven_parts = records.0.iter().take(parts.iter().map(|part| part.records.len()).sum());
+    let plates =
+        driven_parts.flat_map(|body| &body.contactors).filter(|contactor| contactor.shape.type_name() == "PLANx");
     let plates = plates.map(|plate| plate.colour.as_str());
     crate::doubts::report_plate_presses(&changes.walls, plates, &changes.contacts, report);
     let tables = BehaviourTables::from_parts(changes, parts, &new.population.grains, records, report);
@@ -278,9 +280,9 @@ fn behaviour_tables(
     let driven_in_part = |(_, part): &(usize, &SourcePart)| {
         part.state.bodies.body_driven.iter().any(|imposed| (1..DRIVEN_ALL).contains(imposed))
     };
-    let of_parts = (0..).zip(parts).filter(driven_in_part).map(|(k, _)| format!("bodies.{k}"));
-    let of_new = crate::check::driven_in_part(&changes.grains, &changes.walls);
-    crate::check::check_turning(report, options, of_parts.chain(of_new));
+    let driven_parts = (0..).zip(parts).filter(driven_in_part).map(|(k, _)| format!("bodies.{k}"));
+    let driven_new = crate::check::driven_in_part(&changes.grains, &changes.walls);
+    crate::check::check_turning(report, options, driven_parts.chain(driven_new));
     tables
 }
 
@@ -389,23 +391,26 @@ fn body_records(parts: &[SourcePart], new: &NewBodies) -> Bodies {
     Bodies(parts.iter().flat_map(|part| part.records.iter().cloned()).chain(new).collect())
 }
 
-fn datbox_files(
-    changes: &Changes,
-    parts: &[SourcePart],
-    new: &NewBodies,
-    records: &Bodies,
-    tables: &BehaviourTables,
-    driven: &DrvDof,
-    options: &Compute,
-) -> Vec<File> {
+/// Content of DATBOX as far as it is computed for all bodies together.
+struct DatboxContent<'a> {
+    records: &'a Bodies,
+    tables: &'a BehaviourTables,
+    driven: &'a DrvDof,
+    options: &'a Compute,
+}
+
+/// Files of DATBOX. `keep_time`: whether step and time continue those of the first part.
+fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content: DatboxContent) -> Vec<File> {
+    let DatboxContent { records, tables, driven, options } = content;
     let mut start = Snapshot { meta: parts[0].source.snapshot.meta.clone(), ..Snapshot::default() };
-    if !changes.keep_time {
+    if !keep_time {
         (start.meta.step, start.meta.time) = (0, 0.0);
     }
     start.meta.program = format!("cd-pre {}", env!("CARGO_PKG_VERSION"));
     // The remaining penetration is the only running sum that time steps need.
-    let left = parts.iter().map(|part| part.source.snapshot.meta.ledger.penetration_left).fold(0.0, f64::max);
-    start.meta.ledger = Ledger { penetration_left: left, ..Ledger::default() };
+    let penetration_left =
+        parts.iter().map(|part| part.source.snapshot.meta.ledger.penetration_left).fold(0.0, f64::max);
+    start.meta.ledger = Ledger { penetration_left, ..Ledger::default() };
     start.meta.interval_start = None;
     start.meta.parameters.events_done = 0;
     start.meta.attraction = None;

@@ -85,38 +85,38 @@ impl PosedBody {
     /// Penetration of another solid, moved by -`shift`, into this one, m. It is negative or 0 when apart, and any value
     /// up to `allowed` as soon as the depth is known not to exceed it. Pairs of walls do not count.
     fn overlap_with(&self, other: &PosedBody, shift: &Vec3, allowed: f64) -> f64 {
-        let moved = |pieces: &[ConvexPiece]| -> Vec<ConvexPiece> {
+        let moved_pieces = |pieces: &[ConvexPiece]| -> Vec<ConvexPiece> {
             let mut pieces = pieces.to_vec();
             pieces.iter_mut().for_each(|piece| piece.centre -= shift);
             pieces
         };
-        let others = moved(&other.pieces);
-        let mut most = deepest_overlap(&self.pieces, &others, allowed);
+        let others = moved_pieces(&other.pieces);
+        let mut deepest = deepest_overlap(&self.pieces, &others, allowed);
         for (centre, radius) in &self.balls {
-            for (of_other, radius_of_other) in &other.balls {
-                most = most.max(radius + radius_of_other - (centre - of_other + shift).norm());
+            for (other_centre, radius_of_other) in &other.balls {
+                deepest = deepest.max(radius + radius_of_other - (centre - other_centre + shift).norm());
             }
-            most = others.iter().map(|piece| piece.overlap_of_ball(centre, *radius)).fold(most, f64::max);
+            deepest = others.iter().map(|piece| piece.overlap_of_ball(centre, *radius)).fold(deepest, f64::max);
             let into = |wall: &PosedWall| {
                 walls::ball_overlap(&wall.shape, &(wall.axes * (centre + shift - wall.centre)), *radius)
             };
-            most = other.walls.iter().map(into).fold(most, f64::max);
+            deepest = other.walls.iter().map(into).fold(deepest, f64::max);
         }
         for (centre, radius) in &other.balls {
             let centre = centre - shift;
-            most = self.pieces.iter().map(|piece| piece.overlap_of_ball(&centre, *radius)).fold(most, f64::max);
+            deepest = self.pieces.iter().map(|piece| piece.overlap_of_ball(&centre, *radius)).fold(deepest, f64::max);
             let into =
                 |wall: &PosedWall| walls::ball_overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), *radius);
-            most = self.walls.iter().map(into).fold(most, f64::max);
+            deepest = self.walls.iter().map(into).fold(deepest, f64::max);
         }
         for wall in &self.walls {
-            most = most.max(walls::pieces_overlap(&wall.shape, &wall.centre, &wall.axes, &others, allowed));
+            deepest = deepest.max(walls::pieces_overlap(&wall.shape, &wall.centre, &wall.axes, &others, allowed));
         }
         for wall in &other.walls {
             let centre = wall.centre - shift;
-            most = most.max(walls::pieces_overlap(&wall.shape, &centre, &wall.axes, &self.pieces, allowed));
+            deepest = deepest.max(walls::pieces_overlap(&wall.shape, &centre, &wall.axes, &self.pieces, allowed));
         }
-        most
+        deepest
     }
 }
 
@@ -130,23 +130,23 @@ fn own_axes(body: &Body) -> Matrix3<f64> {
 /// Largest overlap of two bodies in contact at the end of a run, m, over all its bodies, kept or not.
 fn remaining_overlap(source: &SourceCase, options: &Compute) -> f64 {
     let bodies = &source.snapshot.bodies;
-    let made: Vec<OnceCell<PosedBody>> = (0..source.bodies.0.len()).map(|_| OnceCell::new()).collect();
+    let posed_bodies: Vec<OnceCell<PosedBody>> = (0..source.bodies.0.len()).map(|_| OnceCell::new()).collect();
     let x = |k: usize| Vec3::from(bodies.body_x[k]);
     let solid = |k: usize| {
-        made[k].get_or_init(|| {
+        posed_bodies[k].get_or_init(|| {
             PosedBody::from_body(&source.bodies.0[k], &source.shifts[k], &x(k), &unit_quaternion(bodies.body_q[k]))
         })
     };
     let mut pairs: Vec<[usize; 2]> =
         source.snapshot.contacts.contact_body.iter().map(|pair| pair.map(|body| BodyId(body).index())).collect();
     pairs.dedup();
-    let mut most = 0.0;
+    let mut deepest = 0.0;
     for [a, b] in pairs {
         for shift in nearest_images(options, &(x(b) - x(a))) {
-            most = f64::max(most, solid(a).overlap_with(solid(b), &shift, most));
+            deepest = f64::max(deepest, solid(a).overlap_with(solid(b), &shift, deepest));
         }
     }
-    most
+    deepest
 }
 
 /// Overlap of two bodies of the new DATBOX.
@@ -211,20 +211,22 @@ impl<'a> PlacedBodies<'a> {
             return;
         }
         // Within one part the deepest overlap of its run counts; between two parts, the deeper one.
-        let left: Vec<f64> =
+        let remaining: Vec<f64> =
             self.parts.iter().map(|part| remaining_overlap(part.source, &part.source.options)).chain([0.0]).collect();
-        let of_pair = |pair: [usize; 2]| pair.map(|body| left[self.owner[body]]).into_iter().fold(0.0, f64::max);
-        found.retain(|overlap| overlap.depth > (1.0 + ALLOWED_EXCESS) * of_pair(overlap.bodies));
+        let remaining_of_pair =
+            |pair: [usize; 2]| pair.map(|body| remaining[self.owner[body]]).into_iter().fold(0.0, f64::max);
+        found.retain(|overlap| overlap.depth > (1.0 + ALLOWED_EXCESS) * remaining_of_pair(overlap.bodies));
         found.sort_by(|a, b| b.depth.total_cmp(&a.depth).then(a.bodies.cmp(&b.bodies)));
         found.dedup_by_key(|overlap| overlap.bodies);
         if let Some(&BodyOverlap { bodies: [a, b], depth }) = found.first() {
             let count = if found.len() == 1 { String::new() } else { format!(", the deepest of {}", found.len()) };
-            let [of_a, of_b] = [a, b].map(|body| self.origin_text(body));
-            let found = format!("bodies {} ({of_a}) and {} ({of_b}) overlap by {depth:.3e} m{count}", a + 1, b + 1);
-            let expected = match of_pair([a, b]) {
+            let [origin_a, origin_b] = [a, b].map(|body| self.origin_text(body));
+            let found =
+                format!("bodies {} ({origin_a}) and {} ({origin_b}) overlap by {depth:.3e} m{count}", a + 1, b + 1);
+            let expected = match remaining_of_pair([a, b]) {
                 0.0 => "bodies of different origin that touch at most".into(),
-                left => format!(
-                    "bodies of different origin that touch, or overlap by at most the {left:.3e} m that the run had left"
+                remaining => format!(
+                    "bodies of different origin that touch, or overlap by at most the {remaining:.3e} m that the run had left"
                 ),
             };
             report.add_fault(&scene_path(self.parts, self.new, b), found, expected);
@@ -306,15 +308,15 @@ impl<'a> PlacedBodies<'a> {
         for &(k, radius) in balls {
             // Position in the cell about the origin: neighbours lie in that cell or in an adjacent one.
             let own = nearest_images(options, &self.centres[k])[0];
-            let here = self.centres[k] - own;
+            let relative_centre = self.centres[k] - own;
             for shift in nearest_images(options, &Vec3::zeros()) {
-                cells.for_each_overlap(&(here + shift), radius, |number, _| {
+                cells.for_each_overlap(&(relative_centre + shift), radius, |number, _| {
                     let other = balls[number].0;
                     let between = nearest_images(options, &self.centres[other])[0] - own + shift;
                     compare(k, other, &between, radius);
                 });
             }
-            cells.add(here, radius);
+            cells.add(relative_centre, radius);
         }
         found
     }
@@ -354,11 +356,11 @@ pub fn check_drums(
     let mut placed: Vec<(String, Vec3, Vec3, UnitQuaternion<f64>)> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
         let bodies = &part.state.bodies;
-        let of_row = |row: usize| {
+        let placement_of_row = |row: usize| {
             let shift = part.source.shifts[part.source_bodies[row].index()];
             (format!("bodies.{k}"), shift, Vec3::from(bodies.body_x[row]), unit_quaternion(bodies.body_q[row]))
         };
-        placed.extend((0..part.records.len()).map(of_row));
+        placed.extend((0..part.records.len()).map(placement_of_row));
     }
     let turn =
         |axes: &Matrix3<f64>| UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes.transpose()));
@@ -392,11 +394,11 @@ pub fn check_drums(
             });
             if let Some(k) = outside {
                 let path = &placed[k].0;
-                let of_drum = match new.walls.get(j.wrapping_sub(old + new.grains.len())) {
+                let drum_text = match new.walls.get(j.wrapping_sub(old + new.grains.len())) {
                     Some(wall) => format!("wall {}", wall.wall + 1),
                     None => format!("body {}", j + 1),
                 };
-                let found = format!("body {} is outside of {of_drum}, a hollow cylinder", k + 1);
+                let found = format!("body {} is outside of {drum_text}, a hollow cylinder", k + 1);
                 report.add_fault(
                     path,
                     found,

@@ -102,12 +102,12 @@ impl SourceCase {
             faults.push(Fault::new(&outbox, None, "folder", found, expected));
         }
         let snapshot = found.and_then(|(_, path)| Some((path, faults.gather_result(Snapshot::read(path))?)));
-        let [of_bodies, of_bulk, of_tact, of_driven] =
+        let [bodies_path, bulk_path, tact_path, driven_path] =
             ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT", "DRV_DOF.DAT"].map(|name| datbox.join(name));
-        let bodies = faults.gather_result(Bodies::read(&of_bodies));
-        let bulk = faults.gather_result(BulkBehav::read(&of_bulk));
-        let tact = faults.gather_result(TactBehav::read(&of_tact));
-        let driven = faults.gather_result(DrvDof::read(&of_driven));
+        let bodies = faults.gather_result(Bodies::read(&bodies_path));
+        let bulk = faults.gather_result(BulkBehav::read(&bulk_path));
+        let tact = faults.gather_result(TactBehav::read(&tact_path));
+        let driven = faults.gather_result(DrvDof::read(&driven_path));
         let compute = datbox.join("COMPUTE.RON");
         let written = if path_exists(&compute) {
             faults.gather_result(Compute::read(&compute))
@@ -120,10 +120,10 @@ impl SourceCase {
             return Err(faults);
         };
         let computed = ComputedSnapshot { path, snapshot: &snapshot };
-        let own = faults.gather_result(computed.expect_bodies(&of_bodies, &bodies)).unwrap_or_default();
-        faults.gather_result(computed.expect_materials(&of_bulk, &bulk));
-        faults.gather_result(computed.expect_laws(&of_tact, &tact));
-        faults.gather_result(computed.expect_driven(&of_driven, &driven));
+        let own = faults.gather_result(computed.expect_bodies(&bodies_path, &bodies)).unwrap_or_default();
+        faults.gather_result(computed.expect_materials(&bulk_path, &bulk));
+        faults.gather_result(computed.expect_laws(&tact_path, &tact));
+        faults.gather_result(computed.expect_driven(&driven_path, &driven));
         let is_point = |contactor: &Contactor| matches!(contactor.shape, ShapeRecord::Point { .. });
         if let Some(law) = snapshot.meta.laws.iter().find(|law| is_law_of_points(&law.kind))
             && bodies.0.iter().any(|body| body.contactors.iter().any(is_point))
@@ -132,17 +132,17 @@ impl SourceCase {
             let (object, found) = (format!("law '{}'", law.nickname), format!("{} between PT3Dx", law.kind));
             let expected = "expected a run without wires and rods: their length at rest is that of the positions in \
                             BODIES.DAT, which would change; cd-solve --resume continues the run";
-            faults.push(Fault::new(&of_tact, line, object, found, expected));
+            faults.push(Fault::new(&tact_path, line, object, found, expected));
         }
         faults.into_result(())?;
         let shifts = bodies.0.iter().zip(&own).map(|(body, own)| body.centre_of_mass_offset(own).into()).collect();
         let is_first = all.first().is_some_and(|first| first.1 == *path);
         let (options, mut notes) =
             run_options(&written, &snapshot.meta, is_first, path_exists(&datbox.join(START_FILE)));
-        let there = if path_exists(&compute) { "COMPUTE.RON has" } else { "the default is" };
+        let origin = if path_exists(&compute) { "COMPUTE.RON has" } else { "the default is" };
         let changed =
             options.option_values().into_iter().zip(written.option_values()).filter(|(run, file)| run != file);
-        notes.extend(changed.map(|((name, run), (_, file))| (name, format!("{run} as in the run; {there} {file}"))));
+        notes.extend(changed.map(|((name, run), (_, file))| (name, format!("{run} as in the run; {origin} {file}"))));
         let mut bulk = bulk;
         let gravity = snapshot.meta.parameters.uniform_gravity;
         let by_event = |event: &Event| matches!(event.action, EventAction::SetGravity(_));
@@ -229,8 +229,8 @@ impl SourceCase {
         if free.is_empty() {
             return Err(vec![(String::new(), RecordFault::new("no body is free to move", "expected at least one"))]);
         }
-        let moved = taken.rotate.angle != 0.0 || taken.centre.is_some();
-        if moved && free.len() < source_bodies.len() {
+        let is_moved = taken.rotate.angle != 0.0 || taken.centre.is_some();
+        if is_moved && free.len() < source_bodies.len() {
             let expected = "expected walls: false, or neither rotate nor centre";
             let fault = RecordFault::new("bodies with imposed motion are to be moved", expected);
             return Err(vec![(String::new(), fault)]);
@@ -238,8 +238,8 @@ impl SourceCase {
         let mut state = Snapshot { meta: self.snapshot.meta.clone(), ..Snapshot::default() };
         state.bodies = bodies.select_rows(&source_bodies.iter().map(|body| body.index()).collect::<Vec<_>>());
         let row_of = |body: u32| source_bodies.binary_search(&BodyId(body)).ok().map(|k| k as u32);
-        let both = |[a, b]: [u32; 2]| Some([row_of(a)?, row_of(b)?]);
-        let (kept, pairs) = renumbered_rows(&self.snapshot.contacts.contact_body, both);
+        let row_pair = |[a, b]: [u32; 2]| Some([row_of(a)?, row_of(b)?]);
+        let (kept, pairs) = renumbered_rows(&self.snapshot.contacts.contact_body, row_pair);
         state.contacts = self.snapshot.contacts.select_rows(&kept);
         state.contacts.contact_body = pairs;
         state.memory = self.snapshot.memory.as_ref().map(|memory| memory.select_rows(&kept));
@@ -254,7 +254,7 @@ impl SourceCase {
             };
             let (turning, turning_body) =
                 renumbered_rows(&shapes.turning.turning_body, |body| row_of(body).filter(|&row| as_before(body, row)));
-            let (near, pair_body) = renumbered_rows(&shapes.pairs.pair_body, both);
+            let (near, pair_body) = renumbered_rows(&shapes.pairs.pair_body, row_pair);
             ShapeArrays {
                 turning: TurningArrays { turning_body, ..shapes.turning.select_rows(&turning) },
                 contacts: shapes.contacts.select_rows(&kept),
@@ -386,8 +386,8 @@ fn move_rows(state: &mut Snapshot, free: &[usize], taken: &Selection) {
         let about = |x: [f64; 3]| (com + turn * (Vec3::from(x) - com)).into();
         for (&k, (v, w)) in free.iter().zip(&mut motion) {
             bodies.body_x[k] = about(bodies.body_x[k]);
-            let turned = q * unit_quaternion(bodies.body_q[k]);
-            bodies.body_q[k] = [turned.w, turned.i, turned.j, turned.k];
+            let new_q = q * unit_quaternion(bodies.body_q[k]);
+            bodies.body_q[k] = [new_q.w, new_q.i, new_q.j, new_q.k];
             (*v, *w) = (turn * *v, turn * *w);
         }
         for point in &mut state.contacts.contact_point {

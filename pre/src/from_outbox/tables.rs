@@ -86,10 +86,10 @@ fn merge_materials(changes: &Changes, parts: &[SourcePart], records: &Bodies, re
         }
     }
     let names: Vec<&str> = all.iter().map(|material| material.name.as_str()).collect();
-    let of_grains =
+    let grain_materials =
         changes.grains.iter().enumerate().map(|(k, grains)| (format!("grains.{k}"), grains.material.as_str()));
-    let of_walls = changes.walls.iter().enumerate().map(|(k, wall)| (format!("walls.{k}"), wall.material()));
-    for (path, material) in of_grains.chain(of_walls).filter(|(_, material)| !names.contains(material)) {
+    let wall_materials = changes.walls.iter().enumerate().map(|(k, wall)| (format!("walls.{k}"), wall.material()));
+    for (path, material) in grain_materials.chain(wall_materials).filter(|(_, material)| !names.contains(material)) {
         let found = format!("'{material}' is not defined");
         check::unknown(report, &format!("{path}.material"), found, material, &names, "a material");
     }
@@ -361,8 +361,8 @@ impl<'a> GroupColours<'a> {
                 // Normals of a sphere pass through its centre and do not turn it.
                 let is_sphere =
                     matches!(&body.contactors[..], [only] if matches!(only.shape, ShapeRecord::Sphere { .. }));
-                let held = if is_sphere { DRIVEN_TRANSLATION } else { DRIVEN_ALL };
-                let can_be_pushed = driven & held != held;
+                let imposed = if is_sphere { DRIVEN_TRANSLATION } else { DRIVEN_ALL };
+                let can_be_pushed = driven & imposed != imposed;
                 body.contactors.iter().for_each(|contactor| group.insert(&contactor.colour, can_be_pushed));
             }
             groups.push(group);
@@ -372,9 +372,9 @@ impl<'a> GroupColours<'a> {
             group.insert(&grains.colour, grains.can_be_pushed());
             groups.push(group);
         }
-        let mut of_walls = GroupColours::default();
-        changes.walls.iter().for_each(|wall| of_walls.insert(wall.colour(), wall.is_pushed()));
-        groups.push(of_walls);
+        let mut wall_colours = GroupColours::default();
+        changes.walls.iter().for_each(|wall| wall_colours.insert(wall.colour(), wall.is_pushed()));
+        groups.push(wall_colours);
         groups
     }
 }
@@ -394,13 +394,13 @@ fn expect_all_pairs(
         for a in &mine.moving {
             for (j, theirs) in groups.iter().enumerate() {
                 for b in theirs.moving.iter().chain(&theirs.imposed) {
-                    let both = ordered_pair(a, b);
-                    let seen = i == j && i < parts
-                        || named.contains(&both)
-                        || rows.iter().any(|row| row_colours(row) == both)
-                        || contact_pairs(all, both).is_empty();
-                    if !seen && reported_pairs.insert(both) {
-                        let found = format!("no law between '{}' and '{}'", both.0, both.1);
+                    let pair = ordered_pair(a, b);
+                    let is_checked = i == j && i < parts
+                        || named.contains(&pair)
+                        || rows.iter().any(|row| row_colours(row) == pair)
+                        || contact_pairs(all, pair).is_empty();
+                    if !is_checked && reported_pairs.insert(pair) {
+                        let found = format!("no law between '{}' and '{}'", pair.0, pair.1);
                         report.add_fault("contacts", found, "one for each pair that can meet (law: None for none)");
                     }
                 }
@@ -411,11 +411,11 @@ fn expect_all_pairs(
 
 /// Alert distance as for a scene, m, to eight digits.
 fn default_alert(parts: &[SourcePart], grains: &[Grain]) -> f64 {
-    let of_parts = parts.iter().flat_map(|part| {
+    let part_radii = parts.iter().flat_map(|part| {
         let bodies = &part.state.bodies;
         bodies.body_radius.iter().zip(&bodies.body_driven).filter(|(_, d)| **d == 0).map(|(r, _)| *r)
     });
-    round_8_digits(alert_of_radii(of_parts.chain(grains.iter().map(|grain| grain.radius)).collect()))
+    round_8_digits(alert_of_radii(part_radii.chain(grains.iter().map(|grain| grain.radius)).collect()))
 }
 
 impl SourcePart<'_> {

@@ -29,13 +29,13 @@ pub fn lattice_sites(
         GrainRegion::Box(_) => offsets.truncate(1), // lies against the box's corner
         _ => offsets.extend((0..RANDOM_OFFSETS).map(|_| <[f64; 3]>::from(random.in_cube()))),
     }
-    let (mut best, mut most) = (None, 0);
+    let (mut best, mut largest_count) = (None, 0);
     let mut distance = closest;
     for offset in offsets {
         let lattice = |d| FccLattice { region, d, offset };
         let fit = |d| lattice(d).lattice_sites(number).len();
         let count = fit(distance);
-        most = most.max(count);
+        largest_count = largest_count.max(count);
         if count < number {
             continue;
         }
@@ -48,7 +48,7 @@ pub fn lattice_sites(
         distance = low;
         best = Some(offset);
     }
-    let offset = best.ok_or(most)?;
+    let offset = best.ok_or(largest_count)?;
     let mut sites = FccLattice { region, d: distance, offset }.lattice_sites(usize::MAX);
     random.shuffle(&mut sites);
     sites.truncate(number);

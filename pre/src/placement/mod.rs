@@ -1,4 +1,4 @@
-//! Positions of the grains of one body of grains.
+//! Positions of the grains of one group of grains.
 //!
 //! | module | |
 //! |---|---|
@@ -72,7 +72,7 @@ impl PlacementError {
     }
 }
 
-/// Sizes, shapes and positions of the grains of one (checked) body of grains, the `group`-th of the scene.
+/// Sizes, shapes and positions of the grains of one (checked) group of grains, the `group`-th of the scene.
 ///
 /// `region` is that of the envelope, if there is one. Polyhedra are placed as their bounding balls. Grains in an envelope
 /// are returned in Z-order, so that neighbours in space have near numbers.
@@ -122,14 +122,14 @@ pub fn place_grains(
         (number, _) => SampleTarget::Number(number.unwrap_or(0)),
     };
     // No grain is larger than the ball of the largest radius.
-    let least = match (until, &grains.sizes) {
+    let min_count = match (until, &grains.sizes) {
         (_, Some(SizeDistribution::List(_)) | None) | (SampleTarget::Number(_), _) => 0.0,
         (SampleTarget::Volume(wanted), Some(sizes)) => wanted / sphere_volume(sizes.radius_range().1),
     };
-    let mut drawn = if least > MAX_BODIES as f64 { Vec::new() } else { draw(until)? };
-    let many = least > MAX_BODIES as f64 || drawn.len() > MAX_BODIES;
-    if drawn.is_empty() || many {
-        let count = if many { format!("more than {MAX_BODIES} grains") } else { "no grain".to_string() };
+    let mut drawn = if min_count > MAX_BODIES as f64 { Vec::new() } else { draw(until)? };
+    let is_too_many = min_count > MAX_BODIES as f64 || drawn.len() > MAX_BODIES;
+    if drawn.is_empty() || is_too_many {
+        let count = if is_too_many { format!("more than {MAX_BODIES} grains") } else { "no grain".to_string() };
         let found = format!("{count} for a solid fraction of {} in {region}", grains.solid_fraction.unwrap_or(0.0));
         return Err(PlacementError { found, expected: "another solid fraction, envelope or size of grains" });
     }

@@ -1,4 +1,4 @@
-//! Region for a body of grains, centred on the origin, with its axes along the coordinates.
+//! Region for a group of grains, centred on the origin, with its axes along the coordinates.
 
 use std::path::Path;
 
@@ -55,8 +55,8 @@ impl Envelope {
             &Envelope::Cylinder { half_height, radius } => GrainRegion::Cylinder { half_height, radius },
             Envelope::Model { file, scale } => {
                 let read = model::read_surface(folder, file, scale.unwrap_or(ModelScale::Factor(1.0)))?;
-                let turned = (read.flipped > 0).then(|| format!("{} triangles turned outward", read.flipped));
-                let changes: Vec<String> = turned.into_iter().chain(read.repairs).collect();
+                let flipped_note = (read.flipped > 0).then(|| format!("{} triangles turned outward", read.flipped));
+                let changes: Vec<String> = flipped_note.into_iter().chain(read.repairs).collect();
                 if !changes.is_empty() {
                     summary = format!("{file}: {}", changes.join(", "));
                 }

@@ -97,17 +97,17 @@ fn isotropic_points(points: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, HullEr
 fn try_hull(points: &[Vector3<f64>], bulge: f64, turn: usize) -> Result<Vec<[u32; 3]>, HullError> {
     // Arbitrary directions without simple ratios.
     let rotation = Rotation3::from_scaled_axis(Vector3::new(0.31, -0.72, 0.53) * turn as f64);
-    let turned: Vec<Vector3<f64>> = points.iter().map(|p| rotation * (p * (1.0 + bulge * p.norm_squared()))).collect();
-    let given: Vec<Point> = turned.iter().map(|p| Point::new(p.x, p.y, p.z)).collect();
-    let (vertices, triangles) = try_convex_hull(&given).map_err(|error| HullError::Unsound(error.to_string()))?;
+    let rotated: Vec<Vector3<f64>> = points.iter().map(|p| rotation * (p * (1.0 + bulge * p.norm_squared()))).collect();
+    let hull_input: Vec<Point> = rotated.iter().map(|p| Point::new(p.x, p.y, p.z)).collect();
+    let (vertices, triangles) = try_convex_hull(&hull_input).map_err(|error| HullError::Unsound(error.to_string()))?;
     let indices: FxHashMap<[u64; 3], u32> =
-        given.iter().enumerate().rev().map(|(k, p)| ([p.x, p.y, p.z].map(f64::to_bits), k as u32)).collect();
+        hull_input.iter().enumerate().rev().map(|(k, p)| ([p.x, p.y, p.z].map(f64::to_bits), k as u32)).collect();
     let number = |k: u32| {
         let p = vertices[k as usize];
         let same = || [p.x, p.y, p.z].map(f64::to_bits);
         indices.get(&same()).copied().or_else(|| {
-            let distance = |k: &usize| (turned[*k] - Vector3::new(p.x, p.y, p.z)).norm_squared();
-            (0..turned.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|k| k as u32)
+            let distance = |k: &usize| (rotated[*k] - Vector3::new(p.x, p.y, p.z)).norm_squared();
+            (0..rotated.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|k| k as u32)
         })
     };
     let mut numbered = Vec::with_capacity(triangles.len());

@@ -56,7 +56,7 @@ impl SampledGrain {
     }
 }
 
-/// Sampler that returns the grains of one body of grains one after the other.
+/// Sampler that returns the grains of one group of grains one after the other.
 pub struct GrainSampler {
     source: ShapeSource,
     radius: RadiusKind,
@@ -91,7 +91,7 @@ enum ShapeSource {
 }
 
 impl GrainSampler {
-    /// Sampler for a (checked) body of grains, the `group`-th of the scene; paths of files are relative to `folder`.
+    /// Sampler for a (checked) group of grains, the `group`-th of the scene; paths of files are relative to `folder`.
     ///
     /// Errors: a fault of the shape or of its file.
     pub fn from_grains(grains: &Grains, folder: &Path, seed: u64, group: usize) -> Result<GrainSampler, ShapeError> {

@@ -126,7 +126,7 @@ pub fn model_solid(
                         }
                     }
                     let mut ends = bounding_box(&read.surface).into_iter().zip(&model);
-                    if ends.any(|([low, high], [least, most])| high <= *least || *most <= low) {
+                    if ends.any(|([low, high], [box_low, box_high])| high <= *box_low || *box_high <= low) {
                         let expected = "expected a piece of the model, in the same axes";
                         faults.push(Fault::new(&path, None, "surface", "it is outside the model", expected));
                     }
@@ -162,11 +162,11 @@ fn convex(surface: &Surface) -> Option<(Surface, String)> {
 /// Counts, volume and repairs of a surface from a file, for the summary.
 fn repair_summary(file: &str, whole: &Surface, read: &RepairedSurface) -> String {
     let (vertices, triangles) = (whole.vertices().len(), whole.triangles().len());
-    let turned = match read.flipped {
+    let flipped_text = match read.flipped {
         0 => String::new(),
-        turned => format!(", {turned} of them turned outward"),
+        flipped => format!(", {flipped} of them turned outward"),
     };
-    let size = format!("{file}: {vertices} vertices, {triangles} triangles{turned}, {:.6e} m^3", whole.volume());
+    let size = format!("{file}: {vertices} vertices, {triangles} triangles{flipped_text}, {:.6e} m^3", whole.volume());
     if read.repairs.is_empty() { size } else { format!("{size} ({})", read.repairs.join(", ")) }
 }
 
@@ -210,34 +210,34 @@ fn decompose_convex(
     merge_pieces(pieces, max_pieces as usize, max_vertices)
 }
 
-/// Merges pairs of pieces into their common hull, those to which it adds the least volume first, until at most `most` are
-/// left. The decomposition halves pieces and may exceed that number.
-fn merge_pieces(mut all: Vec<Surface>, most: usize, vertices: usize) -> Result<Vec<Surface>, HullError> {
-    if all.len() <= most {
+/// Merges pairs of pieces into their common hull, those to which it adds the least volume first, until at most
+/// `max_pieces` are left. The decomposition halves pieces and may exceed that number.
+fn merge_pieces(mut all: Vec<Surface>, max_pieces: usize, max_vertices: usize) -> Result<Vec<Surface>, HullError> {
+    if all.len() <= max_pieces {
         return Ok(all);
     }
     let hull = |a: &Surface, b: &Surface| {
-        hull::convex_hull(&[a.vertices(), b.vertices()].concat()).and_then(|hull| reduce_vertices(hull, vertices))
+        hull::convex_hull(&[a.vertices(), b.vertices()].concat()).and_then(|hull| reduce_vertices(hull, max_vertices))
     };
     // Remaining pieces, and the volume that joining each pair would add, m^3.
-    let (mut left, mut pairs) = (Vec::new(), Vec::<(f64, [usize; 2])>::new());
+    let (mut remaining, mut pairs) = (Vec::new(), Vec::<(f64, [usize; 2])>::new());
     let mut new = 0;
     loop {
         for b in new..all.len() {
             let added = |a: usize| {
                 hull(&all[a], &all[b]).map_or(f64::INFINITY, |hull| hull.volume() - all[a].volume() - all[b].volume())
             };
-            pairs.extend(left.iter().map(|&a| (added(a), [a, b])));
-            left.push(b);
+            pairs.extend(remaining.iter().map(|&a| (added(a), [a, b])));
+            remaining.push(b);
         }
         new = all.len();
-        let least = pairs.iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some(&(_, both)) = least.filter(|_| left.len() > most) else {
-            return Ok(left.into_iter().map(|k| all[k].clone()).collect());
+        let cheapest = pairs.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some(&(_, joined)) = cheapest.filter(|_| remaining.len() > max_pieces) else {
+            return Ok(remaining.into_iter().map(|k| all[k].clone()).collect());
         };
-        all.push(hull(&all[both[0]], &all[both[1]])?);
-        left.retain(|k| !both.contains(k));
-        pairs.retain(|(_, pair)| pair.iter().all(|k| !both.contains(k)));
+        all.push(hull(&all[joined[0]], &all[joined[1]])?);
+        remaining.retain(|k| !joined.contains(k));
+        pairs.retain(|(_, pair)| pair.iter().all(|k| !joined.contains(k)));
     }
 }
 

@@ -82,16 +82,16 @@ impl ConvexPiece {
             query::intersection_test(&Pose::IDENTITY, &hull, &Pose::IDENTITY, &cylinder)
                 .is_ok_and(|met| met.intersecting)
         };
-        let mut most = half_height.min(radius);
-        if allowed >= most || !met(allowed) {
+        let mut deepest = half_height.min(radius);
+        if allowed >= deepest || !met(allowed) {
             return 0.0;
         }
-        let mut least = allowed;
-        while most - least > 1e-3 * most {
-            let middle = 0.5 * (least + most);
-            if met(middle) { least = middle } else { most = middle }
+        let mut depth = allowed;
+        while deepest - depth > 1e-3 * deepest {
+            let middle = 0.5 * (depth + deepest);
+            if met(middle) { depth = middle } else { deepest = middle }
         }
-        most
+        deepest
     }
 
     /// Vertices, m.
@@ -140,12 +140,12 @@ pub fn overlap_depth(a: &ConvexPiece, b: &ConvexPiece, allowed: f64) -> f64 {
     let separation = b.centre - a.centre;
     // a lies on the side against n, b on the side along it.
     let along = |n: &Vector3<f64>| a.support_distance(n) + b.support_distance(&-n) - separation.dot(n);
-    let mut least = f64::INFINITY;
+    let mut depth = f64::INFINITY;
     let faces = a.normals.iter().copied().chain(b.normals.iter().map(|n| -n));
     for n in faces {
-        least = least.min(along(&n));
-        if least <= allowed {
-            return least;
+        depth = depth.min(along(&n));
+        if depth <= allowed {
+            return depth;
         }
     }
     for e in &a.edges {
@@ -154,14 +154,14 @@ pub fn overlap_depth(a: &ConvexPiece, b: &ConvexPiece, allowed: f64) -> f64 {
             let length = cross.norm();
             if length > 1e-9 {
                 let n = cross / length;
-                least = least.min(along(&n)).min(along(&-n));
-                if least <= allowed {
-                    return least;
+                depth = depth.min(along(&n)).min(along(&-n));
+                if depth <= allowed {
+                    return depth;
                 }
             }
         }
     }
-    least
+    depth
 }
 
 #[cfg(test)]

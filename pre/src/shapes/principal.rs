@@ -49,7 +49,7 @@ impl PrincipalSolid {
             let (moments, axes) = properties.principal_axes();
             nearest_axes(moments, axes.map(Vector3::from))
         };
-        let moved = |surface: &Surface| {
+        let shifted = |surface: &Surface| {
             let vertices: Vec<[f64; 3]> = surface
                 .vertices()
                 .iter()
@@ -64,7 +64,7 @@ impl PrincipalSolid {
             Surface::new(&vertices, surface.triangles())
                 .map_err(|faults| hull::HullError::Moved(faults.0.first().cloned().unwrap_or_default()))
         };
-        let pieces: Vec<Surface> = pieces.iter().map(moved).collect::<Result<_, _>>()?;
+        let pieces: Vec<Surface> = pieces.iter().map(shifted).collect::<Result<_, _>>()?;
         let vertices = pieces.iter().flat_map(|piece| piece.vertices());
         let reach = vertices.map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
         Ok(PrincipalSolid { pieces, volume: properties.volume, moments, reach, shift, axes })
@@ -91,8 +91,8 @@ fn nearest_axes(moments: [f64; 3], axes: [Vector3<f64>; 3]) -> ([f64; 3], Matrix
     let matrix = |rows: &[Vector3<f64>; 3]| Matrix3::from_rows(&rows.map(|row| row.transpose()));
     if matrix(&rows).determinant() < 0.0 {
         // Axis whose sign matters the least.
-        let least = (0..3).min_by(|&a, &b| rows[a][a].total_cmp(&rows[b][b])).unwrap_or(2);
-        rows[least] = -rows[least];
+        let smallest = (0..3).min_by(|&a, &b| rows[a][a].total_cmp(&rows[b][b])).unwrap_or(2);
+        rows[smallest] = -rows[smallest];
     }
     (order.map(|k| moments[k]), matrix(&rows))
 }

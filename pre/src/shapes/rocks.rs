@@ -6,7 +6,7 @@ use crate::random::RandomStream;
 use crate::shapes::hull;
 use crate::shapes::principal::PrincipalSolid;
 
-/// Common properties of the polyhedra of one body of grains.
+/// Common properties of the polyhedra of one group of grains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RockGenerator {
     /// Fewest and most vertices.

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::compute::EventAction;
-use cd_formats::law_table::LawModel;
+use cd_formats::law_table::{LawModel, SpherePacking};
 
 use crate::case::{Case, Figures, equal, near};
 
@@ -83,7 +83,8 @@ fn a_cubic_lattice_has_the_strength_of_the_bulk() {
     let pair = |stress: f64| {
         LawModel::from_values("IQS_COH_DS_CLB", &[stress, 1e-3, 1e-3, 0.3, 0.3]).unwrap().pair_cohesion().unwrap()
     };
-    let stress = strength / pair(1.0).bulk_strength(PI / 6.0, 6.0, diameter);
+    let stress =
+        strength / pair(1.0).bulk_strength(SpherePacking { solid_fraction: PI / 6.0, coordination: 6.0, diameter });
     for (share, holds) in [(0.999, true), (1.001, false)] {
         let mut case = Case::new();
         case.law("IQS_COH_DS_CLB", &[stress, 1e-3, 1e-3, 0.3, 0.3]);

@@ -55,8 +55,8 @@ pub fn read_surface(path: &Path) -> Result<RepairedSurface, Faults> {
             faults.push(Fault::new(path, *line, "file", found, format!("expected {expected}")));
         }
         if refusals.len() > MAX_PRINTED_FAULTS {
-            let more = format!("{} more faults", refusals.len() - MAX_PRINTED_FAULTS);
-            faults.push(Fault::new(path, None, "file", more, format!("expected {}", refusals[0].expected)));
+            let further_faults = format!("{} more faults", refusals.len() - MAX_PRINTED_FAULTS);
+            faults.push(Fault::new(path, None, "file", further_faults, format!("expected {}", refusals[0].expected)));
         }
         faults
     };
@@ -79,8 +79,14 @@ pub fn read_surface(path: &Path) -> Result<RepairedSurface, Faults> {
                 faults.push(Fault::new(path, None, "surface", found, expected));
             }
             if found.0.len() > MAX_PRINTED_FAULTS {
-                let more = format!("{} more faults", found.0.len() - MAX_PRINTED_FAULTS);
-                faults.push(Fault::new(path, None, "surface", more, "expected a closed surface in one piece"));
+                let further_faults = format!("{} more faults", found.0.len() - MAX_PRINTED_FAULTS);
+                faults.push(Fault::new(
+                    path,
+                    None,
+                    "surface",
+                    further_faults,
+                    "expected a closed surface in one piece",
+                ));
             }
             Err(faults)
         }

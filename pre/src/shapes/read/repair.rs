@@ -50,8 +50,8 @@ pub fn triangulate(mesh: PolygonMesh) -> Triangulated {
     let [largest, extent] = coordinate_and_extent(&vertices);
     for share in WELD_TOLERANCES {
         let distance = (share * largest).min(WELD_OF_EXTENT * extent);
-        let (number, left) = weld_vertices(&vertices, distance);
-        let count = vertices.len() - left;
+        let (number, vertex_count) = weld_vertices(&vertices, distance);
+        let count = vertices.len() - vertex_count;
         let mut notes = notes.clone();
         if count > 0 {
             notes.push(format!("welded {} closer than {distance:.1e} m", count_text(count, "vertex")));
@@ -106,7 +106,7 @@ fn coordinate_and_extent(vertices: &[[f64; 3]]) -> [f64; 2] {
 fn weld_vertices(vertices: &[[f64; 3]], distance: f64) -> (Vec<u32>, usize) {
     let cell = |v: &[f64; 3]| v.map(|x| (x / distance).floor() as i64);
     let mut cells: FxHashMap<[i64; 3], Vec<u32>> = FxHashMap::default();
-    let (mut numbers, mut left) = (Vec::with_capacity(vertices.len()), 0);
+    let (mut numbers, mut vertex_count) = (Vec::with_capacity(vertices.len()), 0);
     for (k, v) in (0..).zip(vertices) {
         let own = cell(v);
         let near = |other: &&u32| {
@@ -122,10 +122,10 @@ fn weld_vertices(vertices: &[[f64; 3]], distance: f64) -> (Vec<u32>, usize) {
         numbers.push(found.unwrap_or(k));
         if found.is_none() {
             cells.entry(own).or_default().push(k);
-            left += 1;
+            vertex_count += 1;
         }
     }
-    (numbers, left)
+    (numbers, vertex_count)
 }
 
 /// Whether every edge belongs to two triangles.
@@ -156,8 +156,8 @@ fn remove_degenerate(vertices: &[[f64; 3]], triangles: &[[u32; 3]], mut notes: V
         let without: Vec<[u32; 3]> = kept.iter().copied().filter(|t| !is_flat(t)).collect();
         kept = if is_closed(&without) { without } else { split_neighbours(vertices, kept) };
     }
-    let left = kept.iter().filter(|t| is_flat(t)).count();
-    let degenerate = triangles.len() - distinct + flat.saturating_sub(left);
+    let flat_count = kept.iter().filter(|t| is_flat(t)).count();
+    let degenerate = triangles.len() - distinct + flat.saturating_sub(flat_count);
     let mut numbers: FxHashMap<u32, u32> = FxHashMap::default();
     let mut used = Vec::new();
     for corner in kept.iter_mut().flatten() {
@@ -195,7 +195,7 @@ fn split_neighbours(vertices: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Vec<
             triangle_edges(t).iter().for_each(|[a, b]| with_edge.entry([*a.min(b), *a.max(b)]).or_default().push(k));
         }
         let mut touched = vec![false; triangles.len()];
-        let mut gone = vec![false; triangles.len()];
+        let mut is_removed = vec![false; triangles.len()];
         for k in 0..touched.len() {
             let t = triangles[k];
             let Some(at) = apex_of_degenerate(vertices, &t).filter(|_| !touched[k]) else { continue };
@@ -205,7 +205,7 @@ fn split_neighbours(vertices: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Vec<
             match others[..] {
                 [] => {}
                 [other] if touched[other] => continue,
-                [other] if triangles[other].contains(&m) => (touched[other], gone[other]) = (true, true),
+                [other] if triangles[other].contains(&m) => (touched[other], is_removed[other]) = (true, true),
                 [other] => {
                     let with = |old: u32| triangles[other].map(|v| if v == old { m } else { v });
                     let halves = [with(a), with(b)];
@@ -215,14 +215,14 @@ fn split_neighbours(vertices: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Vec<
                 }
                 _ => continue,
             }
-            (touched[k], gone[k]) = (true, true);
+            (touched[k], is_removed[k]) = (true, true);
         }
-        if !gone.contains(&true) {
+        if !is_removed.contains(&true) {
             break;
         }
-        gone.resize(triangles.len(), false);
-        let mut gone = gone.into_iter();
-        triangles.retain(|_| !gone.next().unwrap_or(false));
+        is_removed.resize(triangles.len(), false);
+        let mut is_removed = is_removed.into_iter();
+        triangles.retain(|_| !is_removed.next().unwrap_or(false));
     }
     triangles
 }

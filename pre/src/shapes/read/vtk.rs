@@ -165,12 +165,13 @@ impl PolyDataPiece {
         }
         let (first, points) = (mesh.points.len(), self.coordinates.len() / 3);
         mesh.points.extend(self.coordinates.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
-        let moved = |list: Vec<usize>| -> Vec<usize> { list.into_iter().map(|k| first + k).collect() };
-        mesh.polygons.extend(self.polygons.corner_lists(points)?.into_iter().map(moved));
-        for strip in self.strips.corner_lists(points)?.into_iter().map(moved) {
+        let shifted_list = |list: Vec<usize>| -> Vec<usize> { list.into_iter().map(|k| first + k).collect() };
+        mesh.polygons.extend(self.polygons.corner_lists(points)?.into_iter().map(shifted_list));
+        for strip in self.strips.corner_lists(points)?.into_iter().map(shifted_list) {
             // Every second triangle of a strip has the opposite orientation.
-            let turned = |(k, t): (usize, &[usize])| if k % 2 == 0 { t.to_vec() } else { vec![t[1], t[0], t[2]] };
-            mesh.polygons.extend(strip.windows(3).enumerate().map(turned));
+            let oriented_triangle =
+                |(k, t): (usize, &[usize])| if k % 2 == 0 { t.to_vec() } else { vec![t[1], t[0], t[2]] };
+            mesh.polygons.extend(strip.windows(3).enumerate().map(oriented_triangle));
         }
         mesh.add_note("ignored", self.ignored, "line or point element", "");
         Ok(())

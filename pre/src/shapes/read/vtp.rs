@@ -76,8 +76,8 @@ impl<'a> VtpFile<'a> {
             let (Some(end), Some(begin)) = (end, begin) else {
                 return Err(ReadError::new(None, "AppendedData without '_'", COMPLETE_FILE));
             };
-            let of_tag = self::parse_tags(&String::from_utf8_lossy(&bytes[appended..end]))?;
-            file.encoded = of_tag.iter().any(|tag| tag.attribute("encoding") == Some("base64"));
+            let tags = self::parse_tags(&String::from_utf8_lossy(&bytes[appended..end]))?;
+            file.encoded = tags.iter().any(|tag| tag.attribute("encoding") == Some("base64"));
             file.appended = &bytes[begin..];
         }
         tags.retain(|tag| tag.name != "?");
@@ -231,9 +231,9 @@ impl<'a> VtpFile<'a> {
         }
         let mut bytes = Vec::new();
         for (k, length) in lengths.into_iter().enumerate() {
-            let most = if k + 1 == first && rest > 0 { rest } else { size };
+            let max_size = if k + 1 == first && rest > 0 { rest } else { size };
             let end = at.saturating_add(length);
-            let block = data.get(at..end).and_then(|block| decompress_to_vec_zlib_with_limit(block, most).ok());
+            let block = data.get(at..end).and_then(|block| decompress_to_vec_zlib_with_limit(block, max_size).ok());
             bytes.extend(block.ok_or(ArrayDataError::ZlibBlock { block: k + 1, count: first })?);
             at = end;
         }
@@ -347,7 +347,7 @@ fn attributes_of(mut text: &str) -> Vec<(String, String)> {
 /// Decodes base64. The header of an array may be encoded separately, so that padding occurs inside the text.
 fn decode_base64(text: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
-    let (mut held, mut count) = (0u32, 0);
+    let (mut bits, mut count) = (0u32, 0);
     for byte in text {
         let value = match byte {
             b'A'..=b'Z' => byte - b'A',
@@ -358,18 +358,18 @@ fn decode_base64(text: &[u8]) -> Vec<u8> {
             b'=' => {
                 // A group of two or three letters gives one or two bytes.
                 let whole = [0, 0, 1, 2][count];
-                let group = held << (6 * (4 - count));
+                let group = bits << (6 * (4 - count));
                 bytes.extend((0..whole).map(|k| (group >> (16 - 8 * k)) as u8));
-                (held, count) = (0, 0);
+                (bits, count) = (0, 0);
                 continue;
             }
             byte if byte.is_ascii_whitespace() => continue,
             _ => break,
         };
-        (held, count) = (held << 6 | u32::from(value), count + 1);
+        (bits, count) = (bits << 6 | u32::from(value), count + 1);
         if count == 4 {
-            bytes.extend([16, 8, 0].map(|shift| (held >> shift) as u8));
-            (held, count) = (0, 0);
+            bytes.extend([16, 8, 0].map(|shift| (bits >> shift) as u8));
+            (bits, count) = (0, 0);
         }
     }
     bytes
