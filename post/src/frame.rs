@@ -290,13 +290,13 @@ impl Frame {
                     BodyIndex::Grain(k) => (grains[k].x_contact, grains[k].moved),
                     BodyIndex::Wall(k) => (walls[k].x, Vec3::zeros()),
                 };
-                let ((x, moved), (other, _)) = (place(candidate), place(antagonist));
+                let ((x, shift), (other, _)) = (place(candidate), place(antagonist));
                 let shared = shapes.as_ref().map_or(0.0, |shapes| shapes.contacts.contact_area[row]);
                 let [a, b] = pair.map(curvature);
                 Some(Contact {
                     candidate,
                     antagonist,
-                    point: Vec3::from(contacts.contact_point[row]) + moved,
+                    point: Vec3::from(contacts.contact_point[row]) + shift,
                     image: cell.nearest_period(x - other),
                     normal: n,
                     force: n * f_n + t * f_t + s * f_s,
@@ -400,8 +400,8 @@ fn grain_of_row(
     cell: &PeriodicCell,
 ) -> Grain {
     let (x, v) = (Vec3::from(bodies.body_x[row]), Vec3::from(bodies.body_v[row]));
-    let moved = -cell.nearest_period(x);
-    let x = x + moved;
+    let shift = -cell.nearest_period(x);
+    let x = x + shift;
     let [j1, j2, j3] = bodies.body_inertia[row];
     // Equal moments need no rotation, and keep their digits without one.
     let inertia = if j1 == j2 && j2 == j3 {
@@ -415,7 +415,7 @@ fn grain_of_row(
     Grain {
         id: bodies.body_id[row],
         x,
-        moved,
+        moved: shift,
         x_contact: x + to_contact * v,
         v,
         w: bodies.body_w_world[row].into(),

@@ -22,8 +22,8 @@ pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
 pub fn select_snapshots(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let all = list_snapshots(outbox)?;
     let last = all.len() - 1;
-    let taken = |k: usize| k == last || k.is_multiple_of(every as usize);
-    Ok(all.into_iter().enumerate().filter(|(k, _)| taken(*k)).map(|(_, found)| found).collect())
+    let is_selected = |k: usize| k == last || k.is_multiple_of(every as usize);
+    Ok(all.into_iter().enumerate().filter(|(k, _)| is_selected(*k)).map(|(_, found)| found).collect())
 }
 
 /// Whether snapshot `k` of `count` is one of `some` spread evenly from the first to the last; if `some` is one, the first.

@@ -305,11 +305,11 @@ fn over_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<
     }
     let mut realised = Vec::new();
     for run in &all[0] {
-        let of_each = |(folder, runs): (&PathBuf, &Vec<RunErrors>)| {
+        let errors_of = |(folder, runs): (&PathBuf, &Vec<RunErrors>)| {
             named(runs, &run.name).ok_or_else(|| Faults::from(other(folder, format!("no {}", run.name))))
         };
         let rows: Vec<ErrorRow> =
-            folders.iter().zip(all).filter_map(|each| faults.gather_result(of_each(each))).collect();
+            folders.iter().zip(all).filter_map(|each| faults.gather_result(errors_of(each))).collect();
         let mean = |of: fn(ErrorRow) -> f64| rows.iter().map(|row| of(*row)).sum::<f64>() / rows.len() as f64;
         let columns: Vec<_> = rows.iter().map(|row| row.to_columns()).collect();
         let root = |k: usize| (columns.iter().map(|of| of[k] * of[k]).sum::<f64>() / columns.len() as f64).sqrt();
@@ -387,12 +387,13 @@ fn free_positions(snapshot: &Snapshot) -> Positions {
 /// Positions of the free bodies in the first snapshot after the start and not before a time (s), if there is one; of
 /// snapshots at that time the nearest, as in [`nearest_time`].
 fn early_positions(case: &Path, from: f64) -> Result<Option<Positions>, Faults> {
-    let away = |(time, _): &Positions| (time - from).abs();
+    let time_distance = |(time, _): &Positions| (time - from).abs();
     let mut best: Option<Positions> = None;
     for (_, path) in &list_snapshots(&case.join("OUTBOX"))?[1..] {
         let found = free_positions(&Snapshot::read(path)?);
         let last = found.0 >= from;
-        if is_at_or_after(found.0, from) && best.as_ref().is_none_or(|best| away(&found) < away(best)) {
+        if is_at_or_after(found.0, from) && best.as_ref().is_none_or(|best| time_distance(&found) < time_distance(best))
+        {
             best = Some(found);
         }
         if last {
@@ -431,10 +432,10 @@ struct ReferenceRun<'a> {
 impl ReferenceRun<'_> {
     /// Takes the snapshots from `from` (s) on, or the last, and the early positions from `early` (s) on, or the first.
     fn new(finest: &MeasuredRun, from: Option<f64>, early: Option<f64>) -> Result<ReferenceRun<'_>, Faults> {
-        let times: Vec<f64> = finest.observed.iter().map(|seen| seen.time).collect();
+        let times: Vec<f64> = finest.observed.iter().map(|means| means.time).collect();
         let as_there = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
         let from = from.map(as_there).or(times.last().copied()).unwrap_or(f64::NAN);
-        let observed: Vec<_> = finest.observed.iter().copied().filter(|seen| seen.time >= from).collect();
+        let observed: Vec<_> = finest.observed.iter().copied().filter(|means| means.time >= from).collect();
         if observed.is_empty() {
             let expected = "expected one at the time of --from or later";
             return Err(Fault::new(&series_path(&finest.case), None, "time", times_text(&times), expected).into());
@@ -454,8 +455,8 @@ impl ReferenceRun<'_> {
             faults.push(Fault::new(&run.case.join("OUTBOX"), None, "bodies", found, expected));
         }
         let at = |time: f64| {
-            let own = nearest_time(run.observed.iter().map(|seen| seen.time), time)?;
-            run.observed.iter().find(|seen| seen.time == own)
+            let own = nearest_time(run.observed.iter().map(|means| means.time), time)?;
+            run.observed.iter().find(|means| means.time == own)
         };
         let at_once: Vec<(&SnapshotMeans, &SnapshotMeans)> =
             self.observed.iter().filter_map(|exact| Some((at(exact.time)?, exact))).collect();
@@ -473,34 +474,38 @@ impl ReferenceRun<'_> {
             );
             faults.push(Fault::new(&series_path(&run.case), None, "interval", found, expected));
         } else if shared.is_empty() {
-            let times = |rows: &[SnapshotMeans]| times_text(&rows.iter().map(|seen| seen.time).collect::<Vec<_>>());
+            let times = |rows: &[SnapshotMeans]| times_text(&rows.iter().map(|means| means.time).collect::<Vec<_>>());
             let expected =
                 format!("expected a time of the snapshots of {} that count, {}", finest.name, times(&self.observed));
             faults.push(Fault::new(&series_path(&run.case), None, "time", times(&run.observed), expected));
         }
         faults.into_result(())?;
         // Mean over the snapshots in which both have a value.
-        let both = |of: &dyn Fn(&Observables) -> f64| {
+        let pairs_of = |of: &dyn Fn(&Observables) -> f64| {
             let values = shared.iter().map(|(found, exact)| (of(found), of(exact)));
             values.filter(|(found, exact)| found.is_finite() && exact.is_finite()).collect::<Vec<_>>()
         };
-        let of_means = |of: &dyn Fn(&Observables) -> f64| {
-            let [away, all] = both(of).into_iter().fold([0.0; 2], |[away, all], (found, exact)| {
-                [away + (found - exact), all + exact] // both over the number of them
+        let relative_error_of_mean = |of: &dyn Fn(&Observables) -> f64| {
+            let [error, all] = pairs_of(of).into_iter().fold([0.0; 2], |[error, all], (found, exact)| {
+                [error + (found - exact), all + exact] // both over the number of them
             });
-            (away / all).abs()
+            (error / all).abs()
         };
-        let of_singles = |of: &dyn Fn(&Observables) -> f64| {
-            let away = median(both(of).iter().map(|(found, exact)| (found - exact).abs()));
-            away / median(both(of).iter().map(|(_, exact)| exact.abs()))
+        let median_error = |of: &dyn Fn(&Observables) -> f64| {
+            let error = median(pairs_of(of).iter().map(|(found, exact)| (found - exact).abs()));
+            error / median(pairs_of(of).iter().map(|(_, exact)| exact.abs()))
         };
-        let (bed_nu, bed_pressure) = (of_means(&|o| o.bed_nu), of_means(&|o| o.bed_pressure));
+        let (bed_nu, bed_pressure) =
+            (relative_error_of_mean(&|o| o.bed_nu), relative_error_of_mean(&|o| o.bed_pressure));
         // The ball around a bed is as large as its highest grain is high.
         let bed = bed_nu.is_finite() && bed_pressure.is_finite();
-        let [nu, pressure] =
-            if bed { [bed_nu, bed_pressure] } else { [of_means(&|o| o.nu), of_means(&|o| o.pressure)] };
-        let z = of_means(&|o| o.z);
-        let pressure_single = of_singles(&|o| if bed { o.bed_pressure } else { o.pressure });
+        let [nu, pressure] = if bed {
+            [bed_nu, bed_pressure]
+        } else {
+            [relative_error_of_mean(&|o| o.nu), relative_error_of_mean(&|o| o.pressure)]
+        };
+        let z = relative_error_of_mean(&|o| o.z);
+        let pressure_single = median_error(&|o| if bed { o.bed_pressure } else { o.pressure });
         let positions_early = match &self.early {
             Some(exact) => {
                 early_positions(&run.case, exact.0)?.map_or(f64::NAN, |own| rms_distance(&own, exact, run.mean_radius))
@@ -515,8 +520,8 @@ impl ReferenceRun<'_> {
             z,
             nu,
             pressure,
-            semi_axes: [0, 1, 2].map(|k| of_means(&|o| o.semi_axes[k])),
-            energy: of_means(&|o| o.energy),
+            semi_axes: [0, 1, 2].map(|k| relative_error_of_mean(&|o| o.semi_axes[k])),
+            energy: relative_error_of_mean(&|o| o.energy),
             positions_early,
             positions,
             worst,

@@ -107,8 +107,8 @@ pub fn write(
     // Plots of columns that no run has, such as the bed of aggregates, are left out.
     let sparse = unasked && table == Path::new("series.csv");
     let against = against.unwrap_or(kind.find_column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
-    let asked = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
-    for (asking, name) in asked.clone().filter(|(_, name)| kind.find_column(name).is_none()) {
+    let requested = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
+    for (asking, name) in requested.clone().filter(|(_, name)| kind.find_column(name).is_none()) {
         let columns: Vec<&str> = kind.columns.iter().map(|(name, ..)| *name).collect();
         let expected = match nearest_name(name, &columns) {
             Some(near) => format!("did you mean {near}?"),
@@ -116,7 +116,7 @@ pub fn write(
         };
         faults.push(option(asking, format!("'{name}'"), expected));
     }
-    let known: Vec<&str> = asked.map(|(_, name)| name).filter(|name| kind.find_column(name).is_some()).collect();
+    let known: Vec<&str> = requested.map(|(_, name)| name).filter(|name| kind.find_column(name).is_some()).collect();
     let mut names = case_names(cases);
     names.iter_mut().zip(labels).for_each(|(name, label)| name.clone_from(label));
     faults.0.extend(name_faults(if labels.is_empty() { "runs" } else { "labels" }, &names, Some(against)));
@@ -162,8 +162,8 @@ fn table_path(case: &Path, table: &Path) -> PathBuf {
     // Files of an earlier, longer run are ignored. Without its snapshots they cannot be distinguished.
     let steps: Option<Vec<u64>> =
         list_snapshots(&case.join("OUTBOX")).ok().map(|all| all.into_iter().map(|(step, _)| step).collect());
-    let of_this_run = |step: &u64| steps.as_ref().is_none_or(|steps| steps.contains(step));
-    states.filter(|(step, _)| of_this_run(step)).max().map_or(folder.join("state"), |(_, path)| path).join(rest)
+    let is_of_this_run = |step: &u64| steps.as_ref().is_none_or(|steps| steps.contains(step));
+    states.filter(|(step, _)| is_of_this_run(step)).max().map_or(folder.join("state"), |(_, path)| path).join(rest)
 }
 
 /// Advice for a case without such a table: the command that writes it.
@@ -215,8 +215,8 @@ fn comparison_figure(runs: &[SeriesRun], kind: &TableKind, name: &str, against: 
         let at = |points: &Vec<(f64, f64)>| {
             let place = if against == "time" { nearest_time(points.iter().map(|p| p.0), x) } else { Some(x) };
             // A table may contain one position several times: the mean of its values there.
-            let there = points.iter().filter(|p| Some(p.0) == place && p.1.is_finite());
-            let (count, sum) = there.fold((0.0, 0.0), |(count, sum), p| (count + 1.0, sum + p.1));
+            let finite_points = points.iter().filter(|p| Some(p.0) == place && p.1.is_finite());
+            let (count, sum) = finite_points.fold((0.0, 0.0), |(count, sum), p| (count + 1.0, sum + p.1));
             sum / count
         };
         std::iter::once(x).chain(points.iter().map(at)).collect::<Vec<_>>()

@@ -97,7 +97,7 @@ pub const PRIMARY_COLUMNS: [Column; 9] = [
 fn primaries_text(rows: &[Row], last: &Frame) -> Option<String> {
     let parameters = &last.meta.parameters;
     parameters.fields.iter().find_map(ExternalField::orbit)?;
-    let of_row = |row: &Row| {
+    let lines_of = |row: &Row| {
         let time = row.time;
         let motions = primary_motions(&parameters.fields, parameters.gravity_constant, time);
         (1..).zip(motions).filter_map(move |(k, motion)| {
@@ -105,7 +105,7 @@ fn primaries_text(rows: &[Row], last: &Frame) -> Option<String> {
             Some([time, f64::from(k), x.x, x.y, x.z, v.x, v.y, v.z, x.norm()])
         })
     };
-    Some(csv_with_counts(&PRIMARY_COLUMNS.map(|column| column.0), &["primary"], rows.iter().flat_map(of_row)))
+    Some(csv_with_counts(&PRIMARY_COLUMNS.map(|column| column.0), &["primary"], rows.iter().flat_map(lines_of)))
 }
 
 /// Note on snapshots in which the user's region has no volume.

@@ -229,8 +229,8 @@ impl StudyRun {
 pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result<([usize; 2], Vec<String>), Faults> {
     let study = StudyCases::new(paths, options.parameters)?;
     let cases = &study.folders;
-    let of_parameters = study.groups_by(options.by)?;
-    let groups = if options.by.is_empty() { options.groups } else { &of_parameters };
+    let groups = study.groups_by(options.by)?;
+    let groups = if options.by.is_empty() { options.groups } else { &groups };
     let mut faults = Faults::default();
     if !groups.is_empty() && groups.len() != cases.len() {
         let expected = format!("expected {}, one for each case", cases.len());
@@ -281,8 +281,8 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     let until = until.map_or(f64::INFINITY, as_there);
     let last = times.iter().copied().filter(|time| *time <= until).fold(f64::NAN, f64::max);
     let counts = from.map_or(last, as_there)..=until;
-    let taken: Vec<usize> = (0..times.len()).filter(|&k| counts.contains(&times[k])).collect();
-    if taken.is_empty() {
+    let counted: Vec<usize> = (0..times.len()).filter(|&k| counts.contains(&times[k])).collect();
+    if counted.is_empty() {
         let found = times.last().map_or("has no snapshot".into(), |time| format!("ends at {} s", number_text(*time)));
         let end = if until.is_finite() { format!(" to --until {} s", number_text(until)) } else { String::new() };
         let expected = match from {
@@ -294,9 +294,10 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     let mean = |name: &str| {
         let column = series.get(name).map_or(&[][..], |column| column);
         if name == "region" {
-            return taken.last().and_then(|&k| column.get(k)).copied().unwrap_or(f64::NAN); // a number without means
+            return counted.last().and_then(|&k| column.get(k)).copied().unwrap_or(f64::NAN); // a number without means
         }
-        let known: Vec<f64> = taken.iter().filter_map(|&k| column.get(k).copied()).filter(|x| x.is_finite()).collect();
+        let known: Vec<f64> =
+            counted.iter().filter_map(|&k| column.get(k).copied()).filter(|x| x.is_finite()).collect();
         known.iter().sum::<f64>() / known.len() as f64
     };
     let mut values: Vec<f64> = Row::COLUMNS.iter().map(|(name, _, _)| mean(name)).collect();
@@ -318,15 +319,15 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     check_series_of_run(case, &series, &end)?;
     let parameters = end.parameters;
     let constant = if parameters.self_gravity { parameters.gravity_constant } else { f64::NAN };
-    let homogeneous: f64 = taken
+    let homogeneous: f64 = counted
         .iter()
         .map(|&k| {
             3.0 * constant * series["mass"][k].powi(2)
                 / (20.0 * std::f64::consts::PI * series["R_enclosing"][k].powi(4))
         })
         .sum::<f64>()
-        / taken.len() as f64;
-    let by_inertia: f64 = taken
+        / counted.len() as f64;
+    let by_inertia: f64 = counted
         .iter()
         .map(|&k| {
             let of = |name: &str| series[name][k];
@@ -335,7 +336,7 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
             5.0 * of("pressure_sphere") * volume * radius / (constant * of("mass").powi(2))
         })
         .sum::<f64>()
-        / taken.len() as f64;
+        / counted.len() as f64;
     let stage = |names: &[&str]| names.iter().map(|name| per_step(&timer, name)).sum::<f64>();
     values.push(homogeneous);
     values.push(by_inertia);
@@ -405,8 +406,8 @@ impl<'a> StudyPlots<'a> {
                 self.add_fit(name, group, &format!("{name} = intercept + slope N^(-1/3)"), line);
                 let sign = if line.slope < 0.0 { "−" } else { "+" };
                 let [intercept, slope] = [line.intercept, line.slope.abs()].map(three_digits);
-                let most = points.iter().map(|p| p.0).fold(0.0, f64::max);
-                let ends = [0.0, most].map(|x| (x, line.intercept + line.slope * x)).to_vec();
+                let largest = points.iter().map(|p| p.0).fold(0.0, f64::max);
+                let ends = [0.0, largest].map(|x| (x, line.intercept + line.slope * x)).to_vec();
                 curves.push(marked_curve(&format!("{intercept} {sign} {slope} N^(-1/3)"), ends, CurveMarks::Fit));
             }
             let axes = [FigureAxis::linear("N^(-1/3)", "1"), FigureAxis::linear(quantity, "1")];

@@ -82,11 +82,11 @@ struct TrackedBody {
 ///
 /// `body`: the number of the body in BODIES.DAT, free or with imposed motion.
 pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
-    let mut seen: Vec<TrackedBody> = Vec::new();
+    let mut states: Vec<TrackedBody> = Vec::new();
     let (mut first, mut last) = (None, None);
     let mut up = Vec3::z();
     // Step and direction of the first uniform gravity, which defines heights, and the first step with another direction.
-    let (mut gravity, mut turned) = (None, None);
+    let (mut gravity, mut turning_step) = (None, None);
     let shapes = ShapeCache::default();
     let paths = select_snapshots(&dir.join("OUTBOX"), 1)?;
     let found = |frame: &Frame, up: &Vec3| -> Result<TrackedBody, Faults> {
@@ -104,11 +104,11 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
                 up = direction;
                 // The lowest points of earlier rows were computed for another direction.
                 for (k, (_, path)) in paths[..k].iter().enumerate() {
-                    seen[k] = found(&Frame::read(path, &shapes)?, &up)?;
+                    states[k] = found(&Frame::read(path, &shapes)?, &up)?;
                 }
             }
             (Some((_, direction)), Some(other)) if (other - direction).norm() > SAME_DIRECTION => {
-                turned = turned.or(Some(*step));
+                turning_step = turning_step.or(Some(*step));
             }
             _ => {}
         }
@@ -117,18 +117,18 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
             up = gravity.map(|(_, direction)| direction).or(upward_direction(&frame, body)).unwrap_or(up);
             first = Some(frame.clone());
         }
-        seen.push(found(&frame, &up)?);
+        states.push(found(&frame, &up)?);
         last = Some(frame);
     }
     let (Some(first), Some(last)) = (first, last) else { unreachable!("select gives at least one") };
     let mut notes = Vec::new();
-    if let (Some((step, _)), Some(turned)) = (gravity, turned) {
+    if let (Some((step, _)), Some(turning_step)) = (gravity, turning_step) {
         notes.push(format!(
-            "gravity changes direction at step {turned}: up is opposite to the gravity of step {step} throughout"
+            "gravity changes direction at step {turning_step}: up is opposite to the gravity of step {step} throughout"
         ));
     }
-    let level = ground_level(&first, body, &up, &seen[0]);
-    let rows: Vec<TrackRow> = seen.iter().map(|s| TrackRow::new(s, &up, level)).collect();
+    let level = ground_level(&first, body, &up, &states[0]);
+    let rows: Vec<TrackRow> = states.iter().map(|s| TrackRow::new(s, &up, level)).collect();
     let folder = dir.join(format!("POSTPRO/track-{body}"));
     let put = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
     // A plate may be at the side of a bed as well as on it.
@@ -140,8 +140,8 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
         "track.csv",
         csv_with_counts(&COLUMNS.map(|column| column.0), &["contacts"], rows.iter().map(|row| row.to_columns())),
     )?;
-    put("impact.csv", csv_table(&IMPACT_COLUMNS, [impact_row(&seen, &rows, &up)]))?;
-    let crater = crater_profile(&first, &last, body, &up, &seen[0].x, level);
+    put("impact.csv", csv_table(&IMPACT_COLUMNS, [impact_row(&states, &rows, &up)]))?;
+    let crater = crater_profile(&first, &last, body, &up, &states[0].x, level);
     put("crater.csv", csv_table(&CRATER_COLUMNS, crater.clone()))?;
     let against_time = |title: &str, column: &str, unit: &str, of: fn(&TrackRow) -> f64| {
         let points = rows.iter().map(|row| (row.time, of(row))).collect();
@@ -332,14 +332,14 @@ fn ground_grains(frame: &Frame, body: u64) -> Vec<&Grain> {
     let mass = |grains: &[GrainId]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
     let groups = fragments.iter().map(others).filter(|grains| grains.len() > 1);
     let heaviest = groups.max_by(|a, b| mass(a).total_cmp(&mass(b))).unwrap_or_default();
-    let mut held = vec![false; frame.grains.len()];
+    let mut is_supported = vec![false; frame.grains.len()];
     let borne = supported_grains(frame, &fragments);
-    let most: Vec<GrainId> = frame.grain_ids().filter(|&i| frame.grains[i].id != body).collect();
-    let falling = borne.is_empty() && 2.0 * mass(&heaviest) < mass(&most);
-    borne.into_iter().chain(heaviest).for_each(|i| held[i.index()] = true);
-    let all = || frame.grains.iter().zip(&held).filter(|(grain, _)| grain.id != body);
-    let loose = falling || !all().any(|(_, held)| *held);
-    all().filter(|(_, held)| **held || loose).map(|(grain, _)| grain).collect()
+    let all_others: Vec<GrainId> = frame.grain_ids().filter(|&i| frame.grains[i].id != body).collect();
+    let falling = borne.is_empty() && 2.0 * mass(&heaviest) < mass(&all_others);
+    borne.into_iter().chain(heaviest).for_each(|i| is_supported[i.index()] = true);
+    let all = || frame.grains.iter().zip(&is_supported).filter(|(grain, _)| grain.id != body);
+    let loose = falling || !all().any(|(_, is_supported)| *is_supported);
+    all().filter(|(_, is_supported)| **is_supported || loose).map(|(grain, _)| grain).collect()
 }
 
 /// Height along `up` of the ground on the vertical through `place`: of the highest sphere there; a polyhedron counts as the

@@ -47,43 +47,48 @@ impl Bed {
     /// walls and its centre is no higher than the highest point of the other grains. In a flowing bed these are a part of
     /// the grains.
     pub fn from_frame(frame: &Frame, fragments: &[Fragment]) -> Option<Bed> {
-        let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
+        let against_gravity = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
         let mut grains = supported_grains(frame, fragments);
         if grains.is_empty() {
             return None;
         }
         let members = || grains.iter().map(|&i| &frame.grains[i]);
         let (planes, bores) = GrainEnclosure::around(frame, grains.clone()).into_bed_walls()?;
-        let mut bears = vec![0.0; frame.walls.len()];
+        let mut borne_weight = vec![0.0; frame.walls.len()];
         for contact in frame.active_contacts() {
             for side in [contact.candidate, contact.antagonist] {
                 if let BodyIndex::Wall(k) = side {
-                    bears[k.index()] += contact.on_grains().map(|(_, force, _)| force.dot(&against)).sum::<f64>();
+                    borne_weight[k.index()] +=
+                        contact.on_grains().map(|(_, force, _)| force.dot(&against_gravity)).sum::<f64>();
                 }
             }
         }
-        let share = |plane: &&WallPlane| {
+        let load_on = |plane: &&WallPlane| {
             let mut walls: Vec<WallId> = plane.faces.iter().map(|face| face.wall).collect();
             walls.sort_unstable();
             walls.dedup();
-            walls.iter().map(|wall| bears[wall.index()]).sum::<f64>() * plane.normal.dot(&against)
+            walls.iter().map(|wall| borne_weight[wall.index()]).sum::<f64>() * plane.normal.dot(&against_gravity)
         };
         // A lid may bear more than the floor, for an instant, but from above.
         // The end of a drum that lies is upright up to rounding.
-        let below = |plane: &&WallPlane| plane.normal.dot(&against) > UPRIGHT_TOLERANCE && share(plane) > 0.0;
-        let floor = planes.iter().filter(below).max_by(|a, b| share(a).total_cmp(&share(b)));
-        let up = floor.map_or(if frame.cell().is_periodic() { Vec3::z() } else { against }, |floor| floor.normal);
+        let bears_from_below =
+            |plane: &&WallPlane| plane.normal.dot(&against_gravity) > UPRIGHT_TOLERANCE && load_on(plane) > 0.0;
+        let floor = planes.iter().filter(bears_from_below).max_by(|a, b| load_on(a).total_cmp(&load_on(b)));
+        let up =
+            floor.map_or(if frame.cell().is_periodic() { Vec3::z() } else { against_gravity }, |floor| floor.normal);
         let lowest = || members().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
         let floor = floor.map_or_else(lowest, |floor| floor.offset);
         let area = section_area(&planes, &bores, &frame.cell(), &up, &centre_of_mass(members()), members())?;
-        let inside =
+        let is_between_walls =
             |x: &Vec3| planes.iter().all(|p| p.is_before(x)) && bores.iter().all(|bore| bore.contains_point(x));
-        grains.retain(|&i| inside(&frame.grains[i].x));
+        grains.retain(|&i| is_between_walls(&frame.grains[i].x));
         let top = floor + highest_point(frame, &grains, &up, floor);
-        let among = |g: &Grain| (floor..=top).contains(&g.x.dot(&up)) && inside(&g.x);
-        let others: Vec<GrainId> =
-            frame.grain_ids().filter(|i| grains.binary_search(i).is_err() && among(&frame.grains[*i])).collect();
-        grains.extend(others);
+        let is_among_grains = |g: &Grain| (floor..=top).contains(&g.x.dot(&up)) && is_between_walls(&g.x);
+        let unsupported: Vec<GrainId> = frame
+            .grain_ids()
+            .filter(|i| grains.binary_search(i).is_err() && is_among_grains(&frame.grains[*i]))
+            .collect();
+        grains.extend(unsupported);
         grains.sort_unstable();
         let members = || grains.iter().map(|&i| &frame.grains[i]);
         let centre = centre_of_mass(members());
@@ -138,29 +143,30 @@ impl Bed {
         let mut layers: Vec<Layer> = (0..count).map(layer).collect();
         for (i, grain) in members() {
             let [low, high] = height_range(grain, up).map(|h| h - self.floor);
-            let home = (((grain.x.dot(up) - self.floor) / width).max(0.0) as usize).min(count - 1);
-            layers[home].grains += 1.0;
-            layers[home].neighbours += f64::from(neighbours[i.index()]);
-            let (whole, volume) = (volume_below(grain, up, f64::INFINITY), grain.volume());
+            let own_layer = (((grain.x.dot(up) - self.floor) / width).max(0.0) as usize).min(count - 1);
+            layers[own_layer].grains += 1.0;
+            layers[own_layer].neighbours += f64::from(neighbours[i.index()]);
+            let (whole_volume, volume) = (volume_below(grain, up, f64::INFINITY), grain.volume());
             let density = grain.mass / volume;
             // Share of the grain below a height above the floor; a part below the floor is in the first layer.
-            let below = |height: f64| volume_below(grain, up, height + self.floor) / whole;
-            let over = 1.0 / (self.area * width);
+            let share_below = |height: f64| volume_below(grain, up, height + self.floor) / whole_volume;
+            let per_layer_volume = 1.0 / (self.area * width);
             let first = ((low / width).max(0.0) as usize).min(count - 1);
-            let mut up_to = 0.0;
+            let mut share_under_layer = 0.0;
             for layer in &mut layers[..first] {
                 layer.weight += grain.mass * gravity / self.area;
             }
             for (k, layer) in layers.iter_mut().enumerate().skip(first) {
-                let beyond = if k + 1 == count { 1.0 } else { below(layer.upper) };
-                let part = (beyond - up_to) * volume * over;
-                layer.nu += part;
-                layer.stress += part * stresses[i.index()];
-                layer.density += part * density;
-                layer.momentum += part * density * grain.v;
-                layer.flux += part * density * grain.v * grain.v.transpose();
-                layer.weight += (1.0 - below(0.5 * (layer.lower + layer.upper))) * grain.mass * gravity / self.area;
-                up_to = beyond;
+                let share_under_upper_face = if k + 1 == count { 1.0 } else { share_below(layer.upper) };
+                let solid_part = (share_under_upper_face - share_under_layer) * volume * per_layer_volume;
+                layer.nu += solid_part;
+                layer.stress += solid_part * stresses[i.index()];
+                layer.density += solid_part * density;
+                layer.momentum += solid_part * density * grain.v;
+                layer.flux += solid_part * density * grain.v * grain.v.transpose();
+                layer.weight +=
+                    (1.0 - share_below(0.5 * (layer.lower + layer.upper))) * grain.mass * gravity / self.area;
+                share_under_layer = share_under_upper_face;
                 if layer.upper >= high {
                     break;
                 }

@@ -116,9 +116,9 @@ fn flush_pairs(frame: &Frame) -> HashMap<[BodyIndex; 2], [BodyIndex; 2]> {
         }
         let mut first: HashMap<usize, [BodyIndex; 2]> = HashMap::new();
         for (k, pair) in pairs.iter().enumerate() {
-            let of_group = *first.entry(groups.find(k)).or_insert(*pair);
-            if of_group != *pair {
-                representative.extend([(*pair, of_group), (of_group, of_group)]);
+            let first_pair = *first.entry(groups.find(k)).or_insert(*pair);
+            if first_pair != *pair {
+                representative.extend([(*pair, first_pair), (first_pair, first_pair)]);
             }
         }
     }

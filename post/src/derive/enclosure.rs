@@ -57,17 +57,19 @@ impl<'a> GrainEnclosure<'a> {
         if frame.grains.is_empty() || frame.walls.is_empty() && !cell.is_periodic() {
             return None;
         }
-        let held = supported_grains(frame, fragments);
-        if held.is_empty() && self_gravity_constant(frame).is_some() && !cell.is_periodic() {
+        let supported = supported_grains(frame, fragments);
+        if supported.is_empty() && self_gravity_constant(frame).is_some() && !cell.is_periodic() {
             return None;
         }
         let mass = |grains: &[GrainId]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
         // Half of the mass or half of the grains: a lander may be heavier than the bed below it.
-        let half =
+        let has_half =
             |grains: &[GrainId]| 2.0 * mass(grains) >= frame.total_mass() || 2 * grains.len() >= frame.grains.len();
         // If no wall touches a grain, the largest fragment: ejecta do not count.
         let largest = fragments.first().map_or(&[][..], |first| &first.grains);
-        let core = [&held[..], if held.is_empty() { largest } else { &[] }].into_iter().find(|grains| half(grains));
+        let core = [&supported[..], if supported.is_empty() { largest } else { &[] }]
+            .into_iter()
+            .find(|grains| has_half(grains));
         let core = core.map_or_else(|| frame.grain_ids().collect(), <[GrainId]>::to_vec);
         Some(GrainEnclosure::around(frame, core))
     }
@@ -75,13 +77,14 @@ impl<'a> GrainEnclosure<'a> {
     /// Returns the walls and periods around some grains, at least one.
     pub fn around(frame: &'a Frame, core: Vec<GrainId>) -> GrainEnclosure<'a> {
         let grains = || core.iter().map(|&i| &frame.grains[i]);
-        let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0);
+        let against_gravity = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0);
         GrainEnclosure {
             frame,
             planes: bounding_planes(frame, &core),
             bores: frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &core)).collect(),
             centre: centre_of_mass(grains()),
-            up: against.map(|against| if frame.cell().is_periodic() { Vec3::z() } else { against }),
+            up: against_gravity
+                .map(|against_gravity| if frame.cell().is_periodic() { Vec3::z() } else { against_gravity }),
             mean_diameter: 2.0 * grains().map(|g| g.radius).sum::<f64>() / core.len() as f64,
             core,
         }
@@ -156,12 +159,12 @@ impl<'a> GrainEnclosure<'a> {
                 _ => 1.0,
             };
             let shares: Vec<f64> = self.planes.iter().map(share).collect();
-            let least = shares.iter().copied().fold(1.0, f64::min);
-            if least >= MIN_COVERED_SHARE {
+            let smallest = shares.iter().copied().fold(1.0, f64::min);
+            if smallest >= MIN_COVERED_SHARE {
                 return Some((space, cut));
             }
             let mut shares = shares.into_iter();
-            self.planes.retain(|_| shares.next().is_some_and(|share| share > least));
+            self.planes.retain(|_| shares.next().is_some_and(|share| share > smallest));
         }
     }
 
@@ -240,20 +243,20 @@ impl<'a> GrainEnclosure<'a> {
         let (space, SurfacePlane { point, normal, .. }, section) = self.bed_space(up)?;
         let volume = space.volume();
         // A lid is checked as a side of the whole space; the sides above the grains need not reach up to it.
-        let whole = self.covered_space(|plane| plane.normal.dot(up) < 0.0, |_, _| ());
-        if let Some((whole, ())) = whole
-            && whole.volume() - volume <= section * self.mean_diameter
+        let whole_space = self.covered_space(|plane| plane.normal.dot(up) < 0.0, |_, _| ());
+        if let Some((whole_space, ())) = whole_space
+            && whole_space.volume() - volume <= section * self.mean_diameter
         {
             let members = self.members_inside(|x| self.is_inside(x));
-            return Some(EnclosedRegion { kind: RegionKind::Walls, volume: whole.volume(), members });
+            return Some(EnclosedRegion { kind: RegionKind::Walls, volume: whole_space.volume(), members });
         }
-        let below = |x: &Vec3| (x - point).dot(&normal) <= 0.0;
-        let core = |i: &GrainId| self.core.binary_search(i).is_ok();
-        let member = |i: &GrainId| {
+        let is_below_surface = |x: &Vec3| (x - point).dot(&normal) <= 0.0;
+        let is_in_core = |i: &GrainId| self.core.binary_search(i).is_ok();
+        let is_member = |i: &GrainId| {
             let x = &self.frame.grains[*i].x;
-            self.is_inside(x) && (core(i) || below(x))
+            self.is_inside(x) && (is_in_core(i) || is_below_surface(x))
         };
-        let members = self.frame.grain_ids().filter(member).collect();
+        let members = self.frame.grain_ids().filter(is_member).collect();
         Some(EnclosedRegion { kind: RegionKind::Bed, volume, members })
     }
 

@@ -54,8 +54,8 @@ pub fn mobilised_share(contact: &Contact, laws: &[LawModel]) -> Option<f64> {
     if contact.soundness > 0.0 {
         return None;
     }
-    let most = tangential_limit(contact, laws.get(contact.law as usize)?);
-    (most > 0.0).then(|| contact.tangential_force / most)
+    let limit = tangential_limit(contact, laws.get(contact.law as usize)?);
+    (limit > 0.0).then(|| contact.tangential_force / limit)
 }
 
 /// Mean of [`mobilised_share`] over the contacts that touch with force and have friction available, and the share of these

@@ -69,8 +69,8 @@ fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
     for i in spheres() {
         for x in cell.images_near(grains[i].x, width) {
             let columns = |c: f64| ((c - reach(i)) / width).floor() as i64..=((c + reach(i)) / width).floor() as i64;
-            let both = columns(x.y).flat_map(|y| columns(x.z).map(move |z| [y, z]));
-            places.extend(both.map(|column| (column, x.x - reach(i), i, x)));
+            let columns_yz = columns(x.y).flat_map(|y| columns(x.z).map(move |z| [y, z]));
+            places.extend(columns_yz.map(|column| (column, x.x - reach(i), i, x)));
         }
     }
     places.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));

@@ -91,13 +91,13 @@ impl FreeSurface {
     /// more than 1.5 times noise and more than undulations of a level bed, as on a heap, it is the median of the columns'
     /// slopes. Both are corrected for the contribution of noise to the square of a gradient.
     pub fn from_frame(frame: &Frame, fragments: &[Fragment], reach: f64) -> Option<FreeSurface> {
-        let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
+        let against_gravity = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
         let members = supported_grains(frame, fragments);
         let grains: Vec<&Grain> = members.iter().map(|&i| &frame.grains[i]).collect();
         if grains.is_empty() {
             return None;
         }
-        let up = if frame.cell().is_periodic() { Vec3::z() } else { against };
+        let up = if frame.cell().is_periodic() { Vec3::z() } else { against_gravity };
         let grid = ColumnGrid::covering(&grains, &frame.cell(), up);
         let mut heights = grid.column_heights(&grains);
         let lowest = grains.iter().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
@@ -110,20 +110,20 @@ impl FreeSurface {
         let planes: Vec<&FittedPlane> = fits.iter().flatten().collect();
         let count = planes.len() as f64;
         let mean = |of: &dyn Fn(&FittedPlane) -> f64| planes.iter().map(|plane| of(plane)).sum::<f64>() / count;
-        let (first, second) = (mean(&|p| p.gradient[0]), mean(&|p| p.gradient[1]));
-        let spread = mean(&|p| (p.gradient[0] - first).powi(2) + (p.gradient[1] - second).powi(2));
-        let of_grains = grid.noise_density(&heights, &fits, &whole, PATCH[0]);
-        let least = (SIGNIFICANCE_FACTOR * SIGNIFICANCE_FACTOR * of_grains * mean(&|p| p.variance))
+        let mean_gradient = [0, 1].map(|k| mean(&|p| p.gradient[k]));
+        let spread = mean(&|p| (p.gradient[0] - mean_gradient[0]).powi(2) + (p.gradient[1] - mean_gradient[1]).powi(2));
+        let grain_noise = grid.noise_density(&heights, &fits, &whole, PATCH[0]);
+        let min_variance = (SIGNIFICANCE_FACTOR * SIGNIFICANCE_FACTOR * grain_noise * mean(&|p| p.variance))
             .max((UNDULATION / reach).powi(2));
-        let is_plane = planes.is_empty() || spread <= least;
+        let is_plane = planes.is_empty() || spread <= min_variance;
         let density = if is_plane {
             grid.noise_density(&heights, &fits, &whole, (0.5 * PATCH_SHARE * reach).clamp(PATCH[0], PATCH[1]))
         } else {
-            of_grains
+            grain_noise
         };
         let angle = |gradient: [f64; 2]| {
             let normal = up - gradient[0] * grid.axes[0] - gradient[1] * grid.axes[1];
-            (normal.dot(&against) / normal.norm()).clamp(-1.0, 1.0).acos()
+            (normal.dot(&against_gravity) / normal.norm()).clamp(-1.0, 1.0).acos()
         };
         let noise_of = |plane: &FittedPlane| (density * plane.variance).sqrt();
         let column = |(k, fit): (usize, &Option<FittedPlane>)| {
@@ -240,10 +240,10 @@ pub fn mean_plane(
     }
     let grid = ColumnGrid::covering(grains, cell, *up);
     let heights = grid.column_heights(grains);
-    let mut of_surface = heights.clone();
+    let mut surface_heights = heights.clone();
     let lowest = grains.iter().map(|g| height_range(g, up)[0]).fold(f64::INFINITY, f64::min);
-    grid.remove_sides(&mut of_surface, lowest, &LeaningSide::among(planes, bores, up));
-    let whole = grid.whole_plane(&of_surface)?;
+    grid.remove_sides(&mut surface_heights, lowest, &LeaningSide::among(planes, bores, up));
+    let whole = grid.whole_plane(&surface_heights)?;
     let ([first, second], [x, y], [along, across]) = (grid.axes, whole.middle, whole.plane.gradient);
     Some(SurfacePlane {
         point: first * x + second * y + up * whole.plane.height,
@@ -421,9 +421,9 @@ impl ColumnGrid {
         };
         let mut hidden: Vec<usize> = Vec::new();
         for side in sides {
-            let of_side = || known.iter().copied().filter(|&k| is_on_side(side, point(k, heights[k])));
-            if 2 * of_side().count() <= known.len() {
-                hidden.extend(of_side());
+            let side_points = || known.iter().copied().filter(|&k| is_on_side(side, point(k, heights[k])));
+            if 2 * side_points().count() <= known.len() {
+                hidden.extend(side_points());
             }
         }
         hidden.into_iter().for_each(|k| heights[k] = f64::NAN);

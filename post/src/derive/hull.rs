@@ -28,10 +28,10 @@ pub fn hull_volume(balls: &[(Vec3, f64)]) -> f64 {
         return f64::NAN;
     }
     let r = balls.iter().map(|ball| ball.1).fold(f64::INFINITY, f64::min);
-    let most = balls.iter().map(|ball| ball.1).fold(0.0, f64::max);
+    let largest = balls.iter().map(|ball| ball.1).fold(0.0, f64::max);
     let reduced = || balls.iter().map(|(x, radius)| (x, radius - r));
     // Radii from a file may differ by rounding.
-    let equal = |excess: f64| excess <= 1e-12 * most;
+    let equal = |excess: f64| excess <= 1e-12 * largest;
     let mut points: Vec<Vec3> = reduced().filter(|(_, excess)| equal(*excess)).map(|(x, _)| *x).collect();
     if points.len() < balls.len() {
         // From the outermost ball inwards, so that a search ends at the first that cannot reach beyond the farthest.
@@ -39,18 +39,18 @@ pub fn hull_volume(balls: &[(Vec3, f64)]) -> f64 {
         let bound = |(x, excess): (&Vec3, f64)| ((x - centre).norm() + excess) * (1.0 + BOUND_ROUNDING);
         let mut bounds: Vec<(f64, usize)> = reduced().map(bound).zip(0..).collect();
         bounds.sort_unstable_by(|(a, i), (b, j)| b.total_cmp(a).then(i.cmp(j)));
-        let size = balls.iter().map(|(x, _)| x.norm()).fold(most, f64::max);
+        let size = balls.iter().map(|(x, _)| x.norm()).fold(largest, f64::max);
         let farthest = |u: Vec3| {
-            let (mut most, mut index) = (f64::NEG_INFINITY, 0);
+            let (mut largest, mut index) = (f64::NEG_INFINITY, 0);
             let start = centre.dot(&u) + BOUND_ROUNDING * size;
             for &(bound, k) in &bounds {
-                if start + bound < most {
+                if start + bound < largest {
                     break;
                 }
                 let reach = balls[k].0.dot(&u) + (balls[k].1 - r);
                 // The first of equal ones, in the order of the balls.
-                if reach > most || (reach == most && k < index) {
-                    (most, index) = (reach, k);
+                if reach > largest || (reach == largest && k < index) {
+                    (largest, index) = (reach, k);
                 }
             }
             balls[index].0 + (balls[index].1 - r) * u
@@ -191,12 +191,12 @@ impl ExactHull<'_> {
 
     /// Replaces the faces that a point sees by those from their rim to it.
     fn add_point(&mut self, k: usize) {
-        let seen: Vec<usize> = (0..self.faces.len()).filter(|&f| self.is_visible_from(k, &self.faces[f])).collect();
-        let sides: HashSet<[usize; 2]> = seen.iter().flat_map(|&f| triangle_edges(&self.faces[f].corners)).collect();
+        let visible: Vec<usize> = (0..self.faces.len()).filter(|&f| self.is_visible_from(k, &self.faces[f])).collect();
+        let sides: HashSet<[usize; 2]> = visible.iter().flat_map(|&f| triangle_edges(&self.faces[f].corners)).collect();
         let inner = |[a, b]: &[usize; 2]| sides.contains(&[*b, *a]);
         let rim: Vec<[usize; 2]> =
-            seen.iter().flat_map(|&f| triangle_edges(&self.faces[f].corners)).filter(|side| !inner(side)).collect();
-        for &face in seen.iter().rev() {
+            visible.iter().flat_map(|&f| triangle_edges(&self.faces[f].corners)).filter(|side| !inner(side)).collect();
+        for &face in visible.iter().rev() {
             self.faces.swap_remove(face);
         }
         rim.into_iter().for_each(|[a, b]| self.add_face([a, b, k]));

@@ -253,7 +253,7 @@ impl Row {
         let largest = LargestFragment::new(&fragments, gravity, whole.mass);
         let bed = bed::Bed::from_frame(frame, &fragments);
         let free = FreeSurface::from_frame(frame, &fragments, choices.slope_reach);
-        let of_bed = |value: &dyn Fn(&bed::Bed) -> f64| bed.as_ref().map_or(f64::NAN, value);
+        let bed_value = |value: &dyn Fn(&bed::Bed) -> f64| bed.as_ref().map_or(f64::NAN, value);
         let e_grav =
             gravity.map_or(0.0, |g| energy::gravitational_energy(grains.iter().map(|k| (k.x, k.mass)), g, summation));
         let e_uniform = energy::uniform_gravity_energy(grains, Vec3::from(frame.meta.parameters.uniform_gravity));
@@ -339,17 +339,17 @@ impl Row {
             E_friction: ledger.friction_work,
             E_shocks: ledger.contact_work - ledger.friction_work,
             E_outside: ledger.outside_work,
-            bed_height: of_bed(&|bed| bed.height),
-            bed_nu: of_bed(&|bed| bed.solid_fraction()),
-            bed_pressure: of_bed(&|bed| stress::pressure(&bed.stress())),
-            bed_stress_ratio: of_bed(&|bed| bed.stress_ratio()),
+            bed_height: bed_value(&|bed| bed.height),
+            bed_nu: bed_value(&|bed| bed.solid_fraction()),
+            bed_pressure: bed_value(&|bed| stress::pressure(&bed.stress())),
+            bed_stress_ratio: bed_value(&|bed| bed.stress_ratio()),
             n_bonds: frame.contacts.iter().filter(|contact| contact.bonded).count() as u64,
             surface_slope: free.as_ref().map_or(f64::NAN, |surface| surface.slope),
             surface_slope_error: free.as_ref().map_or(f64::NAN, |surface| surface.slope_error),
             interval: frame.interval.length,
             Z_interval: coordination::interval_coordination(frame, &region.members),
             pressure_interval: region.interval_pressure(frame),
-            bed_pressure_interval: of_bed(&bed::Bed::interval_pressure),
+            bed_pressure_interval: bed_value(&bed::Bed::interval_pressure),
         };
         row.clear_origin_dependent(&cell);
         row

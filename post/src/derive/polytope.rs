@@ -50,12 +50,12 @@ impl ConvexPolytope {
         let mut rim: Vec<Vec3> = Vec::new();
         let mut faces = Vec::with_capacity(self.faces.len() + 1);
         for face in &self.faces {
-            let left = cut_polygon(face, value, |p, q, share| p + (q - p) * share);
+            let remainder = cut_polygon(face, value, |p, q, share| p + (q - p) * share);
             if face.iter().any(|p| value(p) < 0.0) {
-                rim.extend(left.iter().filter(|p| value(p) == 0.0));
+                rim.extend(remainder.iter().filter(|p| value(p) == 0.0));
             }
-            if left.len() > 2 {
-                faces.push(left);
+            if remainder.len() > 2 {
+                faces.push(remainder);
             }
         }
         self.faces = faces;
@@ -111,16 +111,16 @@ fn area_normal(polygon: &[Vec3]) -> Vec3 {
 
 /// Returns the part of a convex polygon where `value` is not negative; `between` gives the point at a share of an edge.
 pub fn cut_polygon<P: Copy>(polygon: &[P], value: impl Fn(&P) -> f64, between: impl Fn(&P, &P, f64) -> P) -> Vec<P> {
-    let mut left = Vec::with_capacity(polygon.len() + 1);
+    let mut remainder = Vec::with_capacity(polygon.len() + 1);
     for (k, p) in polygon.iter().enumerate() {
         let q = &polygon[(k + 1) % polygon.len()];
-        let (here, there) = (value(p), value(q));
-        if here >= 0.0 {
-            left.push(*p);
+        let (value_p, value_q) = (value(p), value(q));
+        if value_p >= 0.0 {
+            remainder.push(*p);
         }
-        if (here < 0.0) != (there < 0.0) {
-            left.push(between(p, q, here / (here - there)));
+        if (value_p < 0.0) != (value_q < 0.0) {
+            remainder.push(between(p, q, value_p / (value_p - value_q)));
         }
     }
-    left
+    remainder
 }

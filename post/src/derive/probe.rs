@@ -292,8 +292,9 @@ impl ProbeShape {
         triangles.fold((0.0, 0.0), |(inside, all), triangle| {
             let [a, b, c] = triangle.map(|k| vertices[k as usize] - grain.x);
             let volume = a.dot(&b.cross(&c)) / 6.0;
-            let held = points.iter().filter(|[s, t, u]| self.contains(&(grain.x + a * *s + b * *t + c * *u))).count();
-            (inside + volume * held as f64 / points.len() as f64, all + volume)
+            let contained =
+                points.iter().filter(|[s, t, u]| self.contains(&(grain.x + a * *s + b * *t + c * *u))).count();
+            (inside + volume * contained as f64 / points.len() as f64, all + volume)
         })
     }
 }

@@ -158,8 +158,8 @@ fn acceleration_in_own_axes(
     let others: Vec<&Grain> = frame.grain_ids().filter(|i| !own[i.index()]).map(|i| &frame.grains[i]).collect();
     let pull = |&i: &GrainId| {
         let grain = &frame.grains[i];
-        let of_others = others.iter().map(|other| ball_attraction(other, grain.x)).sum::<Vec3>() * constant;
-        (of_others + primary_attraction(fields, grain.x)) * grain.mass
+        let attraction = others.iter().map(|other| ball_attraction(other, grain.x)).sum::<Vec3>() * constant;
+        (attraction + primary_attraction(fields, grain.x)) * grain.mass
     };
     // Summed in one order, independent of the number of threads.
     let pulls: Vec<Vec3> = members.par_iter().map(pull).collect();
@@ -182,8 +182,8 @@ pub fn surface_heights(grains: &[&Grain], centre: Vec3, grid: DirectionGrid) -> 
         let far = grains.iter().filter_map(|g| {
             let d = g.x - centre;
             let along = d.dot(&out);
-            let left = g.radius * g.radius - (d.norm_squared() - along * along);
-            (left >= 0.0).then(|| along + left.sqrt())
+            let half_chord2 = g.radius * g.radius - (d.norm_squared() - along * along);
+            (half_chord2 >= 0.0).then(|| along + half_chord2.sqrt())
         });
         far.filter(|height| *height > 0.0).fold(f64::NAN, f64::max)
     };
@@ -204,15 +204,15 @@ fn fit_planes(
     let mean = known.iter().map(|(k, _)| raw[*k]).sum::<f64>() / known.len() as f64;
     // One reach for all: with one for each direction its own change would be a slope.
     let reach = (length / mean).min(std::f64::consts::FRAC_PI_2);
-    let arcs = |k: usize, most: f64| {
+    let arcs = |k: usize, max_angle: f64| {
         let [out, east, north] = grid.cell_axes(k);
-        let least = most.cos();
+        let min_cosine = max_angle.cos();
         known.iter().filter_map(move |(j, other)| {
             let cos = out.dot(other);
             let across = [other.dot(&east), other.dot(&north)];
             let sin = across[0].hypot(across[1]);
             let stretch = if sin > 0.0 { sin.atan2(cos) / sin } else { 1.0 };
-            (cos >= least).then(|| (*j, across.map(|x| x * stretch)))
+            (cos >= min_cosine).then(|| (*j, across.map(|x| x * stretch)))
         })
     };
     let plane = |k: usize| {

@@ -217,14 +217,14 @@ const BOX_FACES: [[u64; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 
 /// Position at which a wall is drawn: in a periodic scene, that of its image with the centre in the cell, along axes in
 /// which a plate is shorter than a period.
 fn drawn_position(wall: &Wall, cell: &PeriodicCell) -> Vec3 {
-    let moved = cell.nearest_period(wall.x);
+    let shift = cell.nearest_period(wall.x);
     let fits = |axis: usize| match (&wall.shape, cell.0.get(axis)) {
         (WallShape::Plate(half), Some(Some(period))) => {
             2.0 * (0..3).map(|k| (wall.rotation * Vec3::ith(k, half[k]))[axis].abs()).sum::<f64>() < *period
         }
         _ => true,
     };
-    wall.x - Vec3::from_fn(|axis, _| if fits(axis) { moved[axis] } else { 0.0 })
+    wall.x - Vec3::from_fn(|axis, _| if fits(axis) { shift[axis] } else { 0.0 })
 }
 
 /// The walls: plates as boxes, driven polyhedra by their faces, driven balls as points with a radius.

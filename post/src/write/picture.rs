@@ -14,12 +14,15 @@ use crate::frame::{Frame, Grain};
 use crate::math::Vec3;
 use crate::write::scale::{format_six_digits, round_below, unit_prefix};
 
-/// Side of the square for the grains and width of the legend next to it, pixels.
+/// Side of the square for the grains, pixels.
 const PICTURE_SIDE: f64 = 800.0;
+/// Width of the legend next to it, pixels.
 const STRIP_WIDTH: f64 = 170.0;
+/// Distance of texts from the border, pixels.
 const PICTURE_MARGIN: f64 = 30.0;
-/// Font size, and height of a colour in the legend, pixels.
+/// Font size, pixels.
 const FONT_SIZE: f64 = 20.0;
+/// Height of a colour in the legend, pixels.
 const COLOUR_HEIGHT: f64 = 30.0;
 /// Margin between the grains and the picture's border, pixels.
 const BORDER_MARGIN: f64 = 50.0;
@@ -61,10 +64,10 @@ impl ColourScale {
         let grains = || frames.iter().flat_map(|frame| &frame.grains);
         match shade {
             PictureColouring::Neighbours => {
-                let most =
+                let largest_count =
                     frames.iter().flat_map(|frame| neighbour_counts(frame)).max().unwrap_or(0).min(MAX_COUNT_CLASS);
                 let label = |count: u32| format!("{count}{}", if count == MAX_COUNT_CLASS { "+" } else { "" });
-                ColourScale { shade, largest: 0.0, labels: (0..=most).map(label).collect() }
+                ColourScale { shade, largest: 0.0, labels: (0..=largest_count).map(label).collect() }
             }
             PictureColouring::KineticEnergy => {
                 let largest = grains().map(kinetic_energy).fold(0.0, f64::max);
@@ -110,7 +113,7 @@ impl ColourScale {
 
     /// Draws the colours next to a picture, with their labels.
     fn draw_legend(&self, left: f64, put: &mut impl FnMut(String)) {
-        let most = self.max_class();
+        let max_class = self.max_class();
         let title = match self.shade {
             PictureColouring::Neighbours => "neighbours",
             PictureColouring::KineticEnergy => "kinetic energy",
@@ -120,8 +123,8 @@ impl ColourScale {
             put(format!("<text x=\"{left}\" y=\"{PICTURE_MARGIN}\" dy=\"1.2em\">from</text>"));
         }
         for (class, label) in (0..).zip(&self.labels) {
-            let y = 2.2 * PICTURE_MARGIN + COLOUR_HEIGHT * f64::from(most - class);
-            let [r, g, b] = class_colour(class, most);
+            let y = 2.2 * PICTURE_MARGIN + COLOUR_HEIGHT * f64::from(max_class - class);
+            let [r, g, b] = class_colour(class, max_class);
             put(format!(
                 "<rect x=\"{left}\" y=\"{y}\" width=\"{COLOUR_HEIGHT}\" height=\"{COLOUR_HEIGHT}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"/>"
             ));
@@ -147,12 +150,15 @@ pub(crate) const VIRIDIS_COLOURS: [[f64; 3]; 5] =
 /// Direction towards the light: left, above and before the picture (x right, y away, z up); length 1.
 const LIGHT_DIRECTION: [f64; 3] = [-0.48, -0.64, 0.6];
 
-/// Grain on the picture: its bounding circle, pixels, and its painted shapes.
+/// Grain on the picture.
 #[derive(Debug, Clone, PartialEq)]
 struct GrainDisc {
+    /// Centre of its bounding circle, pixels of the square; y points down.
     x: f64,
     y: f64,
+    /// Radius of its bounding circle, pixels of the square.
     radius: f64,
+    /// Painted shapes.
     shapes: Vec<PaintedShape>,
 }
 
@@ -234,7 +240,7 @@ pub fn svg(frame: &Frame, colouring: PictureColouring) -> String {
     let mut text = svg_head(PICTURE_SIDE + STRIP_WIDTH, PICTURE_SIDE);
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
     let scale = ColourScale::new(colouring, &[frame]);
-    draw_state(frame, &ViewWindow::of_frame(frame), &scale, 0, 1.0, &mut put);
+    draw_state(frame, &ViewWindow::around_grains(frame), &scale, 0, 1.0, &mut put);
     scale.draw_legend(PICTURE_SIDE + 20.0, &mut put);
     put("</svg>".into());
     text
@@ -244,10 +250,10 @@ pub fn svg(frame: &Frame, colouring: PictureColouring) -> String {
 /// with one scale of colours.
 pub fn snapshots_svg(frames: &[&Frame]) -> String {
     const SMALL: f64 = 0.5 * PICTURE_SIDE;
-    let wide = SMALL * frames.len() as f64;
-    let mut text = svg_head(wide + STRIP_WIDTH, 2.0 * SMALL);
+    let total_width = SMALL * frames.len() as f64;
+    let mut text = svg_head(total_width + STRIP_WIDTH, 2.0 * SMALL);
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
-    let windows: Vec<ViewWindow> = frames.iter().map(|frame| ViewWindow::of_frame(frame)).collect();
+    let windows: Vec<ViewWindow> = frames.iter().map(|frame| ViewWindow::around_grains(frame)).collect();
     // NaN of states without grains is not the largest.
     let half = windows.iter().map(|window| window.half).fold(f64::NAN, f64::max);
     for (row, shade) in [PictureColouring::KineticEnergy, PictureColouring::Neighbours].into_iter().enumerate() {
@@ -264,7 +270,7 @@ pub fn snapshots_svg(frames: &[&Frame]) -> String {
             put("</svg>".into());
         }
         put(format!("<g transform=\"translate(0 {top})\">"));
-        scale.draw_legend(wide + 10.0, &mut put);
+        scale.draw_legend(total_width + 10.0, &mut put);
         put("</g>".into());
     }
     put("</svg>".into());
@@ -280,27 +286,27 @@ fn svg_head(width: f64, height: f64) -> String {
     )
 }
 
-/// Draws one state on a square; `number` distinguishes it from others of the same file. `pixel`: own pixels per pixel of
-/// the file.
+/// Draws one state on a square of [`PICTURE_SIDE`] pixels; `number` distinguishes it from others of the same file.
+/// `pixel_scale`: pixels of the square per pixel of the file.
 fn draw_state(
     frame: &Frame,
     window: &ViewWindow,
     scale: &ColourScale,
     number: usize,
-    pixel: f64,
+    pixel_scale: f64,
     put: &mut impl FnMut(String),
 ) {
-    let most = scale.max_class();
-    let discs = project_grains(frame, window, &scale.grain_classes(frame), MIN_GRAIN_RADIUS * pixel);
-    let pixels = window.scale();
-    let edge = EDGE_WIDTH * pixel;
+    let max_class = scale.max_class();
+    let discs = project_grains(frame, window, &scale.grain_classes(frame), MIN_GRAIN_RADIUS * pixel_scale);
+    let pixels_per_metre = window.pixels_per_metre();
+    let edge = EDGE_WIDTH * pixel_scale;
     let (inside, outside): (Vec<GrainDisc>, Vec<GrainDisc>) = discs.into_iter().partition(|disc| {
-        let within = |c: f64| c > -disc.radius && c < PICTURE_SIDE + disc.radius;
-        within(disc.x) && within(disc.y)
+        let is_inside = |c: f64| c > -disc.radius && c < PICTURE_SIDE + disc.radius;
+        is_inside(disc.x) && is_inside(disc.y)
     });
     put("<defs>".into());
-    for class in 0..=most {
-        put(gradient_svg(number, class, most));
+    for class in 0..=max_class {
+        put(gradient_svg(number, class, max_class));
     }
     put(format!(
         "<clipPath id=\"frame{number}\"><rect width=\"{PICTURE_SIDE}\" height=\"{PICTURE_SIDE}\"/></clipPath>\n</defs>"
@@ -311,8 +317,8 @@ fn draw_state(
     ));
     for PaintedShape { class, outline, .. } in visible_shapes(inside.into_iter().flat_map(|disc| disc.shapes).collect())
     {
-        let share = (outline.radius() / pixel - MIN_EDGED_RADIUS) / (FULL_EDGE_RADIUS - MIN_EDGED_RADIUS);
-        let thin = match share {
+        let share = (outline.radius() / pixel_scale - MIN_EDGED_RADIUS) / (FULL_EDGE_RADIUS - MIN_EDGED_RADIUS);
+        let stroke = match share {
             share if share >= 1.0 => String::new(),
             share if share > 0.0 => format!(" stroke-width=\"{:.2}\"", share * edge),
             _ => " stroke=\"none\"".into(),
@@ -320,23 +326,26 @@ fn draw_state(
         put(match outline {
             ShapeOutline::Circle { x, y, radius } => {
                 format!(
-                    "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" fill=\"url(#c{number}-{class})\"{thin}/>"
+                    "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" fill=\"url(#c{number}-{class})\"{stroke}/>"
                 )
             }
             ShapeOutline::Face { corners, light } => {
-                let [r, g, b] = shaded_colour(class_colour(class, most), light);
+                let [r, g, b] = shaded_colour(class_colour(class, max_class), light);
                 let corners: Vec<String> = corners.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
-                format!("<polygon points=\"{}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"{thin}/>", corners.join(" "))
+                format!("<polygon points=\"{}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"{stroke}/>", corners.join(" "))
             }
         });
     }
     put("</g>".into());
     // Scale bar.
-    if pixels.is_finite() {
-        let length = round_below(PICTURE_SIDE / 5.0 / pixels);
+    if pixels_per_metre.is_finite() {
+        let length = round_below(PICTURE_SIDE / 5.0 / pixels_per_metre);
         let (factor, unit) = unit_prefix(length, "m");
         let (left, bottom) = (PICTURE_MARGIN, PICTURE_SIDE - PICTURE_MARGIN);
-        put(format!("<path d=\"M{left} {bottom}h{:.2}\" stroke=\"black\" stroke-width=\"4\"/>", length * pixels));
+        put(format!(
+            "<path d=\"M{left} {bottom}h{:.2}\" stroke=\"black\" stroke-width=\"4\"/>",
+            length * pixels_per_metre
+        ));
         put(format!("<text x=\"{left}\" y=\"{}\">{:.0} {unit}</text>", bottom - 10.0, length / factor));
     }
     let top = 1.2 * PICTURE_MARGIN;
@@ -381,7 +390,7 @@ struct ViewWindow {
 
 impl ViewWindow {
     /// Window around most of the grains.
-    fn of_frame(frame: &Frame) -> ViewWindow {
+    fn around_grains(frame: &Frame) -> ViewWindow {
         let view = view_rotation();
         let positions_in_view: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
         if positions_in_view.is_empty() {
@@ -403,14 +412,14 @@ impl ViewWindow {
             .zip(&frame.grains)
             .map(|(at, g)| (at.x - x).abs().max((at.z - z).abs()) + g.bounding_radius())
             .collect();
-        let most = 3.0 * weighted_quantile(with_mass(&mut reach.iter().copied()), 2.0 / 3.0);
-        let most = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95)).min(most);
-        let half = reach.iter().copied().filter(|reach| *reach <= most).fold(0.0, f64::max);
+        let max_reach = 3.0 * weighted_quantile(with_mass(&mut reach.iter().copied()), 2.0 / 3.0);
+        let max_reach = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95)).min(max_reach);
+        let half = reach.iter().copied().filter(|reach| *reach <= max_reach).fold(0.0, f64::max);
         ViewWindow { middle: [x, z], half }
     }
 
-    /// Pixels per metre.
-    fn scale(&self) -> f64 {
+    /// Pixels of the square per metre.
+    fn pixels_per_metre(&self) -> f64 {
         (PICTURE_SIDE / 2.0 - BORDER_MARGIN) / self.half
     }
 }
@@ -419,13 +428,15 @@ impl ViewWindow {
 fn project_grains(frame: &Frame, window: &ViewWindow, classes: &[u32], min_radius: f64) -> Vec<GrainDisc> {
     let view = view_rotation();
     let positions_in_view: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
-    let (scale, [x, z]) = (window.scale(), window.middle);
-    let to_pixels = |at: &Vec3| [PICTURE_SIDE / 2.0 + scale * (at.x - x), PICTURE_SIDE / 2.0 - scale * (at.z - z)];
+    let (pixels_per_metre, [x, z]) = (window.pixels_per_metre(), window.middle);
+    let to_pixels = |at: &Vec3| {
+        [PICTURE_SIDE / 2.0 + pixels_per_metre * (at.x - x), PICTURE_SIDE / 2.0 - pixels_per_metre * (at.z - z)]
+    };
     let disc = |((at, grain), &class): ((&Vec3, &Grain), &u32)| {
         let [x, y] = to_pixels(at);
-        let radius = (scale * grain.bounding_radius()).max(min_radius);
+        let radius = (pixels_per_metre * grain.bounding_radius()).max(min_radius);
         let mut shapes = Vec::new();
-        if scale * grain.bounding_radius() <= min_radius {
+        if pixels_per_metre * grain.bounding_radius() <= min_radius {
             shapes.push(PaintedShape { depth: at.y, class, outline: ShapeOutline::Circle { x, y, radius } });
             return GrainDisc { x, y, radius, shapes };
         }
@@ -444,7 +455,7 @@ fn project_grains(frame: &Frame, window: &ViewWindow, classes: &[u32], min_radiu
         }
         for (centre, radius) in grain.balls() {
             let centre = at + view * (centre - grain.x);
-            let ([x, y], radius) = (to_pixels(&centre), scale * radius);
+            let ([x, y], radius) = (to_pixels(&centre), pixels_per_metre * radius);
             shapes.push(PaintedShape { depth: centre.y, class, outline: ShapeOutline::Circle { x, y, radius } });
         }
         GrainDisc { x, y, radius, shapes }
@@ -488,24 +499,24 @@ fn visible_shapes(mut shapes: Vec<PaintedShape>) -> Vec<PaintedShape> {
             owners[row * CELLS..][span].fill(owner);
         }
     }
-    let mut seen = vec![false; shapes.len()];
-    owners.into_iter().filter(|owner| *owner != u32::MAX).for_each(|owner| seen[owner as usize] = true);
-    let mut seen = seen.into_iter();
-    shapes.retain(|_| seen.next().is_some_and(|seen| seen));
+    let mut is_visible = vec![false; shapes.len()];
+    owners.into_iter().filter(|owner| *owner != u32::MAX).for_each(|owner| is_visible[owner as usize] = true);
+    let mut is_visible = is_visible.into_iter();
+    shapes.retain(|_| is_visible.next().is_some_and(|is_visible| is_visible));
     shapes
 }
 
-/// Red, green and blue of a class from 0 to `most`.
-fn class_colour(class: u32, most: u32) -> [f64; 3] {
-    let position = f64::from(class) / f64::from(most.max(1)) * (VIRIDIS_COLOURS.len() - 1) as f64;
+/// Red, green and blue of a class from 0 to `max_class`.
+fn class_colour(class: u32, max_class: u32) -> [f64; 3] {
+    let position = f64::from(class) / f64::from(max_class.max(1)) * (VIRIDIS_COLOURS.len() - 1) as f64;
     let low = (position as usize).min(VIRIDIS_COLOURS.len() - 2);
     let share = position - low as f64;
     std::array::from_fn(|k| (1.0 - share) * VIRIDIS_COLOURS[low][k] + share * VIRIDIS_COLOURS[low + 1][k])
 }
 
 /// Gradient for light from the upper left: the colour is lighter there and darker at the far rim.
-fn gradient_svg(number: usize, class: u32, most: u32) -> String {
-    let base = class_colour(class, most);
+fn gradient_svg(number: usize, class: u32, max_class: u32) -> String {
+    let base = class_colour(class, max_class);
     let mix = |towards: f64, share: f64| {
         let [r, g, b] = base.map(|c| (1.0 - share) * c + share * towards);
         format!("rgb({r:.0},{g:.0},{b:.0})")
@@ -544,9 +555,9 @@ mod tests {
     fn of_a_cube_three_faces_are_seen_and_the_upper_is_the_brightest() {
         let mut scene = Scene::default();
         scene.cube([0.0; 3], 1.0);
-        let window = ViewWindow::of_frame(&scene.frame());
+        let window = ViewWindow::around_grains(&scene.frame());
         let discs = project_grains(&scene.frame(), &window, &[0], MIN_GRAIN_RADIUS);
-        assert!((discs[0].radius / window.scale() - 3f64.sqrt()).abs() < 1e-14);
+        assert!((discs[0].radius / window.pixels_per_metre() - 3f64.sqrt()).abs() < 1e-14);
         let height_and_light = |shape: &PaintedShape| match &shape.outline {
             ShapeOutline::Face { corners, light } => (corners.iter().map(|[_, y]| y).sum::<f64>() / 4.0, *light),
             ShapeOutline::Circle { .. } => panic!("of a cube: {shape:?}"),
@@ -588,8 +599,9 @@ mod tests {
         // A sphere of 1 m fills the picture except for the margin.
         let mut scene = Scene::default();
         scene.grain([0.0, 0.0, 0.0], 1.0);
-        let window = ViewWindow::of_frame(&scene.frame());
-        let (discs, scale) = (project_grains(&scene.frame(), &window, &[0], MIN_GRAIN_RADIUS), window.scale());
+        let window = ViewWindow::around_grains(&scene.frame());
+        let (discs, scale) =
+            (project_grains(&scene.frame(), &window, &[0], MIN_GRAIN_RADIUS), window.pixels_per_metre());
         assert!((discs[0].radius - (PICTURE_SIDE / 2.0 - BORDER_MARGIN)).abs() < 1e-9);
         let text = svg(&scene.frame(), PictureColouring::Neighbours);
         let bar = text.split("<path d=\"M30 770h").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
@@ -616,7 +628,7 @@ mod tests {
         }
         scene.grain([1e9, 0.0, 0.0], 0.5);
         assert!(svg(&scene.frame(), PictureColouring::KineticEnergy).contains("1 of them outside the picture"));
-        assert!(ViewWindow::of_frame(&scene.frame()).scale() > 20.0);
+        assert!(ViewWindow::around_grains(&scene.frame()).pixels_per_metre() > 20.0);
     }
 
     #[test]
@@ -630,7 +642,7 @@ mod tests {
             scene.grain([1e5 * (k as f64 - 9.5), 0.0, 2e5], 0.5);
         }
         assert!(svg(&scene.frame(), PictureColouring::Neighbours).contains("20 of them outside the picture"));
-        assert!(ViewWindow::of_frame(&scene.frame()).scale() > 20.0);
+        assert!(ViewWindow::around_grains(&scene.frame()).pixels_per_metre() > 20.0);
     }
 
     #[test]

@@ -52,9 +52,9 @@ fn cell_range(piece: &PolyDataPiece, lists: &[CellList; 3], range: Range<usize>)
     let mut before = 0;
     let ranges = lists.each_ref().map(|list| {
         let within = |row: usize| row.saturating_sub(before).min(list.ends.len());
-        let of_list = within(range.start)..within(range.end);
+        let list_range = within(range.start)..within(range.end);
         before += list.ends.len();
-        of_list
+        list_range
     });
     let all = lists.iter().zip(&ranges).flat_map(|(list, range)| list.cells(range.clone()));
     let mut points: Vec<u64> = all.flatten().copied().collect();

@@ -12,7 +12,7 @@ pub struct SeriesPlot {
     /// Quantity on the vertical axis.
     pub quantity: &'static str,
     /// Whether the first curve is a mean over the region, which the title then names.
-    pub of_region: bool,
+    pub is_of_region: bool,
     /// Whether the axis is logarithmic, in powers of ten; values under 1e-14 of the largest, round-off, are left out.
     pub logarithmic: bool,
     /// Name of each column, and its label in the legend.
@@ -25,7 +25,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
         file: "energy.svg",
         title: "Kinetic energy per grain",
         quantity: "energy",
-        of_region: false,
+        is_of_region: false,
         logarithmic: true,
         curves: &[("Ec_mean", "all"), ("Ec_rot_mean", "rotation"), ("Ec_rigid_mean", "rigid motion")],
     },
@@ -33,7 +33,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
         file: "coordination.svg",
         title: "Neighbours per grain",
         quantity: "Z",
-        of_region: true,
+        is_of_region: true,
         logarithmic: false,
         curves: &[("Z", "all grains"), ("Z_no_rattlers", "no rattlers")],
     },
@@ -41,7 +41,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
         file: "solid_fraction.svg",
         title: "Solid fraction",
         quantity: "ν",
-        of_region: true,
+        is_of_region: true,
         logarithmic: false,
         curves: &[("nu", "ν"), ("bed_nu", "bed")],
     },
@@ -49,7 +49,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
         file: "pressure.svg",
         title: "Mean pressure",
         quantity: "pressure",
-        of_region: true,
+        is_of_region: true,
         logarithmic: false,
         curves: &[("pressure", "contacts"), ("pressure_virial", "virial of the loads"), ("bed_pressure", "bed")],
     },
@@ -57,7 +57,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
         file: "semi_axes.svg",
         title: "Semi-axes of the ellipsoid of equal inertia",
         quantity: "length",
-        of_region: false,
+        is_of_region: false,
         logarithmic: false,
         curves: &[("a", "a"), ("b", "b"), ("c", "c")],
     },
@@ -65,7 +65,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
         file: "dissipation.svg",
         title: "Work of the contacts",
         quantity: "energy",
-        of_region: false,
+        is_of_region: false,
         logarithmic: false,
         curves: &[("E_contacts", "all"), ("E_shocks", "shocks"), ("E_friction", "friction")],
     },
@@ -109,7 +109,7 @@ impl SeriesPlot {
         let has = |curve: &Curve| curve.name == self.curves[0].1 || curve.points.iter().any(|(_, y)| y.is_finite());
         let curves = self.curves.iter().map(|(name, label)| Curve::line(label, column_points(rows, name)));
         let curves = curves.filter(has).collect();
-        let title = match self.of_region.then(|| region_names(rows)) {
+        let title = match self.is_of_region.then(|| region_names(rows)) {
             Some(regions) if !regions.is_empty() => format!("{}, {regions}", self.title),
             _ => self.title.into(),
         };

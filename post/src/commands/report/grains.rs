@@ -125,11 +125,11 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
         let values: Vec<&[f64]> = states.iter().map(|state| &state.values[k][..]).collect();
         quantity_json(TIME_DEPENDENT[k], &values)
     });
-    let of_grains = |value: &dyn Fn(&Grain) -> f64| -> Vec<f64> { grains.iter().map(value).collect() };
+    let grain_values = |value: &dyn Fn(&Grain) -> f64| -> Vec<f64> { grains.iter().map(value).collect() };
     let constant = [
-        (("radius", "m"), of_grains(&|grain| grain.radius)),
-        (("colour", "1"), of_grains(&|grain| f64::from(grain.colour))),
-        (("number", "1"), of_grains(&|grain| grain.id as f64)),
+        (("radius", "m"), grain_values(&|grain| grain.radius)),
+        (("colour", "1"), grain_values(&|grain| f64::from(grain.colour))),
+        (("number", "1"), grain_values(&|grain| grain.id as f64)),
     ];
     let constant = constant.iter().map(|(name, values)| quantity_json(*name, &[values]));
     let distances: Vec<Vec<f64>> =

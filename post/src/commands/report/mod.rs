@@ -102,12 +102,13 @@ pub fn write(dir: &Path, every: u32, measures: &MeasurementFlags) -> Result<(Pat
     let last = frames.pop().flatten().expect("the last snapshot is taken");
     let seconds = stage_seconds(&dir.join("TIMER.csv"))?;
     let reach = options.measures.slope.slope_reach;
-    let depth = match last.grains.is_empty() {
+    let state_files = match last.grains.is_empty() {
         true => Vec::new(),
         false => state::state_files(&last, &state::added_bodies(dir)?, reach),
     };
     let path = dir.join("POSTPRO/report.html");
-    atomic::write(&path, page_html(dir, &rows, &states, &last, depth, reach, &seconds).as_bytes())?;
+    let content = PageContent { rows: &rows, states: &states, last: &last, reach, seconds: &seconds };
+    atomic::write(&path, page_html(dir, &content, state_files).as_bytes())?;
     Ok((path, outside_of_layers(&rows).into_iter().collect()))
 }
 
@@ -115,19 +116,22 @@ fn escape_html(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
-/// Text of the page; `rows` and `states` contain at least those of `last`. `depth`: tables and figures of `last`, with
-/// slopes over `reach` mean radii or the default.
-fn page_html(
-    dir: &Path,
-    rows: &[Row],
-    states: &[grains::PageState],
-    last: &Frame,
-    depth: Vec<state::file::StateFile>,
+/// Measurements of a run for its page; `rows` and `states` contain at least those of `last`.
+struct PageContent<'a> {
+    rows: &'a [Row],
+    states: &'a [grains::PageState],
+    last: &'a Frame,
+    /// Reach of slopes over the mean radius, if it is not the default.
     reach: Option<f64>,
-    seconds: &[(&str, f64)],
-) -> String {
-    let whole = std::fs::canonicalize(dir).unwrap_or(dir.to_path_buf());
-    let name = escape_html(&whole.file_name().map_or("case".into(), |name| name.to_string_lossy().into_owned()));
+    /// Stages of cd-solve with their durations, s.
+    seconds: &'a [(&'static str, f64)],
+}
+
+/// Text of the page. `state_files`: tables and figures of the last state.
+fn page_html(dir: &Path, content: &PageContent, state_files: Vec<state::file::StateFile>) -> String {
+    let &PageContent { rows, states, last, reach, seconds } = content;
+    let full_path = std::fs::canonicalize(dir).unwrap_or(dir.to_path_buf());
+    let name = escape_html(&full_path.file_name().map_or("case".into(), |name| name.to_string_lossy().into_owned()));
     let meta = &last.meta;
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
@@ -141,55 +145,55 @@ fn page_html(
         meta.step,
         escape_html(&meta.program)
     );
-    let mut put = |text: &str| page.push_str(text);
-    put("<h2>The grains</h2>\n");
-    put("<p><label>Colour by <select id=\"view-quantity\"></select></label>\
+    let mut add = |text: &str| page.push_str(text);
+    add("<h2>The grains</h2>\n");
+    add("<p><label>Colour by <select id=\"view-quantity\"></select></label>\
          <span id=\"view-legend\"><span class=\"low\"></span><span class=\"bar\"></span><span class=\"high\"></span></span>\
          <label><input type=\"checkbox\" id=\"view-same\"> same colour scale at all times</label></p>\n");
-    put(
+    add(
         "<canvas id=\"view\" tabindex=\"0\"></canvas>\n<p id=\"view-note\">A script of this page draws the grains.</p>\n",
     );
-    put("<p id=\"view-player\"><button id=\"view-play\">Play</button> \
+    add("<p id=\"view-player\"><button id=\"view-play\">Play</button> \
          <input type=\"range\" id=\"view-time\" min=\"0\" step=\"1\" aria-label=\"time\"> <output id=\"view-clock\"></output></p>\n<p id=\"view-exports\"></p>\n");
-    put(
+    add(
         "<p>Drag to rotate, wheel or + and - to zoom, shift and drag to pan, double-click to reset, space bar to play. z points up.</p>\n",
     );
-    put(&format!("<script type=\"application/json\" id=\"grains\">{}</script>\n", grains::page_json(states, last)));
-    put(&format!("<script>\n{}</script>\n", include_str!("viewer.js")));
-    put("<h2>Summary</h2>\n");
-    put(&numbers_html(rows.last().expect("a row of the last state")));
-    put("<h2>Time series</h2>\n<div class=\"figures\">\n");
+    add(&format!("<script type=\"application/json\" id=\"grains\">{}</script>\n", grains::page_json(states, last)));
+    add(&format!("<script>\n{}</script>\n", include_str!("viewer.js")));
+    add("<h2>Summary</h2>\n");
+    add(&numbers_html(rows.last().expect("a row of the last state")));
+    add("<h2>Time series</h2>\n<div class=\"figures\">\n");
     for plot in &PLOTS {
         let caption =
             PLOT_CAPTIONS.iter().find(|(file, _)| *file == plot.file).map_or(plot.title, |(_, caption)| caption);
-        put(&figure_html(plot.file, &plot.to_figure(rows).to_svg(), caption));
+        add(&figure_html(plot.file, &plot.to_figure(rows).to_svg(), caption));
     }
-    put("</div>\n");
+    add("</div>\n");
     if !last.grains.is_empty() {
-        put("<h2>Final state</h2>\n<div class=\"figures\">\n");
+        add("<h2>Final state</h2>\n<div class=\"figures\">\n");
         let default =
             if self_gravity_constant(last).is_none() { free_surface::REACH } else { plane_fit::DEFAULT_FIT_REACH };
         let reach_text = format_six_digits(reach.unwrap_or(default));
-        let files: BTreeMap<&str, Vec<u8>> = depth.into_iter().collect();
+        let files: BTreeMap<&str, Vec<u8>> = state_files.into_iter().collect();
         for (file, caption) in STATE_FIGURES {
             // If nothing has left, there is nothing to draw.
             let table = files.get(file.replace(".svg", ".csv").as_str());
             let empty = table.is_some_and(|csv| csv.iter().filter(|byte| **byte == b'\n').count() < 2);
             if let Some(svg) = files.get(file).filter(|_| !empty) {
-                put(&figure_html(file, &String::from_utf8_lossy(svg), &caption.replace("REACH", &reach_text)));
+                add(&figure_html(file, &String::from_utf8_lossy(svg), &caption.replace("REACH", &reach_text)));
             }
         }
         // The gradients of this picture have names that only one picture of a page may use.
-        put(&figure_html(
+        add(&figure_html(
             "aggregate.svg",
             &write::picture::svg(last, write::picture::PictureColouring::Neighbours),
             "Grains coloured by number of neighbours, seen from the front, slightly from the right and above.",
         ));
-        put("</div>\n");
+        add("</div>\n");
     }
-    put("<h2>The run</h2>\n");
-    put(&run_html(dir, rows[0].step, last, seconds));
-    put(&format!("<script>\n{}</script>\n</body></html>\n", include_str!("exports.js")));
+    add("<h2>The run</h2>\n");
+    add(&run_html(dir, rows[0].step, last, seconds));
+    add(&format!("<script>\n{}</script>\n</body></html>\n", include_str!("exports.js")));
     page
 }
 

@@ -114,7 +114,7 @@ pub fn write(
 
 /// Removes files of an earlier state from the folder that this state does not have, such as the layers of a bed.
 fn remove_stale_files(folder: &Path, files: &[StateFile]) -> Result<(), Faults> {
-    for name in STATE_FILES.into_iter().filter(|name| files.iter().all(|(made, _)| made != name)) {
+    for name in STATE_FILES.into_iter().filter(|name| files.iter().all(|(written, _)| written != name)) {
         let path = folder.join(name);
         if atomic::path_exists(&path) {
             fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;

@@ -81,8 +81,9 @@ pub fn mean_layers(frames: &[Frame]) -> (Vec<StateFile>, usize) {
     let of = |frame| Bed::from_frame(frame, &find_fragments(frame)).map(|bed| (bed, frame));
     let beds: Vec<(Bed, &Frame)> = frames.iter().filter_map(of).collect();
     let top = beds.iter().map(|(bed, frame)| bed.top_height(frame)).fold(0.0, f64::max);
-    let of_frames: Vec<Vec<Layer>> = beds.iter().map(|(bed, frame)| bed.layers(frame, SHELL_COUNT, top)).collect();
-    let layer = |k: usize| Layer::mean_over_times(of_frames.iter().map(|layers| &layers[k]));
+    let layers_by_frame: Vec<Vec<Layer>> =
+        beds.iter().map(|(bed, frame)| bed.layers(frame, SHELL_COUNT, top)).collect();
+    let layer = |k: usize| Layer::mean_over_times(layers_by_frame.iter().map(|layers| &layers[k]));
     let mean: Vec<Layer> = (0..SHELL_COUNT).map(layer).collect();
     (if beds.is_empty() { Vec::new() } else { layer_files(&mean) }, beds.len())
 }

@@ -44,9 +44,9 @@ pub fn smallest_shown(axis: &FigureAxis, values: impl Iterator<Item = f64>) -> f
 }
 
 /// Value in the unit of the axis, or its exponent of ten; NaN if it is not shown.
-pub fn axis_value(axis: &FigureAxis, value: f64, factor: f64, least: f64) -> f64 {
+pub fn axis_value(axis: &FigureAxis, value: f64, factor: f64, smallest: f64) -> f64 {
     match axis.logarithmic {
-        _ if !value.is_finite() || value <= least => f64::NAN,
+        _ if !value.is_finite() || value <= smallest => f64::NAN,
         true => value.log10(),
         false => value / factor,
     }
@@ -110,15 +110,16 @@ pub struct AxisTicks {
 }
 
 impl AxisTicks {
-    /// Distance of marks on a linear axis: the least of 1, 2, 5 times a power of ten that gives at most `most` marks.
-    fn tick_step(&self, most: usize) -> f64 {
+    /// Distance of marks on a linear axis: the least of 1, 2, 5 times a power of ten that gives at most `max_ticks`
+    /// marks.
+    fn tick_step(&self, max_ticks: usize) -> f64 {
         let half = 0.5 * self.range.end - 0.5 * self.range.start;
-        let decade = (half.log10() + (2.0 / (most + 1) as f64).log10()).floor() as i32;
+        let decade = (half.log10() + (2.0 / (max_ticks + 1) as f64).log10()).floor() as i32;
         let steps = (decade..).flat_map(|decade| [1.0, 2.0, 5.0].map(|m| (m, decade)));
         // Parsed from decimal text, not computed as a product.
         let mut steps = steps.map(|(m, decade)| format!("{m}e{decade}").parse().unwrap_or(f64::INFINITY));
-        let few = |step: &f64| (self.range.end / step).floor() - (self.range.start / step).ceil() < most as f64;
-        steps.find(few).unwrap_or(f64::INFINITY)
+        let fits = |step: &f64| (self.range.end / step).floor() - (self.range.start / step).ceil() < max_ticks as f64;
+        steps.find(fits).unwrap_or(f64::INFINITY)
     }
 
     /// Offset subtracted from labels: if more than six digits of all are the same, the round number in the middle; else 0.

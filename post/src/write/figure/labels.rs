@@ -51,16 +51,28 @@ impl LabelSpace {
     /// names is chosen, then with the fewest dots, then with the fewest lines. A dot counts as much as half a row of
     /// letters of distance.
     pub fn place_name(&self, (x, y): (i32, i32), letters: i32) -> (i32, PixelRect) {
-        let (wide, high) = (LETTER_WIDTH * letters / 2, 8);
-        let place = |away: i32, (across, down): (i32, i32)| {
-            let (x, y) = (x + across * (wide + NAME_DISTANCE), y + down * (high + NAME_DISTANCE + high * away));
-            (away as usize, across, PixelRect { left: x - wide, upper: y - high, right: x + wide, lower: y + high })
+        let (half_width, half_height) = (LETTER_WIDTH * letters / 2, 8);
+        let place = |distance: i32, (across, down): (i32, i32)| {
+            let (x, y) = (
+                x + across * (half_width + NAME_DISTANCE),
+                y + down * (half_height + NAME_DISTANCE + half_height * distance),
+            );
+            (
+                distance as usize,
+                across,
+                PixelRect {
+                    left: x - half_width,
+                    upper: y - half_height,
+                    right: x + half_width,
+                    lower: y + half_height,
+                },
+            )
         };
-        let cost = |(away, _, place): &(usize, i32, PixelRect)| {
+        let cost = |(distance, _, place): &(usize, i32, PixelRect)| {
             let met = |all: &[PixelRect]| all.iter().filter(|other| place.intersects(other)).count();
-            (!self.plot.contains(place), met(&self.names), met(&self.dots) + away, met(&self.lines))
+            (!self.plot.contains(place), met(&self.names), met(&self.dots) + distance, met(&self.lines))
         };
-        let places = (0..12).flat_map(|away| NAME_DIRECTIONS.map(|direction| place(away, direction)));
+        let places = (0..12).flat_map(|distance| NAME_DIRECTIONS.map(|direction| place(distance, direction)));
         let (_, side, place) = places.min_by_key(cost).expect("there are places");
         (side, place)
     }

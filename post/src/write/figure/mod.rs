@@ -126,8 +126,10 @@ impl Figure {
     pub fn repeated_style_warning(&self) -> Option<String> {
         let count = |marks: CurveMarks| self.curves.iter().filter(|curve| curve.marks == marks).count();
         let coloured = count(CurveMarks::Line) + count(CurveMarks::Dots);
-        let most = CURVE_COLOURS.len() * if count(CurveMarks::Dots) > 0 { DOT_FORMS } else { 1 + DASH_PATTERNS.len() };
-        (coloured > most).then(|| format!("{coloured} curves in one figure: only {most} styles can be distinguished"))
+        let style_count =
+            CURVE_COLOURS.len() * if count(CurveMarks::Dots) > 0 { DOT_FORMS } else { 1 + DASH_PATTERNS.len() };
+        (coloured > style_count)
+            .then(|| format!("{coloured} curves in one figure: only {style_count} styles can be distinguished"))
     }
 
     /// Points of the curves in the units of the axes, and these units. A point that the axis of x cannot show is left out.
@@ -245,11 +247,15 @@ impl Figure {
     fn legend_entries(&self) -> Vec<(usize, String)> {
         let listed = self.curves.iter().enumerate().filter(|(_, curve)| curve.marks != CurveMarks::Named);
         let all = || self.curves.iter().flat_map(|curve| &curve.points);
-        let (x_least, y_least) =
+        let (smallest_x, smallest_y) =
             (smallest_shown(&self.x, all().map(|p| p.0)), smallest_shown(&self.y, all().map(|p| p.1)));
         let name = |(k, curve): (usize, &Curve)| {
-            let seen = |axis: &FigureAxis, value: f64, least: f64| !axis_value(axis, value, 1.0, least).is_nan();
-            let valued = curve.points.iter().any(|(x, y)| seen(&self.x, *x, x_least) && seen(&self.y, *y, y_least));
+            let is_shown =
+                |axis: &FigureAxis, value: f64, smallest: f64| !axis_value(axis, value, 1.0, smallest).is_nan();
+            let valued = curve
+                .points
+                .iter()
+                .any(|(x, y)| is_shown(&self.x, *x, smallest_x) && is_shown(&self.y, *y, smallest_y));
             (k, if valued { curve.name.clone() } else { format!("{} (no value)", curve.name) })
         };
         listed.map(name).collect()
@@ -287,10 +293,10 @@ impl Figure {
         let listed = self.legend_entries();
         let columns = listed.len().div_ceil(LEGEND_ROWS).max(1);
         let rows = listed.len().div_ceil(columns).max(1);
-        let wide = self.legend_width() / columns as i32;
+        let column_width = self.legend_width() / columns as i32;
         let high = ((FIGURE_SIZE.1 as i32 - FIRST_ROW) / rows as i32).min(ROW_HEIGHT);
         for (place, (k, name)) in listed.iter().enumerate() {
-            let (left, y) = (wide * (place / rows) as i32, FIRST_ROW + high * (place % rows) as i32);
+            let (left, y) = (column_width * (place / rows) as i32, FIRST_ROW + high * (place % rows) as i32);
             let (CurveStyle { colour, repeat: again, .. }, marks) = (self.curve_style(*k), self.curves[*k].marks);
             let width = if marks == CurveMarks::Line { 3 } else { 1 };
             let stroke = |from: i32, to: i32| {
