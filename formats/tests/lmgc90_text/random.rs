@@ -114,7 +114,7 @@ fn contactor() -> impl Strategy<Value = Contactor> {
     let local_frame = option::of((frame(), three(real)).prop_map(|(axes, offset)| LocalFrame { axes, offset }));
     (name(), shape(), local_frame).prop_map(|(colour, shape, local_frame)| {
         let framed = matches!(shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { hollow: false, .. });
-        Contactor { colour, local_frame: local_frame.filter(|_| framed), shape }
+        Contactor { colour, local_frame: local_frame.filter(|_| framed).map(Box::new), shape }
     })
 }
 

@@ -166,7 +166,7 @@ fn body_tables(file: &Path, records: &Bodies, bulk: &BulkBehav, keeps_parts: boo
         let prepared =
             body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected }| {
                 let is_of_material = found.starts_with("material ");
-                let line = if is_of_material { Bodies::line_is_of_material(file, record) } else { record.line };
+                let line = if is_of_material { Bodies::line_of_material(file, record) } else { record.line };
                 let is_unsplit = expected == EXPECTED_CONVEX;
                 let fault = Fault::new(file, Some(line), format!("body {}", index + 1), found, expected);
                 if is_unsplit {

@@ -37,7 +37,7 @@ impl ProbeFiles {
                 vec![("step", ColumnKind::Last), ("time", ColumnKind::Last), (STEP_LENGTH, ColumnKind::Sum)];
             columns.extend(probe.quantity.columns().iter().map(|name| (*name, kind)));
             let due = RowSchedule { log_every: probe.every, output_every: options.output_every };
-            let steps = [scene.start.0, state.step];
+            let steps = [scene.start.step, state.step];
             Ok((LogTable::open(&path_of(case, probe), &columns, steps, due, |_| ())?, due))
         };
         Ok(ProbeFiles(options.probes.iter().map(open).collect::<Result<_, Faults>>()?))
