@@ -5,7 +5,8 @@
 //! `items` are pairs: 2 Mitem/s are 500 ns per pair. Warm pairs have moved by 1e-3 of their size since the last time.
 
 use cd_solve::geometry::{
-    CachedFeature, NarrowPhaseMode, PairBatch, PairResult, Polyhedron, PosedPolyhedron, polyhedron_polyhedron,
+    CachedFeature, NarrowPhaseMode, PairBatch, PairRequest, PairResult, Polyhedron, PosedPolyhedron,
+    polyhedron_polyhedron,
 };
 use cd_solve::math::simd::SimdWidth;
 use cd_solve::math::{Quat, Vec3};
@@ -99,8 +100,10 @@ fn run(bencher: Bencher, pairs: Vec<Pair>, narrow: NarrowPhaseMode, warm: bool) 
         let mut together = PairBatch::new(SimdWidth::detect());
         let mut take = |(), sight: PairResult| _ = black_box(sight.is_ok());
         for (pair, [a, b]) in pairs.iter().zip(&posed) {
-            let memory = if warm { pair.memory } else { CachedFeature::default() };
-            together.push_pair((), [a, b], &pair.c, ALERT.into(), narrow, black_box(&memory), None, &mut take);
+            let memory = black_box(if warm { pair.memory } else { CachedFeature::default() });
+            let range = ALERT.into();
+            let request = PairRequest { shapes: [a, b], centre_offset: pair.c, range, narrow, memory, hint: None };
+            together.push_pair((), request, &mut take);
         }
         together.flush(&mut take);
     });

@@ -15,8 +15,9 @@ use super::travel::TravelBounds;
 use super::{joints, narrow, periodic};
 use crate::activity;
 use crate::geometry::{
-    CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairResult, Separated, cylinder_cylinder,
-    far_walls, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_sphere, vertices_at_far_walls,
+    CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairRequest, PairResult, Separated,
+    cylinder_cylinder, far_walls, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_sphere,
+    vertices_at_far_walls,
 };
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
@@ -417,7 +418,8 @@ fn narrow_phase_pair<'a>(
         // A plate is a cuboid.
         (PosedShape::Polyhedron(p), PosedShape::Polyhedron(q) | PosedShape::Plane { cuboid: q, .. }) => {
             let hint = hint.map(|n| Vec3::from(n.map(f64::from)));
-            return polyhedra.push_pair(pair, [p, q], &c, range, narrow, memory, hint, record);
+            let request = PairRequest { shapes: [p, q], centre_offset: c, range, narrow, memory: *memory, hint };
+            return polyhedra.push_pair(pair, request, record);
         }
         (PosedShape::Sphere { radius: r }, PosedShape::Sphere { radius: s }) => {
             [one_point(narrow::sphere_sphere(&zero, *r, &c, *s))].into_iter().collect()

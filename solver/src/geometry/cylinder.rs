@@ -82,12 +82,12 @@ pub fn polyhedron_end_along(
     n: &Vec3,
     range: ListingRange,
 ) -> Option<Manifold> {
-    let along = q.inverse_transform_vector(n);
-    if along.xy().norm() > MAX_END_DEVIATION {
+    let local_normal = q.inverse_transform_vector(n);
+    if local_normal.xy().norm() > MAX_END_DEVIATION {
         return None;
     }
     let pair = CylinderPair::new(a, c, q, size);
-    let m = Vec3::z() * 1f64.copysign(along.z);
+    let m = Vec3::z() * 1f64.copysign(local_normal.z);
     let axis = CylinderSearchAxis { m, s: pair.separation(&m), feature: CylinderFeature::Vertex };
     pair.manifold(pair.common_part(&axis, range.area), range)
 }
@@ -183,28 +183,32 @@ impl<'a> CylinderPair<'a> {
         }
         self.try_axis(&mut best, Vec3::z(), CylinderFeature::Vertex);
         self.try_axis(&mut best, -Vec3::z(), CylinderFeature::Vertex);
-        for (e, one) in shape.edges().iter().enumerate() {
+        for (e, edge) in shape.edges().iter().enumerate() {
             let feature = CylinderFeature::Edge(e as u32);
             // Perpendicular to the axis, between the normals on both sides of the edge: accurate even if the edge is
             // nearly parallel to the axis.
-            let [n0, n1] = one.faces.map(|f| self.q.inverse_transform_vector(&posed.face_normal(f)));
+            let [n0, n1] = edge.faces.map(|f| self.q.inverse_transform_vector(&posed.face_normal(f)));
             if n0.z * n1.z < 0.0 {
                 let across = n0 * n1.z.abs() + n1 * n0.z.abs();
                 self.try_axis(&mut best, -Vec3::new(across.x, across.y, 0.0).normalize(), feature);
             }
-            for m in self.rim_to_edge(one.ends.map(u32::from), best.s + self.tie).into_iter().flatten() {
+            for m in self.rim_to_edge(edge.ends.map(u32::from), best.s + self.tie).into_iter().flatten() {
                 self.try_axis(&mut best, m, feature);
             }
         }
         for v in &self.vertices {
-            let wide = v.xy().norm();
-            if wide > 0.0 {
-                self.try_axis(&mut best, Vec3::new(v.x, v.y, 0.0) / wide, CylinderFeature::Vertex);
+            let distance_from_axis = v.xy().norm();
+            if distance_from_axis > 0.0 {
+                self.try_axis(&mut best, Vec3::new(v.x, v.y, 0.0) / distance_from_axis, CylinderFeature::Vertex);
             }
-            let (beside, beyond) = (wide - self.radius, v.z.abs() - self.half_height);
+            let (beside, beyond) = (distance_from_axis - self.radius, v.z.abs() - self.half_height);
             if beside > 0.0 && beyond > 0.0 {
-                let out = Vec3::new(v.x * beside / wide, v.y * beside / wide, beyond.copysign(v.z));
-                self.try_axis(&mut best, out.normalize(), CylinderFeature::Vertex);
+                let from_rim = Vec3::new(
+                    v.x * beside / distance_from_axis,
+                    v.y * beside / distance_from_axis,
+                    beyond.copysign(v.z),
+                );
+                self.try_axis(&mut best, from_rim.normalize(), CylinderFeature::Vertex);
             }
         }
         best
@@ -215,8 +219,8 @@ impl<'a> CylinderPair<'a> {
         let s = self.separation(&m);
         if s > best.s + self.tie {
             // An edge on the far side gives the same direction.
-            let least = m.dot(&self.vertices[self.lowest_vertex(&m)]);
-            let is_lowest = |end: u16| m.dot(&self.vertices[usize::from(end)]) <= least + self.tie;
+            let lowest = m.dot(&self.vertices[self.lowest_vertex(&m)]);
+            let is_lowest = |end: u16| m.dot(&self.vertices[usize::from(end)]) <= lowest + self.tie;
             let feature = match feature {
                 CylinderFeature::Edge(e) if !self.a.shape.edges()[e as usize].ends.into_iter().any(is_lowest) => {
                     CylinderFeature::Vertex
@@ -229,22 +233,22 @@ impl<'a> CylinderPair<'a> {
 
     /// Returns the first vertex that is lowest along `m`.
     fn lowest_vertex(&self, m: &Vec3) -> usize {
-        let (mut lowest, mut least) = (0, f64::INFINITY);
+        let (mut lowest, mut height_of_lowest) = (0, f64::INFINITY);
         for (k, v) in self.vertices.iter().enumerate() {
             let height = m.dot(v);
-            if height < least {
-                (lowest, least) = (k, height);
+            if height < height_of_lowest {
+                (lowest, height_of_lowest) = (k, height);
             }
         }
         lowest
     }
 
     /// Directions from the rim of either end to the line through two vertices in which the separation is largest, if
-    /// larger than `known` (m).
+    /// larger than `min_separation` (m).
     ///
     /// With u and w across the edge, u level, a rim seen along the edge is an ellipse with the semi-axes R and R k. On
     /// m = x u + y w, f = a x + b y - R sqrt(x^2 + k^2 y^2) has one maximum with y on each side, where x has a's sign.
-    fn rim_to_edge(&self, [from, to]: [u32; 2], known: f64) -> [Option<Vec3>; 2] {
+    fn rim_to_edge(&self, [from, to]: [u32; 2], min_separation: f64) -> [Option<Vec3>; 2] {
         let [p, to] = [from, to].map(|v| self.vertices[v as usize]);
         let along = (to - p).normalize();
         let level = libm::hypot(along.x, along.y);
@@ -256,7 +260,7 @@ impl<'a> CylinderPair<'a> {
         let (a, k) = (u.dot(&p), along.z.abs());
         [1.0, -1.0].map(|side| {
             let b = side * w.dot(&p) - self.half_height * w.z.abs();
-            if libm::hypot(a, b.max(0.0)) - self.radius * k <= known {
+            if libm::hypot(a, b.max(0.0)) - self.radius * k <= min_separation {
                 return None;
             }
             let (x, y) = rim_maximum(a.abs(), b, self.radius, k)?;
@@ -292,13 +296,13 @@ impl<'a> CylinderPair<'a> {
         let end = if m.z > 0.0 { CYLINDER_END } else { CYLINDER_OTHER_END };
         let tiny = ON_SIDE_DISTANCE * self.smaller_circumradius;
         let (corners, sides) = (shape.face_corners(f as usize), shape.face_edges(f as usize));
-        let over = |&v: &u16| {
+        let corner_over_end = |&v: &u16| {
             let v = self.vertices[v as usize];
             let gap = (v.z - height) / m.z;
             let foot = v - m * gap;
             [foot.x, foot.y, gap]
         };
-        let outline: Polygon = corners.iter().map(over).collect();
+        let outline: Polygon = corners.iter().map(corner_over_end).collect();
         let next = |k: usize| if k + 1 == outline.len() { 0 } else { k + 1 };
         let on_end = |x: f64, y: f64| Vec3::new(x, y, height);
         for (k, [x, y, gap]) in outline.iter().enumerate() {
@@ -312,7 +316,7 @@ impl<'a> CylinderPair<'a> {
                 ));
             }
         }
-        let of_vertices = patch.corners.len();
+        let vertex_count = patch.corners.len();
         for (k, p) in outline.iter().enumerate() {
             let along = [0, 1, 2].map(|i| outline[next(k)][i] - p[i]);
             let square = along[0] * along[0] + along[1] * along[1];
@@ -327,7 +331,7 @@ impl<'a> CylinderPair<'a> {
                     continue;
                 }
                 let [x, y, gap] = [0, 1, 2].map(|i| p[i] + along[i] * share);
-                if !patch.corners[..of_vertices].iter().any(|corner| corner.is_near([x, y], self.smaller_circumradius))
+                if !patch.corners[..vertex_count].iter().any(|corner| corner.is_near([x, y], self.smaller_circumradius))
                 {
                     patch.corners.push(self.corner_at(
                         on_end(x, y),
@@ -354,8 +358,8 @@ impl<'a> CylinderPair<'a> {
             rim.push((fall / fall.norm()).into());
         }
         let offset = normal.dot(&self.vertices[corners[0] as usize]);
-        let rim_corner = |k: usize, at: [f64; 2]| {
-            let [x, y] = at.map(|x| x * self.radius);
+        let rim_corner = |k: usize, direction: [f64; 2]| {
+            let [x, y] = direction.map(|x| x * self.radius);
             let inside = |k: usize| {
                 let (p, q) = (outline[k], outline[next(k)]);
                 ((q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0])) * doubled > 0.0
@@ -365,7 +369,7 @@ impl<'a> CylinderPair<'a> {
                 self.corner_at(on_end(x, y), m, gap, [x, y], (face_feature(f), CYLINDER_RIM + 2 + k as u32))
             })
         };
-        patch.corners.extend(rim.iter().enumerate().filter_map(|(k, at)| rim_corner(k, *at)));
+        patch.corners.extend(rim.iter().enumerate().filter_map(|(k, direction)| rim_corner(k, *direction)));
         // If the common part is a segment between these two: adds the middle of its arc, or a face would rest on a line.
         if let [p, q] = patch.corners[..]
             && p.features.0 == q.features.0
@@ -389,40 +393,44 @@ impl<'a> CylinderPair<'a> {
         let across = Vec3::z().cross(&out);
         let tiny = ON_SIDE_DISTANCE * self.smaller_circumradius;
         let (corners, sides) = (shape.face_corners(f as usize), shape.face_edges(f as usize));
-        let over = |v: u16| {
+        let corner_over_side = |v: u16| {
             let v = self.vertices[v as usize];
             let gap = (v.dot(&out) - self.radius) / m.dot(&out);
             let foot = v - m * gap;
             [across.dot(&foot), foot.z, gap]
         };
         // Height along the axis, gap and feature of A at each crossing of the face's outline with the line.
-        let mut met: SmallVec<[(f64, f64, u32); 4]> = SmallVec::new();
+        let mut crossings: SmallVec<[(f64, f64, u32); 4]> = SmallVec::new();
         for (k, &v) in corners.iter().enumerate() {
-            let p = over(v);
-            let q = over(corners[if k + 1 == corners.len() { 0 } else { k + 1 }]);
+            let p = corner_over_side(v);
+            let q = corner_over_side(corners[if k + 1 == corners.len() { 0 } else { k + 1 }]);
             if p[0].abs() <= tiny {
-                met.push((p[1], p[2], vertex_feature(v.into())));
+                crossings.push((p[1], p[2], vertex_feature(v.into())));
             } else if (p[0] > tiny && q[0] < -tiny) || (p[0] < -tiny && q[0] > tiny) {
                 let share = p[0] / (p[0] - q[0]);
-                met.push((p[1] + (q[1] - p[1]) * share, p[2] + (q[2] - p[2]) * share, edge_feature(sides[k].into())));
+                crossings.push((
+                    p[1] + (q[1] - p[1]) * share,
+                    p[2] + (q[2] - p[2]) * share,
+                    edge_feature(sides[k].into()),
+                ));
             }
         }
-        let mut list = |z: f64, gap: f64, features: (u32, u32)| {
+        let mut add_corner = |z: f64, gap: f64, features: (u32, u32)| {
             let on_side = out * self.radius + Vec3::z() * z;
             patch.corners.push(self.corner_at(on_side, m, gap, [0.0, z], features));
         };
-        let mut between = [(f64::INFINITY, 0.0), (f64::NEG_INFINITY, 0.0)];
-        for &(z, gap, of_a) in &met {
+        let mut ends = [(f64::INFINITY, 0.0), (f64::NEG_INFINITY, 0.0)];
+        for &(z, gap, feature) in &crossings {
             if z.abs() <= self.half_height + tiny {
-                list(z, gap, (of_a, CYLINDER_SIDE));
+                add_corner(z, gap, (feature, CYLINDER_SIDE));
             }
-            between[0] = if z < between[0].0 { (z, gap) } else { between[0] };
-            between[1] = if z > between[1].0 { (z, gap) } else { between[1] };
+            ends[0] = if z < ends[0].0 { (z, gap) } else { ends[0] };
+            ends[1] = if z > ends[1].0 { (z, gap) } else { ends[1] };
         }
-        let [(low, gap_low), (high, gap_high)] = between;
+        let [(low, gap_low), (high, gap_high)] = ends;
         for (end, z) in [(CYLINDER_END, self.half_height), (CYLINDER_OTHER_END, -self.half_height)] {
             if low < z - tiny && z + tiny < high {
-                list(z, gap_low + (gap_high - gap_low) * ((z - low) / (high - low)), (face_feature(f), end));
+                add_corner(z, gap_low + (gap_high - gap_low) * ((z - low) / (high - low)), (face_feature(f), end));
             }
         }
     }
@@ -435,9 +443,9 @@ impl<'a> CylinderPair<'a> {
             let share = (point - from).dot(&(to - from)) / (to - from).norm_squared();
             from + (to - from) * share.clamp(0.0, 1.0)
         };
-        let off = |on_a: &Vec3| (point - on_a - m * m.dot(&(point - on_a))).norm_squared();
+        let squared_distance = |on_a: &Vec3| (point - on_a - m * m.dot(&(point - on_a))).norm_squared();
         let sides = (0..corners.len()).map(on_side);
-        sides.min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(*point)
+        sides.min_by(|a, b| squared_distance(a).total_cmp(&squared_distance(b))).unwrap_or(*point)
     }
 
     /// Contact point of the direction's own features.
@@ -475,15 +483,15 @@ impl<'a> CylinderPair<'a> {
 ///
 /// Newton's method in a bracket, on t = tan(angle / 2).
 pub(super) fn rim_maximum(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> {
-    let flat = 1.0 - k * k;
-    let at = |t: f64| ((1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t));
+    let flatness = 1.0 - k * k;
+    let unit_vector = |t: f64| ((1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t));
     // First and second derivative with respect to the angle.
     let derivatives = |t: f64| {
-        let (x, y) = at(t);
+        let (x, y) = unit_vector(t);
         let g = libm::hypot(x, k * y);
         let (share, curvature) =
-            if g > 0.0 { (x / g, (x * x - y * y) / g + flat * (x * y / g).powi(2) / g) } else { (1.0, 0.0) };
-        (b * x - a * y + r * flat * y * share, r * flat * curvature - a * x - b * y)
+            if g > 0.0 { (x / g, (x * x - y * y) / g + flatness * (x * y / g).powi(2) / g) } else { (1.0, 0.0) };
+        (b * x - a * y + r * flatness * y * share, r * flatness * curvature - a * x - b * y)
     };
     let (mut low, mut high) = (0.0, 1.0);
     if b <= 0.0 {
@@ -509,7 +517,7 @@ pub(super) fn rim_maximum(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> 
         }
         t = next;
     }
-    Some(at(t))
+    Some(unit_vector(t))
 }
 
 /// Number of samples with which a maximum past the middle is bracketed.

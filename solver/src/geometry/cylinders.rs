@@ -280,15 +280,15 @@ impl TwoCylinders<'_> {
         let centre = below.end_centre(n);
         let own_end = below.end_feature(n);
         let [e, f] = [below.axes * Vec3::x(), below.axes * Vec3::y()];
-        let mut add = |on_above: Vec3, of_above: u32, of_below: u32| {
+        let mut add = |on_above: Vec3, feature_above: u32, feature_below: u32| {
             let gap = n.dot(&(on_above - centre));
             let from = on_above - centre;
-            let features = if below_is_a { (of_below, of_above) } else { (of_above, of_below) };
+            let features = if below_is_a { (feature_below, feature_above) } else { (feature_above, feature_below) };
             let point = (on_above - n * (0.5 * gap)).into();
             patch.corners.push(PatchCorner { point, flat: [e.dot(&from), f.dot(&from)], gap, features });
         };
-        let within = |x: &Vec3, of: &Vec3, radius: f64| {
-            let from = x - of;
+        let is_inside = |x: &Vec3, centre_of_disc: &Vec3, radius: f64| {
+            let from = x - centre_of_disc;
             (from - n * n.dot(&from)).norm() <= radius + 1e-11 * self.smaller
         };
         let tilt = above.axis().dot(n);
@@ -310,48 +310,49 @@ impl TwoCylinders<'_> {
             }
             return;
         }
-        let (end, of_above) = (above.end_centre(&-n), above.end_feature(&-n));
+        let (end, feature_above) = (above.end_centre(&-n), above.end_feature(&-n));
         // Points of the end above: the plane of the end over a point of the end below.
-        let over = |x: Vec3| x - n * (above.axis().dot(&(x - end)) / tilt);
-        let four = |of: &PosedCylinder, k: u32| {
+        let on_end_above = |x: Vec3| x - n * (above.axis().dot(&(x - end)) / tilt);
+        let rim_offset = |cylinder: &PosedCylinder, k: u32| {
             let axis = if k.is_multiple_of(2) { Vec3::x() } else { Vec3::y() };
-            of.axes * (axis * if k < 2 { of.radius } else { -of.radius })
+            cylinder.axes * (axis * if k < 2 { cylinder.radius } else { -cylinder.radius })
         };
         for k in 0..4 {
-            let rim = end + four(above, k);
-            if within(&rim, &centre, below.radius) {
+            let rim = end + rim_offset(above, k);
+            if is_inside(&rim, &centre, below.radius) {
                 add(rim, CYLINDER_RIM + k, own_end);
             }
         }
         let lowest = above.radial(&-n);
-        if lowest != Vec3::zeros() && within(&(end + lowest * above.radius), &centre, below.radius) {
+        if lowest != Vec3::zeros() && is_inside(&(end + lowest * above.radius), &centre, below.radius) {
             add(end + lowest * above.radius, CYLINDER_RIM + 4, own_end);
         }
         for k in 0..4 {
-            let rim = over(centre + four(below, k));
+            let rim = on_end_above(centre + rim_offset(below, k));
             // On the end above, not on its outline, which is there already.
             let from = rim - end;
             if from.norm() < above.radius - 1e-9 * self.smaller {
-                add(rim, of_above, CYLINDER_RIM + k);
+                add(rim, feature_above, CYLINDER_RIM + k);
             }
         }
         let angle = (1.0 - tilt * tilt).max(0.0).sqrt();
         // Where outlines cross, seen along n: circles up to half the square of the tilt.
         let between = end - centre - n * n.dot(&(end - centre));
         let distance = between.norm();
-        let [r, big] = [above.radius, below.radius];
-        let cross = distance > 1e-9 * self.smaller && distance < r + big && distance > (r - big).abs();
+        let [r_above, r_below] = [above.radius, below.radius];
+        let cross =
+            distance > 1e-9 * self.smaller && distance < r_above + r_below && distance > (r_above - r_below).abs();
         if cross && angle < MAX_AREA_TILT {
-            let along = (distance * distance + big * big - r * r) / (2.0 * distance);
-            let across = (big * big - along * along).max(0.0).sqrt();
+            let along = (distance * distance + r_below * r_below - r_above * r_above) / (2.0 * distance);
+            let across = (r_below * r_below - along * along).max(0.0).sqrt();
             let (out, side) = (between / distance, n.cross(&between) / distance);
             for (k, sign) in [(0, -1.0), (1, 1.0)] {
-                let at = over(centre + out * along + side * (sign * across));
-                add(at, CYLINDER_RIM + 5 + k, CYLINDER_RIM + 5);
+                let crossing = on_end_above(centre + out * along + side * (sign * across));
+                add(crossing, CYLINDER_RIM + 5 + k, CYLINDER_RIM + 5);
             }
         }
         let share = if area_within == f64::INFINITY { 1.0 } else { (1.0 - (angle / MAX_AREA_TILT).powi(2)).max(0.0) };
-        patch.area = share * common_disc_area(distance, r, big);
+        patch.area = share * common_disc_area(distance, r_above, r_below);
     }
 
     /// Corners of two sides that are nearly parallel, seen along the direction: the ends of their common line.

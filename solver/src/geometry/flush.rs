@@ -24,11 +24,11 @@ impl PosedPolyhedron<'_> {
     pub fn face_along(&self, n: &Vec3) -> (Vec3, f64) {
         let n = self.local_vector(n);
         let planes = self.shape.face_planes();
-        let (mut best, mut most) = (&planes[0], f64::NEG_INFINITY);
+        let (mut best, mut largest) = (&planes[0], f64::NEG_INFINITY);
         for plane in planes {
-            let along = plane.normal.dot(&n);
-            if along > most {
-                (best, most) = (plane, along);
+            let alignment = plane.normal.dot(&n);
+            if alignment > largest {
+                (best, largest) = (plane, alignment);
             }
         }
         (self.world_vector(&best.normal), best.offset)

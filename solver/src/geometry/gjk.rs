@@ -22,11 +22,14 @@ const MAX_STEPS: usize = 64;
 /// Point of the Minkowski difference B - A.
 #[derive(Clone, Copy)]
 struct MinkowskiPoint {
+    /// Position, m.
     w: Vec3,
+    /// Vertices of A and of B of which it is the difference.
     a: u32,
     b: u32,
 }
 
+/// Nearest points of two polyhedra.
 pub(super) struct NearestPoints {
     /// Unit normal from A to B.
     pub n: Vec3,
@@ -97,8 +100,11 @@ fn minkowski_support<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3) ->
 #[derive(Clone, Copy)]
 struct GjkSimplex {
     corners: [MinkowskiPoint; 3],
+    /// Shares of the corners in `point`.
     weights: [f64; 3],
+    /// Number of corners.
     count: usize,
+    /// Point nearest to the origin, m.
     point: Vec3,
 }
 
@@ -119,7 +125,7 @@ impl GjkSimplex {
     #[inline(always)]
     fn nearest_with(&self, next: MinkowskiPoint) -> Self {
         let mut best = GjkSimplex::new(next);
-        let mut least = best.point.norm_squared();
+        let mut smallest = best.point.norm_squared();
         let p = next.w;
         for i in 0..self.count {
             let first = self.corners[i];
@@ -127,8 +133,8 @@ impl GjkSimplex {
             let share = -p.dot(&u) / u.norm_squared();
             if share > 0.0 && share < 1.0 {
                 let point = p * (1.0 - share) + first.w * share;
-                if point.norm_squared() < least {
-                    least = point.norm_squared();
+                if point.norm_squared() < smallest {
+                    smallest = point.norm_squared();
                     best = GjkSimplex {
                         corners: [next, first, first],
                         weights: [1.0 - share, share, 0.0],
@@ -144,11 +150,16 @@ impl GjkSimplex {
                 let area = normal.norm_squared();
                 let (x, y) = (normal.dot(&v.cross(&p)) / area, normal.dot(&p.cross(&u)) / area);
                 if x > 0.0 && y > 0.0 && x + y < 1.0 {
-                    let rest = 1.0 - x - y;
-                    let point = p * rest + first.w * x + second.w * y;
-                    if point.norm_squared() < least {
-                        least = point.norm_squared();
-                        best = GjkSimplex { corners: [next, first, second], weights: [rest, x, y], count: 3, point };
+                    let weight_of_next = 1.0 - x - y;
+                    let point = p * weight_of_next + first.w * x + second.w * y;
+                    if point.norm_squared() < smallest {
+                        smallest = point.norm_squared();
+                        best = GjkSimplex {
+                            corners: [next, first, second],
+                            weights: [weight_of_next, x, y],
+                            count: 3,
+                            point,
+                        };
                     }
                 }
             }
@@ -181,17 +192,17 @@ impl GjkSimplex {
 
 /// Returns the vertex, edge or face that has these vertices.
 fn spanned_feature(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
-    let mut all: SmallVec<[FeatureIndex; 4]> = vertices.map(|v| v as FeatureIndex).collect();
-    all.sort_unstable();
-    all.dedup();
-    match all[..] {
+    let mut distinct: SmallVec<[FeatureIndex; 4]> = vertices.map(|v| v as FeatureIndex).collect();
+    distinct.sort_unstable();
+    distinct.dedup();
+    match distinct[..] {
         [v] => vertex_feature(v.into()),
-        [v, w] if shape.half_edges(v as usize).iter().any(|spoke| spoke.to == w) => {
-            let between = shape.half_edges(v as usize).iter().find(|spoke| spoke.to == w);
-            edge_feature(between.map_or(0, |spoke| spoke.edge.into()))
+        [v, w] if shape.half_edges(v as usize).iter().any(|half_edge| half_edge.to == w) => {
+            let between = shape.half_edges(v as usize).iter().find(|half_edge| half_edge.to == w);
+            edge_feature(between.map_or(0, |half_edge| half_edge.edge.into()))
         }
         _ => {
-            let has_all = |corners: &[FeatureIndex]| all.iter().all(|v| corners.contains(v));
+            let has_all = |corners: &[FeatureIndex]| distinct.iter().all(|v| corners.contains(v));
             face_feature(shape.faces().position(has_all).unwrap_or(0) as u32)
         }
     }
@@ -200,23 +211,23 @@ fn spanned_feature(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u
 /// Returns the ends of the common part of two parallel edges across `n`, and the normal between them.
 pub(super) fn ridge_manifold(pair: &PolyhedronPair, n: &Vec3, distance: f64) -> Option<Manifold> {
     // Accuracy of the direction between points that are `distance` apart.
-    let steep = RIDGE_ANGLE + 1e-11 * pair.smaller_circumradius / distance;
-    let level = |posed: &PosedPolyhedron, n: &Vec3| -> SmallVec<[(u32, [u32; 2], Vec3); 4]> {
+    let max_slope = RIDGE_ANGLE + 1e-11 * pair.smaller_circumradius / distance;
+    let level_edges = |posed: &PosedPolyhedron, n: &Vec3| -> SmallVec<[(u32, [u32; 2], Vec3); 4]> {
         let shape = posed.shape;
         let top = support_vertex(posed, n).0;
-        let mut level = SmallVec::new();
+        let mut level_edges = SmallVec::new();
         for &HalfEdge { edge: e, .. } in shape.half_edges(top as usize) {
             let ends = shape.edges()[e as usize].ends.map(u32::from);
             let along = posed.vertex(ends[1]) - posed.vertex(ends[0]);
             let slope = along.dot(n);
-            if slope * slope <= steep * steep * along.norm_squared() {
-                level.push((e.into(), ends, along.normalize()));
+            if slope * slope <= max_slope * max_slope * along.norm_squared() {
+                level_edges.push((e.into(), ends, along.normalize()));
             }
         }
-        level
+        level_edges
     };
-    for (ea, ends_a, along) in level(pair.posed_a, n) {
-        for (eb, ends_b, other) in level(pair.posed_b, &-n) {
+    for (ea, ends_a, along) in level_edges(pair.posed_a, n) {
+        for (eb, ends_b, other) in level_edges(pair.posed_b, &-n) {
             let base = pair.posed_a.vertex(ends_a[0]);
             let between = pair.posed_b.vertex(ends_b[0]) + pair.centre_offset - base;
             let across = between - along * between.dot(&along);
@@ -228,24 +239,25 @@ pub(super) fn ridge_manifold(pair: &PolyhedronPair, n: &Vec3, distance: f64) -> 
                 continue;
             }
             // Positions along the edge, each with the feature that ends there.
-            let of_a = ends_a.map(|v| (pair.posed_a.vertex(v).dot(&along), (vertex_feature(v), edge_feature(eb))));
-            let mut of_b = ends_b.map(|v| {
+            let ends_on_a = ends_a.map(|v| (pair.posed_a.vertex(v).dot(&along), (vertex_feature(v), edge_feature(eb))));
+            let mut ends_on_b = ends_b.map(|v| {
                 ((pair.posed_b.vertex(v) + pair.centre_offset).dot(&along), (edge_feature(ea), vertex_feature(v)))
             });
-            of_b.sort_by(|p, q| p.0.total_cmp(&q.0));
-            let inner = |k: usize, of_a_is_inner: bool| {
-                if (of_a[k].0 - of_b[k].0).abs() <= SAME_CORNER_DISTANCE * pair.smaller_circumradius {
-                    (of_a[k].0, (of_a[k].1.0, of_b[k].1.1))
+            ends_on_b.sort_by(|p, q| p.0.total_cmp(&q.0));
+            let inner_end = |k: usize, a_is_inner: bool| {
+                if (ends_on_a[k].0 - ends_on_b[k].0).abs() <= SAME_CORNER_DISTANCE * pair.smaller_circumradius {
+                    (ends_on_a[k].0, (ends_on_a[k].1.0, ends_on_b[k].1.1))
                 } else {
-                    if of_a_is_inner { of_a[k] } else { of_b[k] }
+                    if a_is_inner { ends_on_a[k] } else { ends_on_b[k] }
                 }
             };
-            let (low, high) = (inner(0, of_a[0].0 > of_b[0].0), inner(1, of_a[1].0 < of_b[1].0));
+            let (low, high) =
+                (inner_end(0, ends_on_a[0].0 > ends_on_b[0].0), inner_end(1, ends_on_a[1].0 < ends_on_b[1].0));
             if high.0 - low.0 <= RIDGE_ANGLE * pair.smaller_circumradius {
                 continue;
             }
-            let at = |height: f64| base + along * (height - base.dot(&along)) + across * 0.5;
-            let point = |(height, features)| ContactPoint { position: at(height), gap, features };
+            let position_at = |height: f64| base + along * (height - base.dot(&along)) + across * 0.5;
+            let point = |(height, features)| ContactPoint { position: position_at(height), gap, features };
             let mut ends = [point(low), point(high)];
             ends.sort_by_key(|point| point.features);
             return Some(Manifold { normal: -across / gap, points: ends.into_iter().collect(), area: 0.0 });

@@ -31,7 +31,7 @@ pub fn polyhedron_hollow_cylinder(
     alert: f64,
 ) -> Vec<Manifold> {
     let mut found = Vec::new();
-    let mut touch = |v: Vec3, outward: Vec3, gap: f64, features: (u32, u32)| {
+    let mut add_contact = |v: Vec3, outward: Vec3, gap: f64, features: (u32, u32)| {
         if gap <= alert {
             let outward = q * outward;
             let points = [ContactPoint { position: v + outward * (0.5 * gap), gap, features }].into_iter().collect();
@@ -40,13 +40,13 @@ pub fn polyhedron_hollow_cylinder(
     };
     for k in 0..a.shape.vertices().len() as u32 {
         let v = a.vertex(k);
-        let at = q.inverse_transform_vector(&(v - c));
-        let distance = at.xy().norm();
+        let local = q.inverse_transform_vector(&(v - c));
+        let distance = local.xy().norm();
         if distance > 0.0 {
-            touch(v, Vec3::new(at.x, at.y, 0.0) / distance, radius - distance, (vertex_feature(k), 0));
+            add_contact(v, Vec3::new(local.x, local.y, 0.0) / distance, radius - distance, (vertex_feature(k), 0));
         }
-        let end = if at.z >= 0.0 { 1 } else { 2 };
-        touch(v, Vec3::z() * 1f64.copysign(at.z), half_height - at.z.abs(), (vertex_feature(k), end));
+        let end = if local.z >= 0.0 { 1 } else { 2 };
+        add_contact(v, Vec3::z() * 1f64.copysign(local.z), half_height - local.z.abs(), (vertex_feature(k), end));
     }
     found
 }
@@ -61,13 +61,13 @@ const FAR_DISPLACEMENT: f64 = 0.25;
 /// First feature of a hollow cylinder that is a tangent plane of its side or the farther end.
 pub const FAR_WALL: u32 = 4;
 
-/// Contacts of a ball of `radius` about `at` (m, candidate) with all walls of a hollow cylinder at `c` with the orientation
-/// `q`, as [`polyhedron_hollow_cylinder`] has them, in steps in which the distance closes by more than a quarter of the
-/// cylinder's size: tangent planes of its side all around, and the farther end. Empty in shorter steps.
+/// Contacts of a ball of `radius` about `centre` (m, candidate) with all walls of a hollow cylinder at `c` with the
+/// orientation `q`, as [`polyhedron_hollow_cylinder`] has them, in steps in which the distance closes by more than a
+/// quarter of the cylinder's size: tangent planes of its side all around, and the farther end. Empty in shorter steps.
 ///
 /// `feature`: feature of the candidate.
 pub fn far_walls(
-    at: &Vec3,
+    centre: &Vec3,
     radius: f64,
     feature: u32,
     (c, q): (&Vec3, &Quat),
@@ -77,20 +77,20 @@ pub fn far_walls(
     if displacement < FAR_DISPLACEMENT * half_height.min(cylinder_radius) {
         return Vec::new();
     }
-    let local = q.inverse_transform_vector(&(at - c));
+    let local = q.inverse_transform_vector(&(centre - c));
     let side = |k: u32| {
         let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(k) / f64::from(TANGENT_PLANES));
         (Vec3::new(cos, sin, 0.0), cylinder_radius, FAR_WALL + 1 + k)
     };
     let farther_end = (Vec3::z() * -1f64.copysign(local.z), half_height, FAR_WALL);
     let walls = (0..TANGENT_PLANES).map(side).chain([farther_end]);
-    let touch = |(outward, distance, wall): (Vec3, f64, u32)| {
+    let wall_contact = |(outward, distance, wall): (Vec3, f64, u32)| {
         let gap = distance - outward.dot(&local) - radius;
         let outward = q * outward;
-        let point = ContactPoint { position: at + outward * (radius + 0.5 * gap), gap, features: (feature, wall) };
+        let point = ContactPoint { position: centre + outward * (radius + 0.5 * gap), gap, features: (feature, wall) };
         Manifold { normal: -outward, points: [point].into_iter().collect(), area: 0.0 }
     };
-    walls.map(touch).filter(|manifold| manifold.gap() <= displacement).collect()
+    walls.map(wall_contact).filter(|manifold| manifold.gap() <= displacement).collect()
 }
 
 /// [`far_walls`] of the vertices of polyhedron A.
@@ -101,6 +101,6 @@ pub fn vertices_at_far_walls(
     size: [f64; 2],
     displacement: f64,
 ) -> impl Iterator<Item = Manifold> {
-    let of_vertex = move |k: u32| far_walls(&a.vertex(k), 0.0, vertex_feature(k), (c, q), size, displacement);
-    (0..a.shape.vertices().len() as u32).flat_map(of_vertex)
+    let at_vertex = move |k: u32| far_walls(&a.vertex(k), 0.0, vertex_feature(k), (c, q), size, displacement);
+    (0..a.shape.vertices().len() as u32).flat_map(at_vertex)
 }

@@ -52,6 +52,6 @@ pub use manifold::{
 };
 pub use near_pairs::near_pairs;
 pub use plate::polyhedron_plane;
-pub use polyhedra::{PairBatch, PairResult, polyhedron_polyhedron};
+pub use polyhedra::{PairBatch, PairRequest, PairResult, polyhedron_polyhedron};
 pub use polyhedron::{Polyhedron, PosedPolyhedron};
 pub use sphere::polyhedron_sphere;

@@ -64,24 +64,24 @@ impl GridLevel {
         cell.iter().fold(0, |slot, c| slot << self.bits | (c & mask) as u32)
     }
 
-    /// Calls `take` with the ranges of `order` of the spheres in three cells along the last axis, the middle one `step`
-    /// from `cell`.
-    fn visit_column(&self, cell: &[i64; 3], step: [i64; 2], take: &mut impl FnMut(Range<usize>)) {
+    /// Calls `visit` with the ranges of `order` of the spheres in three cells along the last axis, the middle one
+    /// `step` from `cell`.
+    fn visit_column(&self, cell: &[i64; 3], step: [i64; 2], visit: &mut impl FnMut(Range<usize>)) {
         let middle = [cell[0].wrapping_add(step[0]), cell[1].wrapping_add(step[1]), cell[2]];
-        let last = (1 << self.bits) - 1;
+        let last_coordinate = (1 << self.bits) - 1;
         let slot = self.cell_slot(middle) as usize;
-        let at = |from: usize, to: usize| self.starts[from] as usize..self.starts[to] as usize;
+        let spheres_of = |from: usize, to: usize| self.starts[from] as usize..self.starts[to] as usize;
         // At the border of the pattern the three cells are not adjacent in memory.
-        match middle[2] & last {
+        match middle[2] & last_coordinate {
             0 => {
-                take(at(slot, slot + 2));
-                take(at(slot + last as usize, slot + last as usize + 1));
+                visit(spheres_of(slot, slot + 2));
+                visit(spheres_of(slot + last_coordinate as usize, slot + last_coordinate as usize + 1));
             }
-            z if z == last => {
-                take(at(slot - 1, slot + 1));
-                take(at(slot - last as usize, slot - last as usize + 1));
+            z if z == last_coordinate => {
+                visit(spheres_of(slot - 1, slot + 1));
+                visit(spheres_of(slot - last_coordinate as usize, slot - last_coordinate as usize + 1));
             }
-            _ => take(at(slot - 1, slot + 2)),
+            _ => visit(spheres_of(slot - 1, slot + 2)),
         }
     }
 }
@@ -93,11 +93,11 @@ pub fn near_pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
     let levels = grid_levels(x, reach);
     let mut found = Vec::new();
     for (l, level) in levels.iter().enumerate() {
-        let of_chunk = |chunk: usize| {
+        let pairs_of_chunk = |chunk: usize| {
             let range = chunk * SPHERES_PER_TASK..level.order.len().min((chunk + 1) * SPHERES_PER_TASK);
             let mut pairs = Vec::with_capacity(8 * range.len());
-            for at in range {
-                let (i, sphere) = (level.order[at], level.spheres[at]);
+            for position in range {
+                let (i, sphere) = (level.order[position], level.spheres[position]);
                 let centre = Vec3::new(sphere[0], sphere[1], sphere[2]);
                 let mut add_near = |level: &GridLevel, range: Range<usize>| {
                     for (j, other) in level.order[range.clone()].iter().zip(&level.spheres[range]) {
@@ -108,7 +108,7 @@ pub fn near_pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
                 };
                 let home = level.cell_coordinates(&centre);
                 let slot = level.cell_slot(home) as usize;
-                add_near(level, at + 1..level.starts[slot + 1] as usize);
+                add_near(level, position + 1..level.starts[slot + 1] as usize);
                 let next = level.cell_slot([home[0], home[1], home[2].wrapping_add(1)]) as usize;
                 add_near(level, level.starts[next] as usize..level.starts[next + 1] as usize);
                 FORWARD_COLUMNS
@@ -124,7 +124,7 @@ pub fn near_pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
             pairs
         };
         let chunks = level.order.len().div_ceil(SPHERES_PER_TASK);
-        found.extend((0..chunks).into_par_iter().map(of_chunk).collect::<Vec<_>>());
+        found.extend((0..chunks).into_par_iter().map(pairs_of_chunk).collect::<Vec<_>>());
     }
     concatenated(found)
 }
@@ -144,9 +144,9 @@ const MAX_LEVEL: u32 = 2100;
 /// Levels of the grid that have spheres, from the finest.
 fn grid_levels(x: &[Vec3], reach: &[f64]) -> Vec<GridLevel> {
     let reaches = reach.par_iter().with_min_len(SPHERES_PER_TASK);
-    let Some(least) = reaches.clone().copied().reduce_with(f64::min) else { return Vec::new() };
+    let Some(smallest) = reaches.clone().copied().reduce_with(f64::min) else { return Vec::new() };
     // Cells grow by a factor of two; spheres of up to twice the least reach share the first level.
-    let level = |&r: &f64| if r < 2.0 * least { 0 } else { (libm::log2(r / least) as u32).min(MAX_LEVEL) };
+    let level = |&r: &f64| if r < 2.0 * smallest { 0 } else { (libm::log2(r / smallest) as u32).min(MAX_LEVEL) };
     let level_of_balls: Vec<u32> = reaches.map(level).collect();
     let count = level_of_balls.iter().max().map_or(0, |most| *most as usize + 1);
     let (members, starts) = group_by_key(&level_of_balls, count);

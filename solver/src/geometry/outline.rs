@@ -21,21 +21,21 @@ pub(super) fn collect_common_corners(
     n: &Vec3,
     faces: (u32, u32),
     tiny: f64,
-    take: &mut PatchCorners,
+    found: &mut PatchCorners,
 ) {
     let counts = [pair.shape_a.face_corners(faces.0 as usize).len(), pair.shape_b.face_corners(faces.1 as usize).len()];
     // The first corner is repeated after the last; vectors that start at the last may read beyond it.
     let strides = counts.map(|count| count.next_multiple_of(COLUMN_PAD) + COLUMN_PAD);
     // On the stack, except for faces with many corners.
-    let (mut few, mut many) = ([0.0; 4 * OUTLINE_COLUMNS * COLUMN_PAD], Vec::new());
-    let all = OUTLINE_COLUMNS * (strides[0] + strides[1]);
-    let storage = if all <= few.len() {
-        &mut few[..]
+    let (mut stack_storage, mut heap_storage) = ([0.0; 4 * OUTLINE_COLUMNS * COLUMN_PAD], Vec::new());
+    let storage_len = OUTLINE_COLUMNS * (strides[0] + strides[1]);
+    let storage = if storage_len <= stack_storage.len() {
+        &mut stack_storage[..]
     } else {
-        many.resize(all, 0.0);
-        &mut many[..]
+        heap_storage.resize(storage_len, 0.0);
+        &mut heap_storage[..]
     };
-    pair.width.run(CommonCorners { pair, n, faces, counts, strides, tiny, storage, take })
+    pair.width.run(CommonCorners { pair, n, faces, counts, strides, tiny, storage, found })
 }
 
 /// Outline of a face seen along the normal, counter-clockwise.
@@ -45,9 +45,9 @@ struct FaceOutline<'a> {
     corners: &'a [FeatureIndex],
     sides: &'a [FeatureIndex],
     /// Position of the body's centre relative to that of A, m.
-    moved: Vec3,
+    centre: Vec3,
     /// Whether the face's normal is opposite to the viewing normal; then corners and sides are in reverse order.
-    turned: bool,
+    reversed: bool,
     /// Coordinates of the corners across the viewing normal, and their heights along it, m; the first corner follows the
     /// last.
     x: &'a mut [f64],
@@ -65,31 +65,31 @@ impl<'a> FaceOutline<'a> {
     #[inline(always)]
     fn new(
         posed: &'a PosedPolyhedron,
-        of: u32,
-        moved: Vec3,
-        turned: bool,
+        face: u32,
+        centre: Vec3,
+        reversed: bool,
         stride: usize,
         storage: &'a mut [f64],
     ) -> Self {
-        let (corners, sides) = (posed.shape.face_corners(of as usize), posed.shape.face_edges(of as usize));
+        let (corners, sides) = (posed.shape.face_corners(face as usize), posed.shape.face_edges(face as usize));
         let (x, rest) = storage.split_at_mut(stride);
         let (y, rest) = rest.split_at_mut(stride);
         let (z, rest) = rest.split_at_mut(stride);
         let (dx, dy) = rest.split_at_mut(stride);
-        FaceOutline { posed, corners, sides, moved, turned, x, y, z, dx, dy, height: 0.0, slope: [0.0; 2] }
+        FaceOutline { posed, corners, sides, centre, reversed, x, y, z, dx, dy, height: 0.0, slope: [0.0; 2] }
     }
 
     /// Vertex of corner `k`, counter-clockwise as seen.
     #[inline(always)]
     fn vertex(&self, k: usize) -> u32 {
-        self.corners[if self.turned { self.corners.len() - 1 - k } else { k }].into()
+        self.corners[if self.reversed { self.corners.len() - 1 - k } else { k }].into()
     }
 
     /// Edge from corner `k` to the next.
     #[inline(always)]
     fn edge(&self, k: usize) -> u32 {
         let count = self.sides.len();
-        let k = match self.turned {
+        let k = match self.reversed {
             true if k + 1 == count => k,
             true => count - 2 - k,
             false => k,
@@ -105,12 +105,12 @@ impl<'a> FaceOutline<'a> {
     /// Position of corner `k` relative to A's centre, world frame, m.
     #[inline(always)]
     fn corner_position(&self, k: usize) -> Vec3 {
-        self.posed.vertex(self.vertex(k)) + self.moved
+        self.posed.vertex(self.vertex(k)) + self.centre
     }
 
     /// Projects the corners, and computes the plane through them.
     #[inline(always)]
-    fn project_corners(&mut self, of: u32, [n, t, s]: &[Vec3; 3]) {
+    fn project_corners(&mut self, face: u32, [n, t, s]: &[Vec3; 3]) {
         let count = self.corners.len();
         let mut k = 0;
         while k < count {
@@ -119,19 +119,19 @@ impl<'a> FaceOutline<'a> {
             k += 1;
         }
         (self.x[count], self.y[count], self.z[count]) = (self.x[0], self.y[0], self.z[0]);
-        let normal = self.posed.face_normal(of);
+        let normal = self.posed.face_normal(face);
         let rise = normal.dot(n);
         if rise.abs() < MIN_FACE_COSINE {
             // A face seen as a line: level, at the height that is nearest to the other body.
             let mut height = self.z[0];
             for &z in &self.z[1..count] {
-                height = if self.turned { height.min(z) } else { height.max(z) };
+                height = if self.reversed { height.min(z) } else { height.max(z) };
             }
             self.height = height;
             return;
         }
         self.slope = [normal.dot(t) / rise, normal.dot(s) / rise];
-        self.height = (self.posed.shape.face_planes()[of as usize].offset + normal.dot(&self.moved)) / rise;
+        self.height = (self.posed.shape.face_planes()[face as usize].offset + normal.dot(&self.centre)) / rise;
     }
 
     /// Computes the directions of the sides. Not called directly after [`Self::project_corners`]: vector loads would wait
@@ -194,8 +194,8 @@ impl<'a> FaceOutline<'a> {
             if (dx != 0.0 || dy != 0.0) && distance <= tiny {
                 let length = (self.x[k + 1] - self.x[k]) * dx + (self.y[k + 1] - self.y[k]) * dy;
                 let share = ((x - self.x[k]) * dx + (y - self.y[k]) * dy) / length;
-                let of_side = self.z[k] + (self.z[k + 1] - self.z[k]) * share.clamp(0.0, 1.0);
-                height = if sign * of_side < sign * height { of_side } else { height };
+                let height_of_side = self.z[k] + (self.z[k + 1] - self.z[k]) * share.clamp(0.0, 1.0);
+                height = if sign * height_of_side < sign * height { height_of_side } else { height };
             }
             k += 1;
         }
@@ -217,7 +217,7 @@ struct CommonCorners<'a> {
     strides: [usize; 2],
     tiny: f64,
     storage: &'a mut [f64],
-    take: &'a mut PatchCorners,
+    found: &'a mut PatchCorners,
 }
 
 impl LaneOperation for CommonCorners<'_> {
@@ -225,25 +225,25 @@ impl LaneOperation for CommonCorners<'_> {
 
     #[inline(always)]
     fn call<L: F64Arithmetic>(self, l: L) {
-        let CommonCorners { pair, n, faces, counts: [na, nb], strides, tiny, storage, take } = self;
+        let CommonCorners { pair, n, faces, counts: [count_a, count_b], strides, tiny, storage, found } = self;
         let frame = local_frame(*n);
-        let (of_a, of_b) = storage.split_at_mut(OUTLINE_COLUMNS * strides[0]);
-        let mut a = FaceOutline::new(pair.posed_a, faces.0, Vec3::zeros(), false, strides[0], of_a);
+        let (storage_a, storage_b) = storage.split_at_mut(OUTLINE_COLUMNS * strides[0]);
+        let mut a = FaceOutline::new(pair.posed_a, faces.0, Vec3::zeros(), false, strides[0], storage_a);
         let mut b = FaceOutline::new(
             pair.posed_b,
             faces.1,
             pair.centre_offset,
             true,
             strides[1],
-            &mut of_b[..OUTLINE_COLUMNS * strides[1]],
+            &mut storage_b[..OUTLINE_COLUMNS * strides[1]],
         );
         a.project_corners(faces.0, &frame);
         b.project_corners(faces.1, &frame);
         a.compute_side_directions(l, tiny);
         b.compute_side_directions(l, tiny);
-        let first = take.len();
+        let first = found.len();
         let mut from = 0;
-        while from < na {
+        while from < count_a {
             let (mut inside, on_side) = b.corners_inside(l, &a, from, tiny);
             while inside != 0 {
                 let lane = inside.trailing_zeros() as usize;
@@ -257,13 +257,13 @@ impl LaneOperation for CommonCorners<'_> {
                 let gap = height - z;
                 let point = a.corner_position(k) + n * (0.5 * gap);
                 let features = (vertex_feature(a.vertex(k)), face_feature(faces.1));
-                take.push(PatchCorner { point: point.into(), flat: [x, y], gap, features });
+                found.push(PatchCorner { point: point.into(), flat: [x, y], gap, features });
             }
             from += L::WIDTH;
         }
-        let of_vertices_of_a = take.len();
+        let end_of_a = found.len();
         let mut from = 0;
-        while from < nb {
+        while from < count_b {
             let (mut inside, on_side) = a.corners_inside(l, &b, from, tiny);
             while inside != 0 {
                 let lane = inside.trailing_zeros() as usize;
@@ -271,12 +271,12 @@ impl LaneOperation for CommonCorners<'_> {
                 let k = from + lane;
                 let (x, y, z) = (b.x[k], b.y[k], b.z[k]);
                 let mut same = first;
-                while same < of_vertices_of_a && !take[same].is_near([x, y], pair.smaller_circumradius) {
+                while same < end_of_a && !found[same].is_near([x, y], pair.smaller_circumradius) {
                     same += 1;
                 }
-                if same < of_vertices_of_a {
+                if same < end_of_a {
                     // Two vertices coincide: each keeps its own height.
-                    let same = &mut take[same];
+                    let same = &mut found[same];
                     let gap = z - (Vec3::from(same.point).dot(n) - 0.5 * same.gap);
                     same.point = (Vec3::from(same.point) + n * (0.5 * (gap - same.gap))).into();
                     (same.gap, same.features.1) = (gap, vertex_feature(b.vertex(k)));
@@ -289,15 +289,15 @@ impl LaneOperation for CommonCorners<'_> {
                 let gap = z - height;
                 let point = b.corner_position(k) - n * (0.5 * gap);
                 let features = (face_feature(faces.0), vertex_feature(b.vertex(k)));
-                take.push(PatchCorner { point: point.into(), flat: [x, y], gap, features });
+                found.push(PatchCorner { point: point.into(), flat: [x, y], gap, features });
             }
             from += L::WIDTH;
         }
-        let of_vertices = take.len();
+        let end_of_vertices = found.len();
         let mut i = 0;
-        while i < na {
+        while i < count_a {
             let mut from = 0;
-            while from < nb {
+            while from < count_b {
                 // Distances of the corners of B from this side of A, and of the ends of this side from the sides of B.
                 let (x, y) = (l.load(&b.x[from..]), l.load(&b.y[from..]));
                 let (next_x, next_y) = (l.load(&b.x[from + 1..]), l.load(&b.y[from + 1..]));
@@ -315,7 +315,7 @@ impl LaneOperation for CommonCorners<'_> {
                             | (l.mask_greater(l.splat(-tiny), $p) & l.mask_greater($q, l.splat(tiny)))
                     };
                 }
-                let mut crossing = apart!(w0, w1) & apart!(v0, v1) & lane_mask::<L>(from, nb);
+                let mut crossing = apart!(w0, w1) & apart!(v0, v1) & lane_mask::<L>(from, count_b);
                 if crossing != 0 {
                     let mut distances = [[0.0; 8]; 4];
                     l.store(&mut distances[0], v0);
@@ -335,15 +335,15 @@ impl LaneOperation for CommonCorners<'_> {
                         let flat = [point.dot(&frame[1]), point.dot(&frame[2])];
                         let gap = n.dot(&(on_b - on_a));
                         let mut same = first;
-                        while same < of_vertices && !take[same].is_near(flat, pair.smaller_circumradius) {
+                        while same < end_of_vertices && !found[same].is_near(flat, pair.smaller_circumradius) {
                             same += 1;
                         }
-                        if same < of_vertices {
-                            take[same].gap = take[same].gap.min(gap);
+                        if same < end_of_vertices {
+                            found[same].gap = found[same].gap.min(gap);
                             continue;
                         }
                         let features = (edge_feature(a.edge(i)), edge_feature(b.edge(j)));
-                        take.push(PatchCorner { point: point.into(), flat, gap, features });
+                        found.push(PatchCorner { point: point.into(), flat, gap, features });
                     }
                 }
                 from += L::WIDTH;

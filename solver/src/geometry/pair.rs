@@ -138,20 +138,20 @@ pub(super) fn lowest_vertex<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: 
     let n = posed.local_vector(n);
     let [x, y, z] = posed.shape.vertex_columns();
     // Lowest height so far in each lane, and the index of the first vertex of its block.
-    let mut least = l.splat(f64::INFINITY);
+    let mut lowest = l.splat(f64::INFINITY);
     let mut block = l.splat(0.0);
     let mut first = 0;
     while first < x.len() {
         let height = dot_columns(l, &n, [l.load(&x[first..]), l.load(&y[first..]), l.load(&z[first..])]);
-        block = l.select_greater(least, height, l.splat(first as f64), block);
-        least = l.min(height, least);
+        block = l.select_greater(lowest, height, l.splat(first as f64), block);
+        lowest = l.min(height, lowest);
         first += L::WIDTH;
     }
     let mut vertices = [0.0; 8];
     l.store(&mut vertices, l.add(block, l.load(&LANE_INDICES)));
-    let height = l.min_lane(least);
+    let height = l.min_lane(lowest);
     // Takes the first of equal vertices.
-    let mut equal_lanes = !l.mask_greater(least, l.splat(height)) & ((1 << L::WIDTH) - 1);
+    let mut equal_lanes = !l.mask_greater(lowest, l.splat(height)) & ((1 << L::WIDTH) - 1);
     let mut vertex = vertices[equal_lanes.trailing_zeros() as usize & 7];
     equal_lanes &= equal_lanes.wrapping_sub(1);
     while equal_lanes != 0 {

@@ -50,8 +50,9 @@ impl ContactPatch {
     /// Sets normal and area for corners that are known already; `area_of_all`: area of the whole common part.
     pub fn set_normal_and_area(&mut self, normal: Vec3, area_of_all: f64, area_within: f64) {
         // With a limited range the tilt of the faces counts, too.
-        let all = area_within == f64::INFINITY;
-        (self.normal, self.area) = (normal, if all { area_of_all } else { polygon_area(&self.corners, area_within) });
+        let is_unlimited = area_within == f64::INFINITY;
+        (self.normal, self.area) =
+            (normal, if is_unlimited { area_of_all } else { polygon_area(&self.corners, area_within) });
     }
 
     /// Whether a corner has the gap of the axis: then two points of A and B are as near as the axis allows.
@@ -90,38 +91,40 @@ impl ContactPatch {
     /// Removes, in the order of `order`, corners whose removal leaves the same outline: sides that nearly coincide cross
     /// in the middle, and a corner that is hardly cut off appears twice. The deepest corner is kept.
     fn drop_flat_corners(&self, order: &mut SmallVec<[u32; 12]>, tie: f64) {
-        let flat = |k: u32| self.corners[k as usize].flat;
-        let between = |a: u32, b: u32| [flat(b)[0] - flat(a)[0], flat(b)[1] - flat(a)[1]];
+        let flat_position = |k: u32| self.corners[k as usize].flat;
+        let between =
+            |a: u32, b: u32| [flat_position(b)[0] - flat_position(a)[0], flat_position(b)[1] - flat_position(a)[1]];
         let length = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
         let size = order.iter().map(|&k| length(between(order[0], k))).fold(0.0, f64::max);
         let gap = |k: u32| self.corners[k as usize].gap;
         let outline = convex_order(&self.corners);
-        let (all, mut count) = (outline.len(), outline.len());
-        let mut position = SmallVec::<[usize; 12]>::from_elem(0, all);
-        (0..all).for_each(|at| position[outline[at] as usize] = at);
-        let mut is_left = SmallVec::<[bool; 12]>::from_elem(true, all);
-        let previous = |at: usize| if at == 0 { all - 1 } else { at - 1 };
-        let next = |at: usize| if at + 1 == all { 0 } else { at + 1 };
+        let (corner_count, mut count) = (outline.len(), outline.len());
+        let mut position = SmallVec::<[usize; 12]>::from_elem(0, corner_count);
+        (0..corner_count).for_each(|index| position[outline[index] as usize] = index);
+        let mut is_kept = SmallVec::<[bool; 12]>::from_elem(true, corner_count);
+        let before = |index: usize| if index == 0 { corner_count - 1 } else { index - 1 };
+        let after = |index: usize| if index + 1 == corner_count { 0 } else { index + 1 };
         order.retain(|k| {
-            let at = position[*k as usize];
+            let index = position[*k as usize];
             // All removed corners between the present neighbours must lie on the line between these, too.
-            let (mut from, mut to) = (previous(at), next(at));
-            while from != at && !is_left[from] {
-                from = previous(from);
+            let (mut previous, mut next) = (before(index), after(index));
+            while previous != index && !is_kept[previous] {
+                previous = before(previous);
             }
-            while to != at && !is_left[to] {
-                to = next(to);
+            while next != index && !is_kept[next] {
+                next = after(next);
             }
-            let (before, after) = (outline[from], outline[to]);
-            let side = between(before, after);
+            let (previous_corner, next_corner) = (outline[previous], outline[next]);
+            let side = between(previous_corner, next_corner);
             let stands_out = |k: u32| {
-                let to = between(before, k);
-                (side[0] * to[1] - side[1] * to[0]).abs() > FLAT_CORNER_HEIGHT * size * length(side)
+                let next = between(previous_corner, k);
+                (side[0] * next[1] - side[1] * next[0]).abs() > FLAT_CORNER_HEIGHT * size * length(side)
             };
-            let mut within = std::iter::successors(Some(next(from)), |&at| Some(next(at))).take_while(|&at| at != to);
-            let deeper = gap(*k) < gap(before).min(gap(after)) - DEEPER_TIES * tie;
-            let stays = count <= 3 || deeper || within.any(|at| stands_out(outline[at]));
-            is_left[at] = stays;
+            let mut within = std::iter::successors(Some(after(previous)), |&index| Some(after(index)))
+                .take_while(|&index| index != next);
+            let is_deeper = gap(*k) < gap(previous_corner).min(gap(next_corner)) - DEEPER_TIES * tie;
+            let stays = count <= 3 || is_deeper || within.any(|index| stands_out(outline[index]));
+            is_kept[index] = stays;
             count -= usize::from(!stays);
             stays
         });

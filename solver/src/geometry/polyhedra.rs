@@ -34,7 +34,7 @@ pub fn polyhedron_polyhedron(
 /// Contact of one pair with the feature to cache.
 fn pair_manifold(query: PairQuery) -> (CachedFeature, Option<Manifold>) {
     let mut found = (CachedFeature::default(), None);
-    let mut take = |(), result: PairResult| {
+    let mut record = |(), result: PairResult| {
         found = match result {
             Ok((memory, manifold)) => (memory, Some(manifold.clone())),
             Err(Separated { n, s }) => {
@@ -43,8 +43,8 @@ fn pair_manifold(query: PairQuery) -> (CachedFeature, Option<Manifold>) {
         };
     };
     let mut batch = PairBatch::new(query.pair.width);
-    batch.push_query((), query, &mut take);
-    batch.flush(&mut take);
+    batch.push_query((), query, &mut record);
+    batch.flush(&mut record);
     found
 }
 
@@ -57,12 +57,28 @@ pub type PairResult<'m> = Result<(CachedFeature, &'m Manifold), Separated>;
 pub struct PairBatch<'a, T> {
     width: SimdWidth,
     /// Pairs whose points are not computed yet.
-    waiting: [Option<PendingPair<'a, T>>; MAX_PENDING_PAIRS],
+    pending: [Option<PendingPair<'a, T>>; MAX_PENDING_PAIRS],
     count: usize,
     triangles: TriangleBatch,
     /// Patch of the current pair.
     patch: ContactPatch,
     manifold: Manifold,
+}
+
+/// Request for the contact of polyhedra A and B.
+#[derive(Clone, Copy)]
+pub struct PairRequest<'a> {
+    /// A and B with their orientations.
+    pub shapes: [&'a PosedPolyhedron<'a>; 2],
+    /// x_B - x_A, m.
+    pub centre_offset: Vec3,
+    /// Gaps up to which points are listed.
+    pub range: ListingRange,
+    pub narrow: NarrowPhaseMode,
+    /// Feature that is kept from the last step.
+    pub memory: CachedFeature,
+    /// Direction along which the bodies may be apart.
+    pub hint: Option<Vec3>,
 }
 
 /// Pair whose direction is known and whose points are still to be computed.
@@ -93,7 +109,7 @@ impl<'a, T: Copy> PairBatch<'a, T> {
     pub fn new(width: SimdWidth) -> Self {
         PairBatch {
             width,
-            waiting: [const { None }; MAX_PENDING_PAIRS],
+            pending: [const { None }; MAX_PENDING_PAIRS],
             count: 0,
             triangles: TriangleBatch::new(),
             patch: ContactPatch::default(),
@@ -101,56 +117,44 @@ impl<'a, T: Copy> PairBatch<'a, T> {
         }
     }
 
-    /// Requests the result of [`polyhedron_polyhedron`]; `take` is called with `key` and the result, in this or a later
-    /// call.
-    ///
-    /// `hint`: direction along which the bodies may be apart.
-    #[expect(clippy::too_many_arguments, reason = "data of one pair, and the consumer of its result")]
-    pub fn push_pair(
-        &mut self,
-        key: T,
-        [a, b]: [&'a PosedPolyhedron; 2],
-        c: &Vec3,
-        range: ListingRange,
-        narrow: NarrowPhaseMode,
-        memory: &CachedFeature,
-        hint: Option<Vec3>,
-        take: &mut impl FnMut(T, PairResult),
-    ) {
-        let pair = PolyhedronPair::new(a, b, *c, self.width);
+    /// Requests the result of [`polyhedron_polyhedron`]; `record` is called with `key` and the result, in this or a
+    /// later call.
+    pub fn push_pair(&mut self, key: T, request: PairRequest<'a>, record: &mut impl FnMut(T, PairResult)) {
+        let PairRequest { shapes: [a, b], centre_offset, range, narrow, memory, hint } = request;
+        let pair = PolyhedronPair::new(a, b, centre_offset, self.width);
         let start = memory.search_start(&pair);
-        self.push_query(key, PairQuery { pair, start, hint, narrow, range }, take);
+        self.push_query(key, PairQuery { pair, start, hint, narrow, range }, record);
     }
 
     /// Finds the direction of a pair, and adds the pair to those whose points are computed later.
-    fn push_query(&mut self, key: T, query: PairQuery<'a>, take: &mut impl FnMut(T, PairResult)) {
+    fn push_query(&mut self, key: T, query: PairQuery<'a>, record: &mut impl FnMut(T, PairResult)) {
         let PairQuery { pair, start, hint, narrow, range } = &query;
         let found = search::separating_axis(pair, *start, *hint, *narrow, *range);
         let SearchResult { axis, faces, .. } = &found;
         if axis.s > range.alert {
-            return take(key, Err(axis.as_separated()));
+            return record(key, Err(axis.as_separated()));
         }
         let patch =
             axis.feature != SearchFeature::None && !found.is_far(range) && !search::is_ridge_pair(pair, axis, range);
         let triangles = if patch { self.triangles.push_faces(pair, axis, *faces) } else { None };
-        self.waiting[self.count] = Some(PendingPair { key, query, found, triangles });
+        self.pending[self.count] = Some(PendingPair { key, query, found, triangles });
         self.count += 1;
         if self.triangles.is_full() || self.count == MAX_PENDING_PAIRS {
-            self.flush(take);
+            self.flush(record);
         }
     }
 
     /// Computes all pending results.
-    pub fn flush(&mut self, take: &mut impl FnMut(T, PairResult)) {
-        let PairBatch { width, waiting, count, triangles, patch, manifold } = self;
+    pub fn flush(&mut self, record: &mut impl FnMut(T, PairResult)) {
+        let PairBatch { width, pending, count, triangles, patch, manifold } = self;
         triangles.clip_faces(*width);
-        for PendingPair { key, query, found, triangles: triangle_index } in waiting[..*count].iter().flatten() {
+        for PendingPair { key, query, found, triangles: triangle_index } in pending[..*count].iter().flatten() {
             let axis = &found.axis;
             let is_clipped = triangle_index.is_some_and(|k| triangles.write_patch(k, axis, query.range.area, patch));
             if is_clipped && patch.has_axis_gap(axis.s, query.pair.tie_tolerance()) {
-                take(*key, patch_result(query, axis, patch, manifold));
+                record(*key, patch_result(query, axis, patch, manifold));
             } else {
-                manifold_scalar(query, found, patch, manifold, &mut |result: PairResult| take(*key, result));
+                manifold_scalar(query, found, patch, manifold, &mut |result: PairResult| record(*key, result));
             }
         }
         *count = 0;
@@ -176,44 +180,44 @@ fn manifold_scalar(
     found: &SearchResult,
     patch: &mut ContactPatch,
     manifold: &mut Manifold,
-    take: &mut impl FnMut(PairResult),
+    record: &mut impl FnMut(PairResult),
 ) {
     let PairQuery { pair, start, narrow, range, .. } = query;
-    let SearchResult { axis, faces, met, .. } = found;
+    let SearchResult { axis, faces, touched_vertex, .. } = found;
     let feature = CachedFeature::from_axis(axis);
-    let own_point = |area| {
-        let points = search::axis_point(pair, axis, *met).into_iter().collect();
+    let axis_manifold = |area| {
+        let points = search::axis_point(pair, axis, *touched_vertex).into_iter().collect();
         Manifold { normal: -axis.n, points, area }
     };
     if found.is_far(range) {
-        let nearest = own_point(0.0);
+        let nearest = axis_manifold(0.0);
         if !nearest.points.is_empty() {
-            return take(Ok((feature, &nearest)));
+            return record(Ok((feature, &nearest)));
         }
     }
     if search::is_ridge_pair(pair, axis, range)
         && let Some(ridges) = gjk::ridge_manifold(pair, &axis.n, axis.s)
     {
-        return take(Ok((feature, &ridges)));
+        return record(Ok((feature, &ridges)));
     }
     if axis.feature != SearchFeature::None && !found.is_far(range) {
         patch.clip_faces(pair, axis, *faces, range.area);
         if patch.has_axis_gap(axis.s, pair.tie_tolerance()) {
-            return take(patch_result(query, axis, patch, manifold));
+            return record(patch_result(query, axis, patch, manifold));
         }
         if axis.s <= 0.0 {
             // The overlap is not proven to be the smallest: the axis's own features give one point.
-            return take(Ok((feature, &own_point(patch.area))));
+            return record(Ok((feature, &axis_manifold(patch.area))));
         }
     }
     let nearest = gjk::nearest_points(pair, axis.n, range.alert);
     if nearest.on_faces && matches!(start, SearchStart::Direction(_)) {
         let found = search::separating_axis(pair, SearchStart::Nothing, None, *narrow, *range);
         if found.axis.s > range.alert {
-            return take(Err(found.axis.as_separated()));
+            return record(Err(found.axis.as_separated()));
         }
         let query = PairQuery { start: SearchStart::Nothing, ..*query };
-        return manifold_scalar(&query, &found, patch, manifold, take);
+        return manifold_scalar(&query, &found, patch, manifold, record);
     }
     if let Some(at_edges) = nearest.manifold.as_ref().filter(|near| near.gap() <= range.joint) {
         // The sides of a wedge whose edges are nearest carry force, too.
@@ -221,13 +225,13 @@ fn manifold_scalar(
         let face = |posed, n| search::support_face(Scalar, posed, &n, None);
         patch.clip_faces(pair, &axis, (face(pair.posed_a, axis.n), face(pair.posed_b, -axis.n)), range.area);
         if patch.corners.len() > at_edges.points.len() && patch.has_axis_gap(axis.s, pair.tie_tolerance()) {
-            return take(patch_result(query, &axis, patch, manifold));
+            return record(patch_result(query, &axis, patch, manifold));
         }
     }
-    let along = SearchAxis { n: nearest.n, s: axis.s, feature: SearchFeature::None };
+    let nearest_axis = SearchAxis { n: nearest.n, s: axis.s, feature: SearchFeature::None };
     match &nearest.manifold {
-        Some(manifold) => take(Ok((CachedFeature::from_axis(&along), manifold))),
-        None => take(Err(along.as_separated())),
+        Some(manifold) => record(Ok((CachedFeature::from_axis(&nearest_axis), manifold))),
+        None => record(Err(nearest_axis.as_separated())),
     }
 }
 

@@ -39,8 +39,9 @@ struct PackedTopology {
     /// Start of each vertex in `half_edges`, and the end of the last.
     half_edge_starts: Section,
     half_edges: Section,
-    /// Corners of the faces as in [`ConvexMesh`].
+    /// Corners and edges of the faces as in [`ConvexMesh`].
     loops: Section,
+    /// Start of each face in `loops`, and the end of the last.
     starts: Section,
 }
 
@@ -64,30 +65,21 @@ impl PackedTopology {
         let planes = append_rows(&mut bytes, &faces.planes);
         let edges = append_rows(&mut bytes, &faces.edges);
         let starts = append_rows(&mut bytes, &faces.starts);
-        let mut spokes = vec![Vec::new(); faces.vertices.len()];
+        let mut half_edges = vec![Vec::new(); faces.vertices.len()];
         for (edge, PolyhedronEdge { ends: [from, to], .. }) in (0..).zip(&faces.edges) {
-            spokes[usize::from(*from)].push(HalfEdge { edge, to: *to });
-            spokes[usize::from(*to)].push(HalfEdge { edge, to: *from });
+            half_edges[usize::from(*from)].push(HalfEdge { edge, to: *to });
+            half_edges[usize::from(*to)].push(HalfEdge { edge, to: *from });
         }
-        let mut spoke_starts = vec![0];
-        for of_one in &spokes {
-            spoke_starts.push(spoke_starts[spoke_starts.len() - 1] + of_one.len() as u32);
+        let mut half_edge_starts = vec![0];
+        for at_vertex in &half_edges {
+            half_edge_starts.push(half_edge_starts[half_edge_starts.len() - 1] + at_vertex.len() as u32);
         }
-        let spoke_starts = append_rows(&mut bytes, &spoke_starts);
-        let spokes = append_rows(&mut bytes, &spokes.concat());
+        let half_edge_starts = append_rows(&mut bytes, &half_edge_starts);
+        let half_edges = append_rows(&mut bytes, &half_edges.concat());
         let loops = append_rows(&mut bytes, &faces.loops);
         let mut lines = vec![CacheLine::zeroed(); bytes.len().div_ceil(size_of::<CacheLine>())];
         bytemuck::cast_slice_mut(&mut lines)[..bytes.len()].copy_from_slice(&bytes);
-        PackedTopology {
-            lines,
-            column,
-            planes,
-            edges,
-            starts,
-            half_edge_starts: spoke_starts,
-            half_edges: spokes,
-            loops,
-        }
+        PackedTopology { lines, column, planes, edges, starts, half_edge_starts, half_edges, loops }
     }
 
     #[inline(always)]
@@ -113,7 +105,7 @@ pub(super) struct HalfEdge {
 
 impl From<ConvexMesh> for Polyhedron {
     fn from(faces: ConvexMesh) -> Self {
-        let hot = PackedTopology::new(&faces);
+        let topology = PackedTopology::new(&faces);
         let ConvexMesh { vertices, planes, edges, circumradius, .. } = faces;
         let mut normals = Vec::new();
         for axis in 0..3 {
@@ -129,7 +121,7 @@ impl From<ConvexMesh> for Polyhedron {
             row.iter().enumerate().for_each(|(column, x)| arcs[column * arc_pad + e] = *x);
         }
         let inradius = planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);
-        Polyhedron { topology: hot, vertices, normals, arcs, arc_pad, inradius, circumradius }
+        Polyhedron { topology, vertices, normals, arcs, arc_pad, inradius, circumradius }
     }
 }
 
@@ -219,17 +211,18 @@ impl Polyhedron {
     /// Vertices of a face, counter-clockwise seen from outside.
     #[inline(always)]
     pub(super) fn face_corners(&self, face: usize) -> &[FeatureIndex] {
-        let of_face = self.face_loop(face);
-        &of_face[..of_face.len() / 2]
+        let corners_and_edges = self.face_loop(face);
+        &corners_and_edges[..corners_and_edges.len() / 2]
     }
 
     /// The edges round a face; edge k goes from corner k to the next.
     #[inline(always)]
     pub(super) fn face_edges(&self, face: usize) -> &[FeatureIndex] {
-        let of_face = self.face_loop(face);
-        &of_face[of_face.len() / 2..]
+        let corners_and_edges = self.face_loop(face);
+        &corners_and_edges[corners_and_edges.len() / 2..]
     }
 
+    /// Corners of a face, then its edges.
     #[inline(always)]
     fn face_loop(&self, face: usize) -> &[FeatureIndex] {
         let starts: &[u32] = self.topology.section_rows(self.topology.starts);

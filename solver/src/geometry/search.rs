@@ -52,7 +52,12 @@ pub(super) fn separating_axis(
     if found.axis.feature == SearchFeature::None && found.axis.s <= 0.0 {
         // Rounding has led the search astray.
         let axis = exhaustive_search(pair, range.alert);
-        return SearchResult { axis, met: None, nearest: false, faces: support_faces(Scalar, pair, &axis, None) };
+        return SearchResult {
+            axis,
+            touched_vertex: None,
+            nearest: false,
+            faces: support_faces(Scalar, pair, &axis, None),
+        };
     }
     found
 }
@@ -60,8 +65,8 @@ pub(super) fn separating_axis(
 /// Result of a search: a direction, and the features there.
 pub(super) struct SearchResult {
     pub axis: SearchAxis,
-    /// Vertex that a face touches, if known.
-    pub met: Option<u32>,
+    /// Vertex that a face touches, if the axis is the normal of a face and the vertex is known.
+    pub touched_vertex: Option<u32>,
     /// Whether the bodies are apart, and the features of the axis contain their nearest points.
     pub nearest: bool,
     /// Faces of A and of B, if the points of both are needed.
@@ -88,52 +93,92 @@ impl LaneOperation for AxisSearch<'_> {
 
     #[inline(always)]
     fn call<L: F64Arithmetic>(self, l: L) -> SearchResult {
-        let (axis, met, proven) = self.best_axis(l);
+        let FoundAxis { axis, touched_vertex, is_proven } = self.best_axis(l);
         let ListingRange { alert, patch, .. } = self.range;
-        let nearest = proven && axis.s > 0.0;
+        let nearest = is_proven && axis.s > 0.0;
         let needs_faces = axis.s <= if nearest { patch } else { alert };
-        let faces = if needs_faces { support_faces(l, self.pair, &axis, met) } else { (0, 0) };
-        SearchResult { axis, met, nearest, faces }
+        let faces = if needs_faces { support_faces(l, self.pair, &axis, touched_vertex) } else { (0, 0) };
+        SearchResult { axis, touched_vertex, nearest, faces }
+    }
+}
+
+/// Axis that a search has found.
+struct FoundAxis {
+    axis: SearchAxis,
+    /// Vertex that a face touches, if known.
+    touched_vertex: Option<u32>,
+    /// Whether the axis is proven to be the best.
+    is_proven: bool,
+}
+
+impl FoundAxis {
+    /// Axis without a touched vertex and without a proof.
+    #[inline(always)]
+    fn unproven(axis: SearchAxis) -> Self {
+        FoundAxis { axis, touched_vertex: None, is_proven: false }
     }
 }
 
 impl AxisSearch<'_> {
-    /// Returns the best axis, the vertex that a face touches, if known, and whether the axis was proven to be the best.
+    /// Returns the best axis, or the first along which A and B are farther apart than the range.
     #[inline(always)]
-    fn best_axis<L: F64Arithmetic>(&self, l: L) -> (SearchAxis, Option<u32>, bool) {
-        let &AxisSearch { pair, start, hint, narrow, range: ListingRange { alert: enough, .. } } = self;
+    fn best_axis<L: F64Arithmetic>(&self, l: L) -> FoundAxis {
+        let &AxisSearch { pair, start, hint, narrow, range: ListingRange { alert, .. } } = self;
         if let Some(n) = hint {
             let s = separation_along(l, pair, &n);
-            if s > enough {
-                return (SearchAxis { n, s, feature: SearchFeature::None }, None, false);
+            if s > alert {
+                return FoundAxis::unproven(SearchAxis { n, s, feature: SearchFeature::None });
             }
         }
         let mut witnesses = WitnessPoints { points: [Vec3::zeros(); MAX_WITNESSES], count: 0 };
-        let (best, met) = starting_axis(l, pair, start, &mut witnesses);
+        let start_axis = starting_axis(l, pair, start, &mut witnesses);
+        let FoundAxis { axis: best, touched_vertex, .. } = start_axis;
         let from_direction = matches!(start, SearchStart::Direction(_)) && best.s > 0.0;
-        if best.s > enough || from_direction {
-            return (best, met, false);
+        if best.s > alert || from_direction {
+            return start_axis;
         }
         if is_best(l, pair, &best, &witnesses.points[0], narrow) {
-            return (best, met, true);
+            return FoundAxis { is_proven: true, ..start_axis };
         }
-        let (a, b) = (pair.posed_a, pair.posed_b);
-        match (best.feature, met) {
-            (SearchFeature::FaceOfA(f), Some(v)) => add_face_witnesses(l, pair, [a, b], f, v, 1.0, &mut witnesses),
-            (SearchFeature::FaceOfB(f), Some(v)) => add_face_witnesses(l, pair, [b, a], f, v, -1.0, &mut witnesses),
+        let (from_a, from_b) = (PairView::from_a(pair), PairView::from_b(pair));
+        match (best.feature, touched_vertex) {
+            (SearchFeature::FaceOfA(f), Some(v)) => add_face_witnesses(l, from_a, f, v, &mut witnesses),
+            (SearchFeature::FaceOfB(f), Some(v)) => add_face_witnesses(l, from_b, f, v, &mut witnesses),
             _ => {}
         }
         // Search keeps a known face among equally good ones. Without one, the order of the faces must not decide: it is
         // not mirrored in mirrored pairs.
         let largest = (best.feature == SearchFeature::None).then_some(best.s);
         let mut found = BestFace { axis: best, largest };
-        if search_faces(l, pair, [a, b], 1.0, &mut found, &mut witnesses, enough)
-            || search_faces(l, pair, [b, a], -1.0, &mut found, &mut witnesses, enough)
+        if search_faces(l, from_a, &mut found, &mut witnesses, alert)
+            || search_faces(l, from_b, &mut found, &mut witnesses, alert)
         {
-            return (found.axis, None, false);
+            return FoundAxis::unproven(found.axis);
         }
-        search_edges(l, pair, &mut found.axis, &witnesses, enough);
-        (found.axis, None, false)
+        search_edges(l, pair, &mut found.axis, &witnesses, alert);
+        FoundAxis::unproven(found.axis)
+    }
+}
+
+/// Pair seen from one of its two polyhedra.
+#[derive(Clone, Copy)]
+struct PairView<'a> {
+    pair: &'a PolyhedronPair<'a>,
+    own: &'a PosedPolyhedron<'a>,
+    other: &'a PosedPolyhedron<'a>,
+    /// 1 if `own` is A, -1 if it is B: factor from directions from A to B to directions from `own` to `other`.
+    sign: f64,
+}
+
+impl<'a> PairView<'a> {
+    #[inline(always)]
+    fn from_a(pair: &'a PolyhedronPair<'a>) -> Self {
+        PairView { pair, own: pair.posed_a, other: pair.posed_b, sign: 1.0 }
+    }
+
+    #[inline(always)]
+    fn from_b(pair: &'a PolyhedronPair<'a>) -> Self {
+        PairView { pair, own: pair.posed_b, other: pair.posed_a, sign: -1.0 }
     }
 }
 
@@ -152,13 +197,13 @@ impl WitnessPoints {
         }
     }
 
-    /// Points in the frame of a body, relative to it; `sign` is -1 for B.
+    /// Points of the difference of the other polyhedron and `own`, in the frame of `own`.
     #[inline(always)]
-    fn to_local(&self, posed: &PosedPolyhedron, sign: f64) -> [Vec3; MAX_WITNESSES] {
+    fn to_local(&self, PairView { own, sign, .. }: PairView) -> [Vec3; MAX_WITNESSES] {
         let mut points = [Vec3::zeros(); MAX_WITNESSES];
         let mut i = 0;
         while i < self.count {
-            points[i] = posed.local_vector(&self.points[i]) * sign;
+            points[i] = own.local_vector(&self.points[i]) * sign;
             i += 1;
         }
         points
@@ -171,11 +216,9 @@ impl WitnessPoints {
 #[inline(always)]
 fn add_face_witnesses<L: F64Arithmetic>(
     l: L,
-    pair: &PolyhedronPair,
-    [own, other]: [&PosedPolyhedron; 2],
+    PairView { pair, own, other, sign }: PairView,
     f: u32,
     v: u32,
-    sign: f64,
     witnesses: &mut WitnessPoints,
 ) {
     let n = own.face_normal(f);
@@ -199,11 +242,11 @@ fn add_face_witnesses<L: F64Arithmetic>(
 fn face_support_vertex(posed: &PosedPolyhedron, f: u32, n: &Vec3) -> FeatureIndex {
     let (shape, n) = (posed.shape, posed.local_vector(n));
     let corners = shape.face_corners(f as usize);
-    let (mut best, mut most) = (corners[0], f64::NEG_INFINITY);
+    let (mut best, mut highest) = (corners[0], f64::NEG_INFINITY);
     for &corner in corners {
         let height = shape.vertex(corner.into()).dot(&n);
-        if height > most {
-            (best, most) = (corner, height);
+        if height > highest {
+            (best, highest) = (corner, height);
         }
     }
     best
@@ -221,15 +264,14 @@ fn push_mask_lanes(kept: &mut SmallVec<impl Array<Item = u32>>, mut mask: u32, k
     }
 }
 
-/// Evaluates the cached feature at the new poses, with the vertex that a face touches; without one, the direction between
-/// the centres.
+/// Evaluates the cached feature at the new poses; without one, the direction between the centres.
 #[inline(always)]
 fn starting_axis<L: F64Arithmetic>(
     l: L,
     pair: &PolyhedronPair,
     start: SearchStart,
     witnesses: &mut WitnessPoints,
-) -> (SearchAxis, Option<u32>) {
+) -> FoundAxis {
     let n = match start {
         SearchStart::Feature(SearchFeature::FaceOfA(f)) => {
             let n = pair.posed_a.face_normal(f);
@@ -239,7 +281,8 @@ fn starting_axis<L: F64Arithmetic>(
                     - pair.posed_a.vertex(pair.shape_a.face_corners(f as usize)[0]),
             );
             let s = n.dot(&pair.centre_offset) - pair.shape_a.face_planes()[f as usize].offset + low;
-            return (SearchAxis { n, s, feature: SearchFeature::FaceOfA(f) }, Some(v));
+            let axis = SearchAxis { n, s, feature: SearchFeature::FaceOfA(f) };
+            return FoundAxis { axis, touched_vertex: Some(v), is_proven: false };
         }
         SearchStart::Feature(SearchFeature::FaceOfB(f)) => {
             let n = pair.posed_b.face_normal(f);
@@ -249,14 +292,15 @@ fn starting_axis<L: F64Arithmetic>(
                     - pair.posed_a.vertex(v),
             );
             let s = -n.dot(&pair.centre_offset) - pair.shape_b.face_planes()[f as usize].offset + low;
-            return (SearchAxis { n: -n, s, feature: SearchFeature::FaceOfB(f) }, Some(v));
+            let axis = SearchAxis { n: -n, s, feature: SearchFeature::FaceOfB(f) };
+            return FoundAxis { axis, touched_vertex: Some(v), is_proven: false };
         }
         SearchStart::Feature(SearchFeature::Edges(ea, eb)) => {
-            let (n, s, crossed) = edge_axis(pair, ea, eb);
-            if crossed && true_separation(l, pair, &n, s) == s {
+            let EdgeAxis { n, s, arcs_cross } = edge_axis(pair, ea, eb);
+            if arcs_cross && true_separation(l, pair, &n, s) == s {
                 let [a, b] = [pair.shape_a.edges()[ea as usize].ends[0], pair.shape_b.edges()[eb as usize].ends[0]];
                 witnesses.add(pair.posed_b.vertex(b) + pair.centre_offset - pair.posed_a.vertex(a));
-                return (SearchAxis { n, s, feature: SearchFeature::Edges(ea, eb) }, None);
+                return FoundAxis::unproven(SearchAxis { n, s, feature: SearchFeature::Edges(ea, eb) });
             }
             n
         }
@@ -268,7 +312,7 @@ fn starting_axis<L: F64Arithmetic>(
     let (b, low) = lowest_vertex(l, pair.posed_b, &n);
     let (a, high) = lowest_vertex(l, pair.posed_a, &-n);
     witnesses.add(pair.posed_b.vertex(b) + pair.centre_offset - pair.posed_a.vertex(a));
-    (SearchAxis { n, s: n.dot(&pair.centre_offset) + low + high, feature: SearchFeature::None }, None)
+    FoundAxis::unproven(SearchAxis { n, s: n.dot(&pair.centre_offset) + low + high, feature: SearchFeature::None })
 }
 
 /// Returns s(n).
@@ -283,8 +327,8 @@ fn separation_along<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3) -> 
 /// distance.
 #[inline(always)]
 fn true_separation<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3, s: f64) -> f64 {
-    let found = separation_along(l, pair, n);
-    if found < s - pair.tie_tolerance() { found } else { s }
+    let separation = separation_along(l, pair, n);
+    if separation < s - pair.tie_tolerance() { separation } else { s }
 }
 
 /// Whether a feature's direction is proven to be the best, by its facet of the Minkowski difference.
@@ -344,15 +388,15 @@ fn is_best<L: F64Arithmetic>(
 fn inside_distance(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
     let (n, corners) = (shape.face_planes()[f as usize].normal, shape.face_corners(f as usize));
     let point = shape.vertex(corners[0].into()) + point;
-    let mut least = f64::INFINITY;
+    let mut smallest = f64::INFINITY;
     let mut from = shape.vertex(corners[corners.len() - 1].into());
     for &corner in corners {
         let to = shape.vertex(corner.into());
         let along = to - from;
-        least = least.min(n.cross(&along).dot(&(point - from)) / vector_length(&along));
+        smallest = smallest.min(n.cross(&along).dot(&(point - from)) / vector_length(&along));
         from = to;
     }
-    least
+    smallest
 }
 
 /// Best axis of the faces tried so far.
@@ -363,23 +407,22 @@ struct BestFace {
     largest: Option<f64>,
 }
 
-/// Tries the faces of `own` against the vertices of `other`; `sign` is -1 if `own` is B. Returns whether `enough` is
-/// reached.
+/// Tries the faces of `own` against the vertices of `other`. Returns whether the separation exceeds `alert` (m), which
+/// ends the search.
 #[inline(always)]
 fn search_faces<L: F64Arithmetic>(
     l: L,
-    pair: &PolyhedronPair,
-    [own, other]: [&PosedPolyhedron; 2],
-    sign: f64,
+    view: PairView,
     BestFace { axis: best, largest }: &mut BestFace,
     witnesses: &mut WitnessPoints,
-    enough: f64,
+    alert: f64,
 ) -> bool {
+    let PairView { pair, own, other, sign } = view;
     let tie = pair.tie_tolerance();
     let slack = pair.rounding_bound() + if largest.is_some() { tie } else { 0.0 };
     let mut kept: SmallVec<[u32; 32]> = SmallVec::new();
-    collect_faces_in_cone(l, pair, own, sign, largest.unwrap_or(best.s) - slack, witnesses, &mut kept);
-    let least_gain = ALIGNMENT_MARGIN * vector_length(&pair.centre_offset);
+    collect_faces_in_cone(l, view, largest.unwrap_or(best.s) - slack, witnesses, &mut kept);
+    let min_alignment_gain = ALIGNMENT_MARGIN * vector_length(&pair.centre_offset);
     let [vx, vy, vz] = other.shape.vertex_columns();
     let count = other.shape.vertices().len();
     let c = pair.centre_offset * sign;
@@ -425,7 +468,7 @@ fn search_faces<L: F64Arithmetic>(
                     mask &= mask - 1;
                     let wins = values[lane] > separation_to_beat(best, tie)
                         || largest.is_some_and(|largest| values[lane] > largest - tie)
-                            && block[4][k + lane] - best.n.dot(&pair.centre_offset) > least_gain;
+                            && block[4][k + lane] - best.n.dot(&pair.centre_offset) > min_alignment_gain;
                     if wins {
                         let f = kept[from + k + lane];
                         let feature = if sign > 0.0 { SearchFeature::FaceOfA(f) } else { SearchFeature::FaceOfB(f) };
@@ -433,7 +476,7 @@ fn search_faces<L: F64Arithmetic>(
                         *largest = largest.map(|largest| largest.max(best.s));
                         changed = true;
                         // Tested at once, so that the end does not depend on the vector width.
-                        if best.s > enough {
+                        if best.s > alert {
                             return true;
                         }
                     }
@@ -452,31 +495,30 @@ fn search_faces<L: F64Arithmetic>(
     false
 }
 
-/// Indices of the faces that the bounds leave, if their separation is to be `least` (m) or more.
+/// Indices of the faces of `own` that the bounds leave, if their separation is to be `min_separation` (m) or more.
 #[inline(always)]
 fn collect_faces_in_cone<L: F64Arithmetic>(
     l: L,
-    pair: &PolyhedronPair,
-    own: &PosedPolyhedron,
-    sign: f64,
-    least: f64,
+    view: PairView,
+    min_separation: f64,
     witnesses: &WitnessPoints,
     kept: &mut SmallVec<[u32; 32]>,
 ) {
+    let PairView { pair, own, sign, .. } = view;
     // In the frame of the body that owns the faces.
     let shape = own.shape;
     let c = own.local_vector(&pair.centre_offset) * sign;
-    let witness = witnesses.to_local(own, sign);
+    let witness = witnesses.to_local(view);
     let pad = shape.normals.len() / 3;
     let (x, y, z) = (&shape.normals[..pad], &shape.normals[pad..2 * pad], &shape.normals[2 * pad..]);
     let count = shape.face_planes().len();
     let mut k = 0;
     while k < count {
         let normals = [l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..])];
-        let mut mask = l.mask_greater(dot_columns(l, &c, normals), l.splat(least + pair.inradius_sum()));
+        let mut mask = l.mask_greater(dot_columns(l, &c, normals), l.splat(min_separation + pair.inradius_sum()));
         let mut i = 0;
         while i < witnesses.count {
-            mask &= l.mask_greater(dot_columns(l, &witness[i], normals), l.splat(least));
+            mask &= l.mask_greater(dot_columns(l, &witness[i], normals), l.splat(min_separation));
             i += 1;
         }
         push_mask_lanes(kept, mask, k, count);
@@ -508,22 +550,22 @@ fn search_edges<L: F64Arithmetic>(
     pair: &PolyhedronPair,
     best: &mut SearchAxis,
     witnesses: &WitnessPoints,
-    enough: f64,
+    alert: f64,
 ) {
     let tie = pair.tie_tolerance();
-    let (mut of_a, mut of_b): (SmallVec<[u32; 64]>, SmallVec<[u32; 64]>) = (SmallVec::new(), SmallVec::new());
-    collect_arcs(l, pair, pair.posed_a, 1.0, best, witnesses, &mut of_a);
-    if of_a.is_empty() {
+    let (mut arcs_a, mut arcs_b): (SmallVec<[u32; 64]>, SmallVec<[u32; 64]>) = (SmallVec::new(), SmallVec::new());
+    collect_arcs(l, PairView::from_a(pair), best, witnesses, &mut arcs_a);
+    if arcs_a.is_empty() {
         return;
     }
-    collect_arcs(l, pair, pair.posed_b, -1.0, best, witnesses, &mut of_b);
+    collect_arcs(l, PairView::from_b(pair), best, witnesses, &mut arcs_b);
     let mut from = 0;
-    while from < of_b.len() {
+    while from < arcs_b.len() {
         // Columns: a point, the direction and the two normals of up to eight edges of B; unused lanes cannot cross.
         let mut block = [[0.0; COLUMN_BLOCK]; 13];
         let mut count = 0;
-        while count < COLUMN_BLOCK && from + count < of_b.len() {
-            let e = of_b[from + count];
+        while count < COLUMN_BLOCK && from + count < arcs_b.len() {
+            let e = arcs_b[from + count];
             let edge = &pair.shape_b.edges()[e as usize];
             let [b0, b1] = edge_ends(pair.posed_b, e);
             let (along, n0, n1) =
@@ -539,8 +581,8 @@ fn search_edges<L: F64Arithmetic>(
             count += 1;
         }
         let mut i = 0;
-        while i < of_a.len() {
-            let ea = of_a[i];
+        while i < arcs_a.len() {
+            let ea = arcs_a[i];
             let edge = &pair.shape_a.edges()[ea as usize];
             let [a0, a1] = edge_ends(pair.posed_a, ea);
             let (along, n0, n1) =
@@ -557,13 +599,13 @@ fn search_edges<L: F64Arithmetic>(
                         let lane = mask.trailing_zeros() as usize;
                         mask &= mask - 1;
                         if values[lane] > separation_to_beat(best, tie) {
-                            let eb = of_b[from + k + lane];
-                            let (n, s, _) = edge_axis(pair, ea, eb);
+                            let eb = arcs_b[from + k + lane];
+                            let EdgeAxis { n, s, .. } = edge_axis(pair, ea, eb);
                             let s = true_separation(l, pair, &n, s);
                             if s > separation_to_beat(best, tie) {
                                 *best = SearchAxis { n, s, feature: SearchFeature::Edges(ea, eb) };
                             }
-                            if best.s > enough {
+                            if best.s > alert {
                                 return;
                             }
                         }
@@ -627,22 +669,20 @@ fn crossing_arcs<L: F64Arithmetic>(
     (mask, l.div(along, length))
 }
 
-/// Indices of the edges with a direction on their arc of the Gauss map that the bounds leave, and few others; `sign` is
-/// -1 for those of B.
+/// Indices of the edges of `own` with a direction on their arc of the Gauss map that the bounds leave, and few others.
 #[inline(always)]
 fn collect_arcs<L: F64Arithmetic>(
     l: L,
-    pair: &PolyhedronPair,
-    posed: &PosedPolyhedron,
-    sign: f64,
+    view: PairView,
     best: &SearchAxis,
     witnesses: &WitnessPoints,
     kept: &mut SmallVec<[u32; 64]>,
 ) {
+    let PairView { pair, own, sign, .. } = view;
     let slack = bound_slack(pair, best);
-    let shape = posed.shape;
-    let c = posed.local_vector(&pair.centre_offset) * sign;
-    let witness = witnesses.to_local(posed, sign);
+    let shape = own.shape;
+    let c = own.local_vector(&pair.centre_offset) * sign;
+    let witness = witnesses.to_local(view);
     let cone = l.splat(best.s + pair.inradius_sum() - slack);
     let limit = l.splat(best.s.min(0.0) - slack);
     let count = shape.edges().len();
@@ -677,31 +717,33 @@ fn collect_arcs<L: F64Arithmetic>(
     }
 }
 
-/// Tries every face of A, every face of B and every pair of edges, each by full support; stops above `enough`.
-fn exhaustive_search(pair: &PolyhedronPair, enough: f64) -> SearchAxis {
+/// Tries every face of A, every face of B and every pair of edges, each by full support; stops at a separation above
+/// `alert` (m).
+fn exhaustive_search(pair: &PolyhedronPair, alert: f64) -> SearchAxis {
     let gain = pair.tie_tolerance();
     let mut best = SearchAxis { n: Vec3::x(), s: f64::NEG_INFINITY, feature: SearchFeature::None };
-    let mut take = |n: Vec3, feature: SearchFeature| {
+    // Returns whether the direction ends the search.
+    let mut is_enough = |n: Vec3, feature: SearchFeature| {
         let s = pair.separation_along(&n).0;
         if s > best.s + gain || best.feature == SearchFeature::None {
             best = SearchAxis { n, s, feature };
         }
-        best.s > enough
+        best.s > alert
     };
     for f in 0..pair.shape_a.face_planes().len() as u32 {
-        if take(pair.posed_a.face_normal(f), SearchFeature::FaceOfA(f)) {
+        if is_enough(pair.posed_a.face_normal(f), SearchFeature::FaceOfA(f)) {
             return best;
         }
     }
     for f in 0..pair.shape_b.face_planes().len() as u32 {
-        if take(-pair.posed_b.face_normal(f), SearchFeature::FaceOfB(f)) {
+        if is_enough(-pair.posed_b.face_normal(f), SearchFeature::FaceOfB(f)) {
             return best;
         }
     }
     for ea in 0..pair.shape_a.edges().len() as u32 {
         for eb in 0..pair.shape_b.edges().len() as u32 {
-            if let (n, _, true) = edge_axis(pair, ea, eb)
-                && take(n, SearchFeature::Edges(ea, eb))
+            if let EdgeAxis { n, arcs_cross: true, .. } = edge_axis(pair, ea, eb)
+                && is_enough(n, SearchFeature::Edges(ea, eb))
             {
                 return best;
             }
@@ -710,13 +752,22 @@ fn exhaustive_search(pair: &PolyhedronPair, enough: f64) -> SearchAxis {
     best
 }
 
-/// Returns the common normal of two edges, from A to B, the separation along it, and whether their arcs on the Gauss map
-/// cross.
+/// Common normal of an edge of A and an edge of B.
+struct EdgeAxis {
+    /// Unit normal from A to B.
+    n: Vec3,
+    /// Separation of the two edges along it, m.
+    s: f64,
+    /// Whether their arcs on the Gauss map cross.
+    arcs_cross: bool,
+}
+
+/// Returns the common normal of two edges.
 ///
 /// Computed from the normals of the adjacent faces instead of the edges' cross product, which loses its digits if they
 /// are nearly parallel. Source of the test: D. Gregorius, The separating axis test between convex polyhedra, GDC (2013).
 #[inline(always)]
-fn edge_axis(pair: &PolyhedronPair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
+fn edge_axis(pair: &PolyhedronPair, ea: u32, eb: u32) -> EdgeAxis {
     let (a, b) = (&pair.shape_a.edges()[ea as usize], &pair.shape_b.edges()[eb as usize]);
     let ([a0, a1], [b0, b1]) = (edge_ends(pair.posed_a, ea), edge_ends(pair.posed_b, eb));
     let (along_a, along_b) = (a1 - a0, b1 - b0);
@@ -724,13 +775,13 @@ fn edge_axis(pair: &PolyhedronPair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     let (nb0, nb1) = (pair.posed_b.face_normal(b.faces[0]), pair.posed_b.face_normal(b.faces[1]));
     let (p0, p1) = (nb0.dot(&along_a), nb1.dot(&along_a));
     let (q0, q1) = (na0.dot(&along_b), na1.dot(&along_b));
-    let crossed = p0 * p1 < -PARALLEL_EDGE_PRODUCT * along_a.norm_squared()
+    let arcs_cross = p0 * p1 < -PARALLEL_EDGE_PRODUCT * along_a.norm_squared()
         && q0 * q1 < -PARALLEL_EDGE_PRODUCT * along_b.norm_squared()
         && p0 * q0 > 0.0;
     let n = na0 * q1.abs() + na1 * q0.abs();
     let length = vector_length(&n);
     let n = if length > 0.0 { n / length } else { na0 };
-    (n, n.dot(&(b0 + pair.centre_offset - a0)), crossed)
+    EdgeAxis { n, s: n.dot(&(b0 + pair.centre_offset - a0)), arcs_cross }
 }
 
 /// Whether the nearest features of two separated bodies are parallel edges, and only these are listed.
@@ -754,13 +805,18 @@ pub(super) fn edge_ends(posed: &PosedPolyhedron, e: u32) -> [Vec3; 2] {
     [posed.vertex(from), posed.vertex(to)]
 }
 
-/// Returns the faces whose common part is computed; `met`: the vertex that a face touches, if known.
+/// Returns the faces whose common part is computed; `touched_vertex`: the vertex that a face touches, if known.
 #[inline(always)]
-fn support_faces<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, axis: &SearchAxis, met: Option<u32>) -> (u32, u32) {
+fn support_faces<L: F64Arithmetic>(
+    l: L,
+    pair: &PolyhedronPair,
+    axis: &SearchAxis,
+    touched_vertex: Option<u32>,
+) -> (u32, u32) {
     let (a, b) = (pair.posed_a, pair.posed_b);
     match axis.feature {
-        SearchFeature::FaceOfA(f) => (f, support_face(l, b, &-axis.n, met)),
-        SearchFeature::FaceOfB(f) => (support_face(l, a, &axis.n, met), f),
+        SearchFeature::FaceOfA(f) => (f, support_face(l, b, &-axis.n, touched_vertex)),
+        SearchFeature::FaceOfB(f) => (support_face(l, a, &axis.n, touched_vertex), f),
         SearchFeature::Edges(ea, eb) => (aligned_face(a, ea, &axis.n), aligned_face(b, eb, &-axis.n)),
         SearchFeature::None => (0, 0),
     }
@@ -776,13 +832,13 @@ pub(super) fn support_face<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: &
     let (shape, n) = (posed.shape, posed.local_vector(n));
     let from = shape.vertex(top as usize);
     // The edge that descends least from the vertex; a face along it has the next vertex.
-    let (mut best, mut least) = (0, f64::INFINITY);
-    for spoke in shape.half_edges(top as usize) {
-        let along = shape.vertex(spoke.to.into()) - from;
-        let fall = along.dot(&n);
-        let square = fall * fall / along.norm_squared();
-        if square < least {
-            (best, least) = (spoke.edge, square);
+    let (mut best, mut smallest) = (0, f64::INFINITY);
+    for half_edge in shape.half_edges(top as usize) {
+        let along = shape.vertex(half_edge.to.into()) - from;
+        let descent = along.dot(&n);
+        let squared_slope = descent * descent / along.norm_squared();
+        if squared_slope < smallest {
+            (best, smallest) = (half_edge.edge, squared_slope);
         }
     }
     aligned_face_local(shape, best.into(), &n)
@@ -799,22 +855,26 @@ pub(super) fn aligned_face(posed: &PosedPolyhedron, e: u32, n: &Vec3) -> u32 {
 fn aligned_face_local(shape: &Polyhedron, e: u32, n: &Vec3) -> u32 {
     let [f, g] = shape.edges()[e as usize].faces;
     let (first, second) = (f.min(g), f.max(g));
-    let toward = |f: FeatureIndex| shape.face_planes()[f as usize].normal.dot(n);
-    u32::from(if toward(second) > toward(first) + ALIGNMENT_MARGIN { second } else { first })
+    let alignment = |f: FeatureIndex| shape.face_planes()[f as usize].normal.dot(n);
+    u32::from(if alignment(second) > alignment(first) + ALIGNMENT_MARGIN { second } else { first })
 }
 
-/// Contact point of an axis's own features; `met` is the vertex that a face touches, if known.
-pub(super) fn axis_point(pair: &PolyhedronPair, axis: &SearchAxis, met: Option<u32>) -> Option<ContactPoint> {
-    let vertex_of = |posed: &PosedPolyhedron, n: &Vec3| met.unwrap_or_else(|| support_vertex(posed, n).0);
-    let of_a = || pair.posed_a.vertex(vertex_of(pair.posed_a, &axis.n));
-    let of_b = || pair.posed_b.vertex(vertex_of(pair.posed_b, &-axis.n)) + pair.centre_offset;
+/// Contact point of an axis's own features; `touched_vertex` is the vertex that a face touches, if known.
+pub(super) fn axis_point(
+    pair: &PolyhedronPair,
+    axis: &SearchAxis,
+    touched_vertex: Option<u32>,
+) -> Option<ContactPoint> {
+    let vertex_of = |posed: &PosedPolyhedron, n: &Vec3| touched_vertex.unwrap_or_else(|| support_vertex(posed, n).0);
+    let on_a = || pair.posed_a.vertex(vertex_of(pair.posed_a, &axis.n));
+    let on_b = || pair.posed_b.vertex(vertex_of(pair.posed_b, &-axis.n)) + pair.centre_offset;
     let half = axis.n * (0.5 * axis.s);
     let (position, features) = match axis.feature {
         SearchFeature::FaceOfA(f) => {
-            (of_b() - half, (face_feature(f), vertex_feature(vertex_of(pair.posed_b, &-axis.n))))
+            (on_b() - half, (face_feature(f), vertex_feature(vertex_of(pair.posed_b, &-axis.n))))
         }
         SearchFeature::FaceOfB(f) => {
-            (of_a() + half, (vertex_feature(vertex_of(pair.posed_a, &axis.n)), face_feature(f)))
+            (on_a() + half, (vertex_feature(vertex_of(pair.posed_a, &axis.n)), face_feature(f)))
         }
         SearchFeature::Edges(ea, eb) => {
             let ([a0, a1], [b0, b1]) = (edge_ends(pair.posed_a, ea), edge_ends(pair.posed_b, eb));

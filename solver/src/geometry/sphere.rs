@@ -19,12 +19,12 @@ use crate::math::Vec3;
 /// assert_eq!(found.points[0].position, Vec3::new(0.2, 0.1, 1.125));
 /// ```
 pub fn polyhedron_sphere(a: &PosedPolyhedron, c: &Vec3, radius: f64, alert: f64) -> Option<Manifold> {
-    let in_frame = a.local_vector(c);
+    let local_centre = a.local_vector(c);
     let (mut nearest, mut height) = (0, f64::NEG_INFINITY);
     for (f, plane) in a.shape.face_planes().iter().enumerate() {
-        let is_above_face = plane.normal.dot(&in_frame) - plane.offset;
-        if is_above_face > height {
-            (nearest, height) = (f as u32, is_above_face);
+        let face_distance = plane.normal.dot(&local_centre) - plane.offset;
+        if face_distance > height {
+            (nearest, height) = (f as u32, face_distance);
         }
     }
     if height - radius > alert {
