@@ -17,32 +17,37 @@ pub fn balance_accelerations(positions: &[Vec3], masses: &[f64], acceleration: &
         .zip(masses.par_chunks(BODIES_PER_SUM))
         .zip(acceleration.par_chunks(BODIES_PER_SUM));
     let parts: Vec<ForceSums> = parts.map(|((x, m), a)| ForceSums::new(origin, x, m, a)).collect();
-    let ForceSums { second, mass, force, torque, square } =
+    let ForceSums { second_moments, mass, force, torque, square: acceleration_square } =
         parts.into_iter().fold(ForceSums::default(), ForceSums::add);
     if mass <= 0.0 {
         return 0.0;
     }
-    let offset: Vec3 = second.column(3) / mass;
-    let second = second.fixed_columns::<3>(0) - offset * offset.transpose() * mass;
-    let inertia = Matrix3::identity() * second.trace() - second;
+    let offset: Vec3 = second_moments.column(3) / mass;
+    let second_moments = second_moments.fixed_columns::<3>(0) - offset * offset.transpose() * mass;
+    let inertia = Matrix3::identity() * second_moments.trace() - second_moments;
     // The slightly larger inertia keeps the matrix invertible for bodies in a line; a second pass corrects its effect.
     let inverse = (inertia + Matrix3::identity() * (1e-13 * inertia.trace())).try_inverse().unwrap_or_default();
     let centre = origin + offset;
-    let caused_by = |load: Wrench| RigidAcceleration { linear: load.force / mass, angular: inverse * load.torque };
-    let square_of = |RigidAcceleration { linear, angular }: RigidAcceleration| {
+    let rigid_acceleration =
+        |load: Wrench| RigidAcceleration { linear: load.force / mass, angular: inverse * load.torque };
+    let mass_times_square = |RigidAcceleration { linear, angular }: RigidAcceleration| {
         mass * linear.norm_squared() + angular.dot(&(inertia * angular)).max(0.0)
     };
-    let first = caused_by(Wrench { force, torque }.about(&offset));
-    let second = caused_by(subtract_rigid(&centre, first, positions, masses, acceleration));
+    let first = rigid_acceleration(Wrench { force, torque }.about(&offset));
+    let second = rigid_acceleration(subtract_rigid(&centre, first, positions, masses, acceleration));
     subtract_rigid(&centre, second, positions, masses, acceleration);
-    if square > 0.0 { ((square_of(first) + square_of(second)) / square).sqrt() } else { 0.0 }
+    if acceleration_square > 0.0 {
+        ((mass_times_square(first) + mass_times_square(second)) / acceleration_square).sqrt()
+    } else {
+        0.0
+    }
 }
 
 /// Sums over bodies at r from an origin.
 #[derive(Default)]
 struct ForceSums {
     /// Sum of m (r r^T | r).
-    second: Matrix3x4<f64>,
+    second_moments: Matrix3x4<f64>,
     mass: f64,
     force: Vec3,
     torque: Vec3,
@@ -55,7 +60,7 @@ impl ForceSums {
         let mut sums = ForceSums::default();
         for ((x, m), a) in positions.iter().zip(masses).zip(acceleration) {
             let (r, force) = (x - origin, a * *m);
-            sums.second += r * r.push(1.0).transpose() * *m;
+            sums.second_moments += r * r.push(1.0).transpose() * *m;
             sums.mass += m;
             sums.force += force;
             sums.torque += r.cross(&force);
@@ -66,7 +71,7 @@ impl ForceSums {
 
     fn add(self, other: ForceSums) -> Self {
         ForceSums {
-            second: self.second + other.second,
+            second_moments: self.second_moments + other.second_moments,
             mass: self.mass + other.mass,
             force: self.force + other.force,
             torque: self.torque + other.torque,

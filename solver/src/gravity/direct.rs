@@ -32,11 +32,11 @@ impl SourceColumns {
             let block = |k: usize| std::array::from_fn(|lane| value(k * PARTIAL_SUMS + lane));
             (0..positions.len().div_ceil(PARTIAL_SUMS)).map(block).collect()
         };
-        let at = |i: usize, k: usize| positions.get(i).map_or(0.0, |p| p[k]);
+        let coordinate = |i: usize, k: usize| positions.get(i).map_or(0.0, |p| p[k]);
         SourceColumns {
-            x: column(&|i| at(i, 0)),
-            y: column(&|i| at(i, 1)),
-            z: column(&|i| at(i, 2)),
+            x: column(&|i| coordinate(i, 0)),
+            y: column(&|i| coordinate(i, 1)),
+            z: column(&|i| coordinate(i, 2)),
             m: column(&|i| masses.get(i).copied().unwrap_or(0.0)),
             radius: if radii.is_empty() { vec![] } else { column(&|i| radii.get(i).copied().unwrap_or(0.0)) },
         }
@@ -77,10 +77,11 @@ pub fn ball_accelerations(
         if !overlap(&r, radii[i] + radii[j]) {
             continue;
         }
-        let found = ball_attraction(&r, [masses[i], masses[j]], [radii[i], radii[j]], constant);
-        for (k, force) in [(i, found.force), (j, -found.force)].into_iter().filter(|(k, _)| masses[*k] > 0.0) {
+        let attraction = ball_attraction(&r, [masses[i], masses[j]], [radii[i], radii[j]], constant);
+        for (k, force) in [(i, attraction.force), (j, -attraction.force)].into_iter().filter(|(k, _)| masses[*k] > 0.0)
+        {
             acceleration[k] += force / masses[k];
-            potential[k] += found.energy / masses[k];
+            potential[k] += attraction.energy / masses[k];
         }
     }
     (acceleration, potential)
@@ -95,8 +96,8 @@ fn overlap(r: &Vec3, reach: f64) -> bool {
 /// Acceleration (m/s^2) and potential (J/kg) as from [`accelerations`] at the arbitrary positions `targets`, m.
 pub fn field_at(targets: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
     let sources = SourceColumns::new(positions, masses, &[]);
-    let pull = |p: &Vec3| source_pull(SimdWidth::detect(), &sources, p, 1.0, None);
-    targets.par_iter().with_min_len(16).map(pull).map(|(a, phi)| (a * constant, phi * constant)).unzip()
+    let attraction_at = |p: &Vec3| source_attraction(SimdWidth::detect(), &sources, p, 1.0, None);
+    targets.par_iter().with_min_len(16).map(attraction_at).map(|(a, phi)| (a * constant, phi * constant)).unzip()
 }
 
 fn accelerations_at_width(
@@ -113,20 +114,26 @@ fn accelerations_at_width(
     let masses: Vec<f64> = masses.iter().map(|m| m / unit).collect();
     let sources = SourceColumns::new(positions, &masses, radii);
     let constant = constant * unit;
-    let of_body = |i: usize| {
+    let field_at_body = |i: usize| {
         let m = if masses[i] > 0.0 { masses[i] } else { 1.0 };
-        let (force, energy) = source_pull(width, &sources, &positions[i], m, radii.get(i).copied());
+        let (force, energy) = source_attraction(width, &sources, &positions[i], m, radii.get(i).copied());
         let (acceleration, potential) = (force / m * constant, energy / m * constant);
         [acceleration.x, acceleration.y, acceleration.z, potential]
     };
-    let of_some = |range: Range<usize>| range.into_par_iter().with_min_len(16).map(of_body).collect();
-    let pulls = ranks::divided_list(positions.len(), MIN_DIVIDED_BODIES, of_some);
-    pulls.into_par_iter().with_min_len(PAR_MIN_LEN).map(|[x, y, z, potential]| (Vec3::new(x, y, z), potential)).unzip()
+    let fields_of = |range: Range<usize>| range.into_par_iter().with_min_len(16).map(field_at_body).collect();
+    let fields = ranks::divided_list(positions.len(), MIN_DIVIDED_BODIES, fields_of);
+    fields.into_par_iter().with_min_len(PAR_MIN_LEN).map(|[x, y, z, potential]| (Vec3::new(x, y, z), potential)).unzip()
 }
 
 /// Force on a mass at `p` and its potential energy, without the constant; of a ball of this radius (m) from the sources that it
 /// does not overlap.
-fn source_pull(width: SimdWidth, sources: &SourceColumns, p: &Vec3, mass: f64, radius: Option<f64>) -> (Vec3, f64) {
+fn source_attraction(
+    width: SimdWidth,
+    sources: &SourceColumns,
+    p: &Vec3,
+    mass: f64,
+    radius: Option<f64>,
+) -> (Vec3, f64) {
     let [x, y, z, potential] = match radius {
         None => width.run(SourceSums::<false> { sources, p, mass, radius: 0.0 }),
         Some(radius) => width.run(SourceSums::<true> { sources, p, mass, radius }),
@@ -227,7 +234,13 @@ mod tests {
         let (x, m) = cloud(61);
         for (i, j) in (0..61).flat_map(|i| (0..i).map(move |j| (i, j))) {
             let on = |i: usize, j: usize| {
-                source_pull(SimdWidth::detect(), &SourceColumns::new(&x[j..=j], &m[j..=j], &[]), &x[i], m[i], None)
+                source_attraction(
+                    SimdWidth::detect(),
+                    &SourceColumns::new(&x[j..=j], &m[j..=j], &[]),
+                    &x[i],
+                    m[i],
+                    None,
+                )
             };
             let ((force, energy), (reaction, same)) = (on(i, j), on(j, i));
             assert_eq!((force, energy), (-reaction, same));

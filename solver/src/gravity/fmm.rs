@@ -106,6 +106,15 @@ struct AncestorPull {
     from: usize,
 }
 
+/// Visit of a cell with the data from its ancestors.
+struct CellVisit<'a> {
+    /// Index of the cell.
+    a: usize,
+    /// Local expansion about its centre.
+    local: &'a mut NarrowRow<f64>,
+    above: AncestorPull,
+}
+
 impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
     /// Pull on every body, in the tree's order and units; the potential is invalid unless it was requested.
     pub fn body_pulls(&self) -> Vec<BodyPull> {
@@ -120,20 +129,17 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         let CellSummary { mass, radius, .. } = CellSummary::from_line(&self.tree.outlines[0]);
         let strength = if radius > 0.0 { mass / (2.0 * radius * radius) } else { 0.0 };
         let above = AncestorPull { far: 0.0, strength, from: 0 };
-        self.visit_subtree(0, &range, &mut [0.0; _], above, &mut work, &mut out);
+        self.visit_subtree(&range, CellVisit { a: 0, local: &mut [0.0; _], above }, &mut work, &mut out);
         out.truncate(range.end);
         out.drain(..range.start);
         out
     }
 
-    /// Evaluates the bodies `range` in the subtree of cell `a`, and others of their leaves, given the local expansion about its
-    /// centre from its ancestors.
+    /// Evaluates the bodies `range` in the subtree of a cell, and others of their leaves.
     fn visit_subtree(
         &self,
-        a: usize,
         range: &Range<usize>,
-        local: &mut NarrowRow<f64>,
-        above: AncestorPull,
+        CellVisit { a, local, above }: CellVisit,
         work: &mut WalkScratch,
         out: &mut [BodyPull],
     ) {
@@ -164,21 +170,16 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
             let mut other = WalkScratch::default();
             other.open.extend(&work.open[below..]);
             rayon::join(
-                || self.visit_subtree(halves[0], range, &mut one, above, work, out_one),
+                || self.visit_subtree(range, CellVisit { a: halves[0], local: &mut one, above }, work, out_one),
                 || {
-                    self.visit_subtree(
-                        halves[1],
-                        range,
-                        &mut two,
-                        AncestorPull { from: 0, ..above },
-                        &mut other,
-                        out_two,
-                    )
+                    let above = AncestorPull { from: 0, ..above };
+                    let second = CellVisit { a: halves[1], local: &mut two, above };
+                    self.visit_subtree(range, second, &mut other, out_two)
                 },
             );
         } else {
-            self.visit_subtree(halves[0], range, &mut one, above, work, out_one);
-            self.visit_subtree(halves[1], range, &mut two, above, work, out_two);
+            self.visit_subtree(range, CellVisit { a: halves[0], local: &mut one, above }, work, out_one);
+            self.visit_subtree(range, CellVisit { a: halves[1], local: &mut two, above }, work, out_two);
         }
         work.open.count = below;
     }
@@ -190,19 +191,21 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         targets.clear();
         targets.extend(cell.body_range().map(|i| [bodies[0][i], bodies[1][i], bodies[2][i]]));
         sources.clear();
-        let Some(close) = self.settings.single else {
-            sources.extend(near.iter().map(|&b| (self.tree.cells[b as usize].body_range(), [0.0; 3])));
+        let Some(near_share) = self.settings.single else {
+            sources.extend(
+                near.iter().map(|&b| SourceLeaf { bodies: self.tree.cells[b as usize].body_range(), centre: [0.0; 3] }),
+            );
             l.run(PackF64 { to: doubles, bodies, sources });
             l.run(PullF64 { l, packed: doubles, targets, out });
             return;
         };
-        let (mut length, mut largest) = (0.0, 0.0);
+        let (mut length, mut largest_radius) = (0.0, 0.0);
         for &b in near.iter() {
             let source = CellSummary::from_line(&self.tree.outlines[b as usize]);
             let [x, y, z] = centre_offset(&source, outline);
             let reach = (x * x + y * y + z * z).sqrt() + source.radius;
             length = if reach > length { reach } else { length };
-            largest = if source.radius > largest { source.radius } else { largest };
+            largest_radius = if source.radius > largest_radius { source.radius } else { largest_radius };
         }
         length += outline.radius;
         if length == 0.0 {
@@ -210,13 +213,16 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         }
         let scale = 1.0 / length;
         // The leaf itself is first, so that a body has the same index among the sources as among the targets.
-        sources.push((cell.body_range(), [0.0; 3]));
+        sources.push(SourceLeaf { bodies: cell.body_range(), centre: [0.0; 3] });
         for &b in near.iter() {
             let (source, other) =
                 (&self.tree.cells[b as usize], CellSummary::from_line(&self.tree.outlines[b as usize]));
             if source.first != cell.first {
                 let [x, y, z] = centre_offset(&other, outline);
-                sources.push((source.body_range(), [(x * scale) as f32, (y * scale) as f32, (z * scale) as f32]));
+                sources.push(SourceLeaf {
+                    bodies: source.body_range(),
+                    centre: [(x * scale) as f32, (y * scale) as f32, (z * scale) as f32],
+                });
             }
         }
         let scale = scale as f32;
@@ -236,7 +242,7 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
             (PairPrecision::Fine, true) => l.run(WithKernel(FineKernel::<true>, pull)),
         }
         // Pulls that the rounding of positions spoils are recomputed.
-        let limit = ((close * (outline.radius + largest) / length).max(1e-6) as f32).powi(2);
+        let limit = ((near_share * (outline.radius + largest_radius) / length).max(1e-6) as f32).powi(2);
         let mut packed = false;
         let groups = targets.chunks(TARGETS_AT_ONCE).zip(nearest.chunks(TARGETS_AT_ONCE));
         for ((targets, nearest), (out, pulls)) in
@@ -268,9 +274,9 @@ fn index_batch(items: &[u32], first: usize, filler: u32) -> ([u32; BATCH_CELLS],
         return (*full, BATCH_CELLS);
     }
     let mut index = [filler; BATCH_CELLS];
-    let here = items.len() - first;
-    index[..here].copy_from_slice(&items[first..]);
-    (index, here)
+    let count = items.len() - first;
+    index[..count].copy_from_slice(&items[first..]);
+    (index, count)
 }
 
 /// Classifies the open sources of cell `a` as far, near, or still open for its halves; returns the data that the halves
@@ -304,81 +310,81 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, 
 
         let centre = [l.splat(outline.centre[0]), l.splat(outline.centre[1]), l.splat(outline.centre[2])];
         let (zero, one, two) = (l.splat(0.0), l.splat(SPLIT_CODE), l.splat(FAR_CODE));
-        let least = walk.settings.share * above.strength;
-        let limit = l.splat(least * least);
+        let error_limit = walk.settings.share * above.strength;
+        let limit = l.splat(error_limit * error_limit);
         let theta2 = l.splat(walk.settings.opening * walk.settings.opening);
-        let (own, own2) = (l.splat(outline.radius), l.splat(outline.radius * outline.radius));
+        let (own_radius, own_radius2) = (l.splat(outline.radius), l.splat(outline.radius * outline.radius));
         let size = l.splat(if is_leaf { -1.0 } else { outline.radius });
         let (mut far_parts, mut open_parts) = ([0.0; BATCH_CELLS], [0.0; BATCH_CELLS]);
         let mut k = 0;
         while k < todo.count {
-            let (index, here) = index_batch(todo, k, cells.len() as u32);
+            let (index, batch_count) = index_batch(todo, k, cells.len() as u32);
             let mut codes = [0.0; BATCH_CELLS];
             let mut from = 0;
             while from < BATCH_CELLS {
                 let [x, y, z, r, m, uneven, ..] = l.gather_lines(outlines, &index[from..]);
                 let d = [l.sub(x, centre[0]), l.sub(y, centre[1]), l.sub(z, centre[2])];
                 let d2 = l.mul_add(d[0], d[0], l.mul_add(d[1], d[1], l.mul(d[2], d[2])));
-                let reach = l.add(r, own);
+                let reach = l.add(r, own_radius);
                 let reach2 = l.mul(reach, reach);
                 let inverse = l.div(one, d2);
                 let strength = l.mul(m, inverse);
-                let (ratio2, own_ratio2) = (l.mul(reach2, inverse), l.mul(own2, inverse));
-                let mut of_point = l.mul(strength, strength);
-                let mut of_rest = l.mul(of_point, uneven);
+                let (ratio2, own_ratio2) = (l.mul(reach2, inverse), l.mul(own_radius2, inverse));
+                let mut point_error2 = l.mul(strength, strength);
+                let mut multipole_error2 = l.mul(point_error2, uneven);
                 let mut q = 0;
                 while q < P {
-                    of_point = l.mul(of_point, own_ratio2);
-                    of_rest = l.mul(of_rest, ratio2);
+                    point_error2 = l.mul(point_error2, own_ratio2);
+                    multipole_error2 = l.mul(multipole_error2, ratio2);
                     q += 1;
                 }
                 let margin = l.sub(one, ratio2);
                 let margin2 = l.mul(margin, margin);
-                let most = l.mul(limit, l.mul(margin2, margin2));
+                let largest_error2 = l.mul(limit, l.mul(margin2, margin2));
                 let code = l.select_greater(r, size, one, zero);
-                let small = l.select_greater(most, l.add(of_point, of_rest), two, code);
+                let small = l.select_greater(largest_error2, l.add(point_error2, multipole_error2), two, code);
                 let code = l.select_greater(l.mul(theta2, d2), reach2, small, code);
                 l.store(&mut codes[from..], code);
-                let taken = l.add(l.load(&far_parts[from..]), l.select_greater(code, one, strength, zero));
-                l.store(&mut far_parts[from..], taken);
+                let far_strength = l.add(l.load(&far_parts[from..]), l.select_greater(code, one, strength, zero));
+                l.store(&mut far_parts[from..], far_strength);
                 // A source that remains open pulls at least as if its squared size were added to d^2. The cell itself
                 // may not pull at all, if all its mass is at one position.
-                let left = l.select_greater(d2, zero, l.div(m, l.add(d2, reach2)), zero);
-                let left = l.select_greater(one, code, left, zero);
-                let left = l.add(l.load(&open_parts[from..]), left);
-                l.store(&mut open_parts[from..], left);
+                let open_strength = l.select_greater(d2, zero, l.div(m, l.add(d2, reach2)), zero);
+                let open_strength = l.select_greater(one, code, open_strength, zero);
+                let open_strength = l.add(l.load(&open_parts[from..]), open_strength);
+                l.store(&mut open_parts[from..], open_strength);
                 from += L::WIDTH;
             }
             todo.reserve(2 * BATCH_CELLS);
             far.reserve(BATCH_CELLS);
             near.reserve(BATCH_CELLS);
             open.reserve(BATCH_CELLS);
-            let (to_do, to_far) =
+            let (to_classify, to_far) =
                 (&mut todo.items[todo.count..][..2 * BATCH_CELLS], &mut far.items[far.count..][..BATCH_CELLS]);
             let (to_near, to_open) =
                 (&mut near.items[near.count..][..BATCH_CELLS], &mut open.items[open.count..][..BATCH_CELLS]);
-            let [mut n_do, mut n_far, mut n_near, mut n_open] = [0; 4];
-            for lane in 0..here {
+            let [mut classify_count, mut far_count, mut near_count, mut open_count] = [0; 4];
+            for lane in 0..batch_count {
                 let b = index[lane];
                 let second = cells[b as usize].second;
                 let code = codes[lane].to_bits();
                 let is_far = code == FAR_CODE.to_bits();
                 let split = (code == SPLIT_CODE.to_bits()) & (second != 0);
-                to_far[n_far & (BATCH_CELLS - 1)] = b;
-                n_far += is_far as usize;
-                to_near[n_near & (BATCH_CELLS - 1)] = b;
-                n_near += (!is_far & is_leaf & (second == 0)) as usize;
-                to_do[n_do & (2 * BATCH_CELLS - 1)] = b + 1;
-                to_do[(n_do + 1) & (2 * BATCH_CELLS - 1)] = b + second;
-                n_do += 2 * split as usize;
-                to_open[n_open & (BATCH_CELLS - 1)] = b;
-                n_open += (!is_far & !split & !is_leaf) as usize;
+                to_far[far_count & (BATCH_CELLS - 1)] = b;
+                far_count += is_far as usize;
+                to_near[near_count & (BATCH_CELLS - 1)] = b;
+                near_count += (!is_far & is_leaf & (second == 0)) as usize;
+                to_classify[classify_count & (2 * BATCH_CELLS - 1)] = b + 1;
+                to_classify[(classify_count + 1) & (2 * BATCH_CELLS - 1)] = b + second;
+                classify_count += 2 * split as usize;
+                to_open[open_count & (BATCH_CELLS - 1)] = b;
+                open_count += (!is_far & !split & !is_leaf) as usize;
             }
-            todo.count += n_do;
-            far.count += n_far;
-            near.count += n_near;
-            open.count += n_open;
-            k += here;
+            todo.count += classify_count;
+            far.count += far_count;
+            near.count += near_count;
+            open.count += open_count;
+            k += batch_count;
         }
         let far = above.far + pairwise_sum(&far_parts);
         AncestorPull { far, strength: far + pairwise_sum(&open_parts), from: below }

@@ -76,9 +76,12 @@ pub struct GravityField {
     pub removed: f64,
 }
 
-/// Requested outputs of a sum, and the order from which sorting starts.
+/// Input and requested outputs of a sum, see [`GravitySolver::full_field`].
 #[derive(Clone, Copy)]
 struct FieldRequest<'a> {
+    positions: &'a [Vec3],
+    masses: &'a [f64],
+    constant: f64,
     /// Whether the potential is computed, too.
     potential: bool,
     /// Indices of the bodies in an order near that along Morton's curve; may be empty.
@@ -137,22 +140,18 @@ impl GravitySolver {
     /// the sorted order, such as [`morton::morton_order`](crate::math::morton::morton_order) of the step before. It
     /// changes no result, and may be empty.
     pub fn full_field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> GravityField {
-        self.field_at_width(positions, masses, constant, FieldRequest { potential: true, about }, SimdWidth::detect())
+        let request = FieldRequest { positions, masses, constant, potential: true, about };
+        self.field_at_width(request, SimdWidth::detect())
     }
 
     /// Accelerations as from [`Self::full_field`] without the potential, which is faster.
     pub fn acceleration_field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> GravityField {
-        self.field_at_width(positions, masses, constant, FieldRequest { potential: false, about }, SimdWidth::detect())
+        let request = FieldRequest { positions, masses, constant, potential: false, about };
+        self.field_at_width(request, SimdWidth::detect())
     }
 
-    fn field_at_width(
-        &self,
-        positions: &[Vec3],
-        masses: &[f64],
-        constant: f64,
-        request: FieldRequest,
-        width: SimdWidth,
-    ) -> GravityField {
+    fn field_at_width(&self, request: FieldRequest, width: SimdWidth) -> GravityField {
+        let FieldRequest { positions, masses, constant, .. } = request;
         if positions.len() < 2 || self.method_for(positions.len()) == SummationMethod::Direct {
             let (acceleration, mut potential) = direct::accelerations(positions, masses, constant);
             if !request.potential {
@@ -160,65 +159,52 @@ impl GravitySolver {
             }
             return GravityField { acceleration, potential, removed: 0.0 };
         }
-        let mut field = width.dispatch(MultipoleField { settings: self, positions, masses, constant, request });
+        let mut field = width.dispatch(MultipoleField { solver: self, request });
         field.removed = balance_accelerations(positions, masses, &mut field.acceleration);
         field
     }
 
-    fn multipole_field<L: F64Arithmetic>(
-        &self,
-        lanes: L,
-        positions: &[Vec3],
-        masses: &[f64],
-        constant: f64,
-        request: FieldRequest,
-    ) -> GravityField {
-        let settings = self.expansion_settings(positions.len());
+    fn multipole_field<L: F64Arithmetic>(&self, lanes: L, request: FieldRequest) -> GravityField {
+        let settings = self.expansion_settings(request.positions.len());
         match settings.order {
-            2 => self.multipole_field_of_order::<L, 2>(lanes, settings, positions, masses, constant, request),
-            3 => self.multipole_field_of_order::<L, 3>(lanes, settings, positions, masses, constant, request),
-            4 => self.multipole_field_of_order::<L, 4>(lanes, settings, positions, masses, constant, request),
-            5 => self.multipole_field_of_order::<L, 5>(lanes, settings, positions, masses, constant, request),
-            6 => self.multipole_field_of_order::<L, 6>(lanes, settings, positions, masses, constant, request),
-            7 => self.multipole_field_of_order::<L, 7>(lanes, settings, positions, masses, constant, request),
-            8 => self.multipole_field_of_order::<L, 8>(lanes, settings, positions, masses, constant, request),
+            2 => multipole_field_of_order::<L, 2>(lanes, settings, request),
+            3 => multipole_field_of_order::<L, 3>(lanes, settings, request),
+            4 => multipole_field_of_order::<L, 4>(lanes, settings, request),
+            5 => multipole_field_of_order::<L, 5>(lanes, settings, request),
+            6 => multipole_field_of_order::<L, 6>(lanes, settings, request),
+            7 => multipole_field_of_order::<L, 7>(lanes, settings, request),
+            8 => multipole_field_of_order::<L, 8>(lanes, settings, request),
             _ => unreachable!("the order is clamped"),
         }
     }
+}
 
-    fn multipole_field_of_order<L: F64Arithmetic, const P: usize>(
-        &self,
-        lanes: L,
-        settings: ExpansionSettings,
-        positions: &[Vec3],
-        masses: &[f64],
-        constant: f64,
-        request: FieldRequest,
-    ) -> GravityField {
-        let tree = MassTree::new::<L, P>(lanes, positions, masses, settings.leaf, request.about);
-        let pulls = TreeWalk::<L, P> { lanes, tree: &tree, settings, potential: request.potential }.body_pulls();
-        let potential_unit = constant * tree.mass / tree.length;
-        let unit = potential_unit / tree.length;
-        let mut acceleration = vec![Vec3::zeros(); positions.len()];
-        for (&i, [x, y, z, _]) in tree.index.iter().zip(&pulls) {
-            acceleration[i as usize] = Vec3::new(*x, *y, *z) * unit;
-        }
-        let mut potential = vec![0.0; if request.potential { positions.len() } else { 0 }];
-        if request.potential {
-            for (&i, [_, _, _, sum]) in tree.index.iter().zip(&pulls) {
-                potential[i as usize] = -sum * potential_unit;
-            }
-        }
-        GravityField { acceleration, potential, removed: 0.0 }
+/// Field by multipole expansions of order P.
+fn multipole_field_of_order<L: F64Arithmetic, const P: usize>(
+    lanes: L,
+    settings: ExpansionSettings,
+    FieldRequest { positions, masses, constant, potential: wants_potential, about }: FieldRequest,
+) -> GravityField {
+    let tree = MassTree::new::<L, P>(lanes, positions, masses, settings.leaf, about);
+    let pulls = TreeWalk::<L, P> { lanes, tree: &tree, settings, potential: wants_potential }.body_pulls();
+    let potential_unit = constant * tree.mass / tree.length;
+    let unit = potential_unit / tree.length;
+    let mut acceleration = vec![Vec3::zeros(); positions.len()];
+    for (&i, [x, y, z, _]) in tree.index.iter().zip(&pulls) {
+        acceleration[i as usize] = Vec3::new(*x, *y, *z) * unit;
     }
+    let mut potential = vec![0.0; if wants_potential { positions.len() } else { 0 }];
+    if wants_potential {
+        for (&i, [_, _, _, sum]) in tree.index.iter().zip(&pulls) {
+            potential[i as usize] = -sum * potential_unit;
+        }
+    }
+    GravityField { acceleration, potential, removed: 0.0 }
 }
 
 /// Field by multipole expansions.
 struct MultipoleField<'a> {
-    settings: &'a GravitySolver,
-    positions: &'a [Vec3],
-    masses: &'a [f64],
-    constant: f64,
+    solver: &'a GravitySolver,
     request: FieldRequest<'a>,
 }
 
@@ -226,7 +212,7 @@ impl LaneOperation for MultipoleField<'_> {
     type Output = GravityField;
 
     fn call<L: F64Arithmetic>(self, l: L) -> GravityField {
-        self.settings.multipole_field(l, self.positions, self.masses, self.constant, self.request)
+        self.solver.multipole_field(l, self.request)
     }
 }
 
@@ -370,17 +356,14 @@ mod tests {
     fn same_bits_for_all_widths_and_threads() {
         let (x, m) = clumps(5000);
         for (error, potential) in [1e-2, 1e-4, 1e-6].into_iter().flat_map(|error| [(error, false), (error, true)]) {
-            let request = FieldRequest { potential, about: &[] };
-            let expected = fmm(error).field_at_width(&x, &m, 1.5, request, SimdWidth::all_widths()[0]);
+            let request = FieldRequest { positions: &x, masses: &m, constant: 1.5, potential, about: &[] };
+            let expected = fmm(error).field_at_width(request, SimdWidth::all_widths()[0]);
             for width in SimdWidth::all_widths() {
-                assert_eq!(fmm(error).field_at_width(&x, &m, 1.5, request, width), expected);
+                assert_eq!(fmm(error).field_at_width(request, width), expected);
             }
             for threads in 1..4 {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                assert_eq!(
-                    pool.install(|| fmm(error).field_at_width(&x, &m, 1.5, request, SimdWidth::detect())),
-                    expected
-                );
+                assert_eq!(pool.install(|| fmm(error).field_at_width(request, SimdWidth::detect())), expected);
             }
         }
     }

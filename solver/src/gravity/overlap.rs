@@ -35,8 +35,9 @@ pub fn ball_attraction(r: &Vec3, masses: [f64; 2], radii: [f64; 2], constant: f6
         if c <= 0.0 {
             inside
         } else {
-            let of_potential = 30.0 * b * b - 30.0 * b * c + 30.0 * b * distance + 5.0 * c * c - 6.0 * c * distance;
-            let of_force = 24.0 * b * b * distance - 6.0 * b * b * c + 24.0 * b * distance * distance
+            let potential_polynomial =
+                30.0 * b * b - 30.0 * b * c + 30.0 * b * distance + 5.0 * c * c - 6.0 * c * distance;
+            let force_polynomial = 24.0 * b * b * distance - 6.0 * b * b * c + 24.0 * b * distance * distance
                 - 30.0 * b * c * distance
                 + 6.0 * b * c * c
                 - c * c * c
@@ -45,8 +46,8 @@ pub fn ball_attraction(r: &Vec3, masses: [f64; 2], radii: [f64; 2], constant: f6
             // c <= r, so that the quotients are small.
             let ratio = c / distance;
             (
-                inside.0 - ratio * c.powi(3) * of_potential / (160.0 * volumes),
-                inside.1 - ratio.powi(3) * of_force / (32.0 * volumes),
+                inside.0 - ratio * c.powi(3) * potential_polynomial / (160.0 * volumes),
+                inside.1 - ratio.powi(3) * force_polynomial / (32.0 * volumes),
             )
         }
     } else {

@@ -135,8 +135,13 @@ impl<T: Copy + Default> PackedBodies<T> {
     }
 }
 
-/// Positions of a leaf's bodies in the tree's order, and its centre in the targets' frame, in packed units.
-pub type SourceLeaf = (Range<usize>, [f32; 3]);
+/// Leaf whose bodies are sources.
+pub struct SourceLeaf {
+    /// Positions of its bodies in the tree's order.
+    pub bodies: Range<usize>,
+    /// Its centre in the targets' frame, in packed units; not used in double precision.
+    pub centre: [f32; 3],
+}
 
 /// Packs leaves about the centre of another leaf: centre + scale times the bodies' offsets from their own centre.
 pub struct PackF32<'a, L> {
@@ -154,26 +159,26 @@ impl<L: F32Arithmetic> NullaryFnOnce for PackF32<'_, L> {
     fn call(self) {
         let PackF32 { l, to, offsets, sources, scale } = self;
         let mut count = 0;
-        for (range, _) in sources {
-            count += range.len();
+        for leaf in sources {
+            count += leaf.bodies.len();
         }
         to.resize(count, PARTIAL_SUMS_F32, 4.0);
         let [to_x, to_y, to_z, to_m] = &mut to.columns;
         let [x, y, z, m] = offsets;
         let factor = l.splat(scale.into());
-        let mut at = 0;
-        for (range, centre) in sources {
+        let mut packed_count = 0;
+        for SourceLeaf { bodies: range, centre } in sources {
             let shift = [l.splat(centre[0].into()), l.splat(centre[1].into()), l.splat(centre[2].into())];
             let mut i = 0;
             while i < range.len() {
-                let (from, target) = (range.start + i, at + i);
+                let (from, target) = (range.start + i, packed_count + i);
                 l.store(&mut to_x[target..], l.mul_add(l.load(&x[from..]), factor, shift[0]));
                 l.store(&mut to_y[target..], l.mul_add(l.load(&y[from..]), factor, shift[1]));
                 l.store(&mut to_z[target..], l.mul_add(l.load(&z[from..]), factor, shift[2]));
                 l.store(&mut to_m[target..], l.load(&m[from..]));
                 i += L::WIDTH;
             }
-            at += range.len();
+            packed_count += range.len();
         }
         to.columns[0][count..to.count].fill(4.0);
         to.columns[1][count..to.count].fill(4.0);
@@ -194,13 +199,13 @@ impl NullaryFnOnce for PackF64<'_> {
     #[inline(always)]
     fn call(self) {
         let PackF64 { to, bodies, sources } = self;
-        let count = sources.iter().map(|(range, _)| range.len()).sum();
+        let count = sources.iter().map(|leaf| leaf.bodies.len()).sum();
         to.resize(count, PARTIAL_SUMS, 64.0);
         for (column, from) in to.columns.iter_mut().zip(bodies) {
-            let mut at = 0;
-            for (range, _) in sources {
-                column[at..at + range.len()].copy_from_slice(&from[range.clone()]);
-                at += range.len();
+            let mut packed_count = 0;
+            for SourceLeaf { bodies: range, .. } in sources {
+                column[packed_count..packed_count + range.len()].copy_from_slice(&from[range.clone()]);
+                packed_count += range.len();
             }
         }
     }
@@ -231,17 +236,17 @@ impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_
         let (per_length, per_area) = (K::ROOT / length, (K::ROOT / length) * (K::ROOT / length) * K::ROOT);
         let mut first = 0;
         while first < targets.len() {
-            let here = (targets.len() - first).min(TARGETS_AT_ONCE);
+            let count_here = (targets.len() - first).min(TARGETS_AT_ONCE);
             // Missing targets are copies of the last.
             let mut p = [[l.splat(0.0); 3]; TARGETS_AT_ONCE];
             for t in 0..TARGETS_AT_ONCE {
                 for k in 0..3 {
-                    p[t][k] = l.splat(targets[first + t.min(here - 1)][k].into());
+                    p[t][k] = l.splat(targets[first + t.min(count_here - 1)][k].into());
                 }
             }
             let own = first / PARTIAL_SUMS_F32 * PARTIAL_SUMS_F32;
             let mut parts = [[[0.0f32; PARTIAL_SUMS_F32]; 4]; TARGETS_AT_ONCE];
-            let mut least = [0.0f32; PARTIAL_SUMS_F32];
+            let mut nearest_of_lanes = [0.0f32; PARTIAL_SUMS_F32];
             let mut from = 0;
             while from < PARTIAL_SUMS_F32 {
                 let mut sums = PullSums { pulls: [[l.splat(0.0); 4]; TARGETS_AT_ONCE], near: l.splat(f32::MAX.into()) };
@@ -253,7 +258,7 @@ impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_
                 }
                 let mut apart = [l.splat(0.0); TARGETS_AT_ONCE];
                 for t in 0..TARGETS_AT_ONCE {
-                    apart[t] = l.load(&SELF_DISTANCE2[first % PARTIAL_SUMS_F32 + t.min(here - 1)][from..]);
+                    apart[t] = l.load(&SELF_DISTANCE2[first % PARTIAL_SUMS_F32 + t.min(count_here - 1)][from..]);
                 }
                 let source = [l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]), l.load(&m[k..])];
                 add_source_vector::<L, K, true>(l, source, &p, apart, &mut sums);
@@ -268,23 +273,23 @@ impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_
                         l.store(&mut parts[t][k][from..], sums.pulls[t][k]);
                     }
                 }
-                l.store(&mut least[from..], sums.near);
+                l.store(&mut nearest_of_lanes[from..], sums.near);
                 from += L::WIDTH;
             }
-            let mut closest = f32::MAX;
-            for d2 in &least {
-                closest = if *d2 < closest { *d2 } else { closest };
+            let mut nearest_distance2 = f32::MAX;
+            for d2 in &nearest_of_lanes {
+                nearest_distance2 = if *d2 < nearest_distance2 { *d2 } else { nearest_distance2 };
             }
-            for t in 0..here {
+            for t in 0..count_here {
                 let [ax, ay, az, potential] = &parts[t];
-                let to = &mut out[first + t];
-                to[0] += per_area * pairwise_sum(ax) as f64;
-                to[1] += per_area * pairwise_sum(ay) as f64;
-                to[2] += per_area * pairwise_sum(az) as f64;
+                let pull = &mut out[first + t];
+                pull[0] += per_area * pairwise_sum(ax) as f64;
+                pull[1] += per_area * pairwise_sum(ay) as f64;
+                pull[2] += per_area * pairwise_sum(az) as f64;
                 if K::POTENTIAL {
-                    to[3] += per_length * pairwise_sum(potential) as f64;
+                    pull[3] += per_length * pairwise_sum(potential) as f64;
                 }
-                nearest[first + t] = closest;
+                nearest[first + t] = nearest_distance2;
             }
             first += TARGETS_AT_ONCE;
         }
@@ -355,9 +360,9 @@ impl<L: F64Arithmetic> NullaryFnOnce for PullF64<'_, L> {
         let (zero, one, same) = (l.splat(0.0), l.splat(1.0), l.splat(COINCIDENCE_DISTANCE2));
         let mut first = 0;
         while first < targets.len() {
-            let here = (targets.len() - first).min(TARGETS_AT_ONCE);
+            let count_here = (targets.len() - first).min(TARGETS_AT_ONCE);
             let mut p = [[zero; 3]; TARGETS_AT_ONCE];
-            for t in 0..here {
+            for t in 0..count_here {
                 for k in 0..3 {
                     p[t][k] = l.splat(targets[first + t][k]);
                 }
@@ -389,7 +394,7 @@ impl<L: F64Arithmetic> NullaryFnOnce for PullF64<'_, L> {
                 }
                 from += L::WIDTH;
             }
-            for t in 0..here {
+            for t in 0..count_here {
                 for k in 0..4 {
                     for part in &parts[t][k] {
                         out[first + t][k] += part;

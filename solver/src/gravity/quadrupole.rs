@@ -45,19 +45,20 @@ pub fn quadrupole_correction(
 ) -> QuadrupoleCorrection {
     let d2 = r.norm_squared();
     let d = d2.sqrt();
-    let [of_one, of_two] = [one.inertia * r * two.mass, two.inertia * r * one.mass];
+    // S r, and its two terms.
+    let [s_r_one, s_r_two] = [one.inertia * r * two.mass, two.inertia * r * one.mass];
     let trace = two.mass * one.inertia.trace() + one.mass * two.inertia.trace();
-    let (along, of_both) = (r.dot(&(of_one + of_two)) / d2, of_one + of_two);
+    let (along, s_r) = (r.dot(&(s_r_one + s_r_two)) / d2, s_r_one + s_r_two);
     let strength = constant / (d2 * d);
     let energy = -0.5 * strength * (trace - 3.0 * along);
-    let part = ((1.0 - d / reach) / (1.0 - FADE_START)).clamp(0.0, 1.0);
-    let factor = part * part * (3.0 - 2.0 * part);
-    let slope = -6.0 * part * (1.0 - part) / (reach * (1.0 - FADE_START));
-    let force = (r * (2.5 * along - 0.5 * trace) - of_both) * (3.0 * strength / d2);
+    let fade_share = ((1.0 - d / reach) / (1.0 - FADE_START)).clamp(0.0, 1.0);
+    let factor = fade_share * fade_share * (3.0 - 2.0 * fade_share);
+    let slope = -6.0 * fade_share * (1.0 - fade_share) / (reach * (1.0 - FADE_START));
+    let force = (r * (2.5 * along - 0.5 * trace) - s_r) * (3.0 * strength / d2);
     let torque = 3.0 * strength / d2 * factor;
     QuadrupoleCorrection {
         force: force * factor - r * (energy * slope / d),
-        torques: [r.cross(&of_one) * torque, r.cross(&of_two) * torque],
+        torques: [r.cross(&s_r_one) * torque, r.cross(&s_r_two) * torque],
         energy: energy * factor,
     }
 }

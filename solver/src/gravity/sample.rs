@@ -31,32 +31,33 @@ pub fn sampled_error(
     if positions.is_empty() {
         return SampledError { rms: 0.0, largest: 0.0, virial: 0.0, bodies: 0 };
     }
-    let picked: Vec<usize> = (0..SAMPLED_BODIES.min(positions.len() as u64))
+    let sampled: Vec<usize> = (0..SAMPLED_BODIES.min(positions.len() as u64))
         .map(|k| (splitmix64(seed.wrapping_mul(SAMPLED_BODIES).wrapping_add(k)) % positions.len() as u64) as usize)
         .collect();
-    let targets: Vec<Vec3> = picked.iter().map(|&i| positions[i]).collect();
+    let targets: Vec<Vec3> = sampled.iter().map(|&i| positions[i]).collect();
     let (exact, _) = direct::field_at(&targets, positions, masses, constant);
     let mass: f64 = masses.iter().sum();
     let centre: Vec3 = positions.iter().zip(masses).map(|(x, m)| x * (m / mass)).sum();
-    let (mut error, mut scale, mut largest) = (0.0, 0.0, 0.0f64);
+    let (mut error_sum, mut acceleration_sum, mut largest) = (0.0, 0.0, 0.0f64);
     let (mut virial, mut virial_error) = (0.0, 0.0);
-    for (&i, exact) in picked.iter().zip(&exact) {
+    for (&i, exact) in sampled.iter().zip(&exact) {
         let arm = (positions[i] - centre) * masses[i];
         virial += arm.dot(exact);
         virial_error += arm.dot(&(acceleration[i] - exact));
         let error2 = (acceleration[i] - exact).norm_squared();
-        error += error2;
-        scale += exact.norm_squared();
+        error_sum += error2;
+        acceleration_sum += exact.norm_squared();
         if exact.norm_squared() > 0.0 {
             largest = largest.max((error2 / exact.norm_squared()).sqrt());
         }
     }
-    let ratio = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
+    let ratio =
+        |error_sum: f64, acceleration_sum: f64| if acceleration_sum > 0.0 { error_sum / acceleration_sum } else { 0.0 };
     SampledError {
-        rms: ratio(error, scale).sqrt(),
+        rms: ratio(error_sum, acceleration_sum).sqrt(),
         largest,
         virial: ratio(virial_error, virial.abs()),
-        bodies: picked.len(),
+        bodies: sampled.len(),
     }
 }
 

@@ -12,7 +12,7 @@ use crate::math::{Vec3, vector_length};
 
 /// Number of bodies up to which a cell gets the exact radius. Larger cells get the bound from their halves, which is
 /// nearly as good and needs no loop over the bodies.
-const EXACT_RADIUS: usize = 4096;
+const MAX_EXACT_RADIUS_BODIES: usize = 4096;
 
 /// Upward pass: centres, radii and moments from the leaves to the root.
 #[derive(Clone, Copy)]
@@ -39,25 +39,30 @@ impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
     pub fn visit_subtree(self, cells: &[TreeCell], out: SubtreeOutput) {
         let (cell, below) = cells.split_first().expect("a subtree has a root");
         let (outline, outlines) = out.outlines.split_first_mut().expect("as many as cells");
-        let (mine, moments) = out.moments.split_at_mut(self.lines);
+        let (own_moments, moments) = out.moments.split_at_mut(self.lines);
         if cell.is_leaf() {
-            self.lanes.run(LeafMoments { up: self, cell, outline, moments: mine, offsets: out.offsets });
+            self.lanes.run(LeafMoments { up: self, cell, outline, moments: own_moments, offsets: out.offsets });
             return;
         }
         let (first_half, second_half) = below.split_at(cell.second as usize - 1);
-        let (o_one, o_two) = outlines.split_at_mut(first_half.len());
-        let (m_one, m_two) = moments.split_at_mut(first_half.len() * self.lines);
+        let (outlines_one, outlines_two) = outlines.split_at_mut(first_half.len());
+        let (moments_one, moments_two) = moments.split_at_mut(first_half.len() * self.lines);
         let [x, y, z, m] = out.offsets.map(|column| column.split_at_mut(first_half[0].count as usize));
-        let first = SubtreeOutput { outlines: &mut *o_one, moments: &mut *m_one, offsets: [x.0, y.0, z.0, m.0] };
-        let second = SubtreeOutput { outlines: &mut *o_two, moments: &mut *m_two, offsets: [x.1, y.1, z.1, m.1] };
+        let first =
+            SubtreeOutput { outlines: &mut *outlines_one, moments: &mut *moments_one, offsets: [x.0, y.0, z.0, m.0] };
+        let second =
+            SubtreeOutput { outlines: &mut *outlines_two, moments: &mut *moments_two, offsets: [x.1, y.1, z.1, m.1] };
         if cell.count as usize > MAX_BODIES_PER_TASK {
             rayon::join(|| self.visit_subtree(first_half, first), || self.visit_subtree(second_half, second));
         } else {
             self.visit_subtree(first_half, first);
             self.visit_subtree(second_half, second);
         }
-        let halves = [(CellSummary::from_line(&o_one[0]), &*m_one), (CellSummary::from_line(&o_two[0]), &*m_two)];
-        self.lanes.run(ParentMoments { up: self, cell, outline, moments: mine, halves });
+        let halves = [
+            (CellSummary::from_line(&outlines_one[0]), &*moments_one),
+            (CellSummary::from_line(&outlines_two[0]), &*moments_two),
+        ];
+        self.lanes.run(ParentMoments { up: self, cell, outline, moments: own_moments, halves });
     }
 
     /// [`CellSummary::uneven`] from moments about the centre of mass: for each multipole, the mean square over eight
@@ -116,11 +121,11 @@ impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
         }
         let mut lanes = [0.0; 8];
         l.store(&mut lanes, largest);
-        let mut most = 0.0;
+        let mut largest_of_lanes = 0.0;
         for d2 in lanes {
-            most = if d2 > most { d2 } else { most };
+            largest_of_lanes = if d2 > largest_of_lanes { d2 } else { largest_of_lanes };
         }
-        most.sqrt()
+        largest_of_lanes.sqrt()
     }
 }
 
@@ -222,16 +227,16 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for LeafMoments<'_, L, P> {
             to_m[i] = m[i] as f32;
         }
         let mut parts = [[0.0; 8]; NARROW_LEN];
-        let at = [l.splat(centre[0]), l.splat(centre[1]), l.splat(centre[2])];
+        let centre_lanes = [l.splat(centre[0]), l.splat(centre[1]), l.splat(centre[2])];
         let mut from = 0;
         while from < 8 {
             let mut sums: NarrowRow<L::V> = [l.splat(0.0); _];
             let mut first = from;
             while first < x.len() {
                 let to_centre = [
-                    l.sub(at[0], load_part(l, x, first, centre[0])),
-                    l.sub(at[1], load_part(l, y, first, centre[1])),
-                    l.sub(at[2], load_part(l, z, first, centre[2])),
+                    l.sub(centre_lanes[0], load_part(l, x, first, centre[0])),
+                    l.sub(centre_lanes[1], load_part(l, y, first, centre[1])),
+                    l.sub(centre_lanes[2], load_part(l, z, first, centre[2])),
                 ];
                 let m = load_part(l, m, first, 0.0);
                 let mut e: NarrowRow<L::V> = [l.splat(0.0); _];
@@ -284,7 +289,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ParentMoments<'_, L, P>
             shift_moments::<_, P>(Scalar, &read_moments(&moments[..up.lines]), &e, &mut row);
             bound = bound.max(vector_length(&Vec3::from(shift)) + half.radius);
         }
-        let exact = cell.count as usize <= EXACT_RADIUS;
+        let exact = cell.count as usize <= MAX_EXACT_RADIUS_BODIES;
         let radius = if exact { up.cell_radius(cell, centre) } else { bound };
         *outline =
             CellSummary { centre, radius, mass, uneven: up.multipole_unevenness(&row, radius, mass) }.cell_line();
