@@ -40,7 +40,7 @@ pub fn soundness(interface: &LawInterface, before: f64, u_n: f64, u_t: f64, h: f
     let m = if opened2 > f64::MIN_POSITIVE { (slid2 / opened2).min(1e20) } else { 1e20 };
     let elastic_lengths =
         |strength: ModePair| ModePair { opening: strength.opening / k_n, sliding: strength.sliding / k_t };
-    let now = match damage {
+    let after = match damage {
         DamageLaw::Viscous { energy, viscosity } => {
             let drive = k_t * slid2 + k_n * opened2;
             let loses = energy <= before * drive && viscosity + h * drive > 0.0;
@@ -83,8 +83,8 @@ pub fn soundness(interface: &LawInterface, before: f64, u_n: f64, u_t: f64, h: f
             }
         }
     };
-    let now = now.min(before);
-    if now < BROKEN { 0.0 } else { now }
+    let after = after.min(before);
+    if after < BROKEN { 0.0 } else { after }
 }
 
 /// Share f of the stiffness that an interface of this soundness has.

@@ -174,8 +174,8 @@ impl GapRescue {
     ///
     /// 2 (g_tol - g)/(h τ²), τ = T/(2π h): with T = 2π h and 1/2 mm too deep, 1 m/s in a step of 1 ms.
     pub fn velocity(&self, gap: f64, h: f64) -> f64 {
-        let period = self.steps / std::f64::consts::TAU;
-        2.0 * (self.gap - gap).max(0.0) / (h * period * period)
+        let tau = self.steps / std::f64::consts::TAU;
+        2.0 * (self.gap - gap).max(0.0) / (h * tau * tau)
     }
 }
 

@@ -127,12 +127,13 @@ impl SweptRow {
             RowKind::Coupled => w.try_inverse().map_or(*r, |inverse| r - inverse * u),
             RowKind::Interface(interface) => {
                 let n = &row.normal;
-                let held = InterfaceBlock::new(&self.block, n, &interface);
+                let interface_block = InterfaceBlock::new(&self.block, n, &interface);
                 let v = interface.velocity(n, &u);
-                let before = held.contact_impulse(r, &v);
-                let alone = solve_contact_block(symmetric_components(&held.whole), *n, row.friction, &u, &before);
-                let v = v + held.whole * (alone - before);
-                alone + held.at_rest - held.stiffness * v
+                let before = interface_block.contact_impulse(r, &v);
+                let contact_impulse =
+                    solve_contact_block(symmetric_components(&interface_block.whole), *n, row.friction, &u, &before);
+                let v = v + interface_block.whole * (contact_impulse - before);
+                contact_impulse + interface_block.at_rest - interface_block.stiffness * v
             }
         }
     }
@@ -150,9 +151,9 @@ impl SweptRow {
                 return n * (along - link_impulse(along, n.dot(&u), rho, *is_wire));
             }
             RowKind::Interface(interface) => {
-                let held = InterfaceBlock::new(&self.block, &n, interface);
-                r = held.contact_impulse(&r, &interface.velocity(&n, &u));
-                rho = 3.0 / held.whole.trace();
+                let interface_block = InterfaceBlock::new(&self.block, &n, interface);
+                r = interface_block.contact_impulse(&r, &interface.velocity(&n, &u));
+                rho = 3.0 / interface_block.whole.trace();
             }
             RowKind::Contact { .. } => {}
         }
@@ -214,8 +215,8 @@ pub fn solve_regularised(contact_problem: &ContactProblem, until: StoppingCriter
         let speeds = |k: &ContactId| {
             let row = &contact_problem.rows[k.index()];
             let (w_n, w_t) = contact_problem.delassus_diagonal(k.index());
-            let of_bodies: f64 = row.bodies.iter().map(|i| contact_problem.bodies[i.index()].v.norm()).sum();
-            (of_bodies + row.shift.norm() + w_n * row.impulse_shift.abs()) * 3.0 / (w_n + 2.0 * w_t)
+            let speed_sum: f64 = row.bodies.iter().map(|i| contact_problem.bodies[i.index()].v.norm()).sum();
+            (speed_sum + row.shift.norm() + w_n * row.impulse_shift.abs()) * 3.0 / (w_n + 2.0 * w_t)
         };
         let floor = ROUNDING_FLOOR * active.iter().map(|k| speeds(k).powi(2)).sum::<f64>().sqrt();
         let initial = residual_norm(&with_impulses(&balance), &rows, &balance).0.max(floor);

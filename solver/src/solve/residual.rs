@@ -36,7 +36,17 @@ const GROUPS_PER_TASK: usize = 128;
 /// Smallest number of tasks that are divided among ranks: a task takes some 0.02 ms, as the exchange does.
 const MIN_DIVIDED_TASKS: usize = 4;
 
-/// Sum of |F|² of the contacts of a task, N² s², the largest |F|² and its row, or [`NO_ROW`].
+/// Sum of |F|² of some contacts, N² s².
+#[derive(Clone, Copy)]
+struct SquaredResidual {
+    sum: f64,
+    /// Largest |F|² of a contact.
+    largest: f64,
+    /// Row of that contact; `None` if all |F| are 0.
+    worst: Option<ContactId>,
+}
+
+/// [`SquaredResidual`] of the contacts of a task, as ranks exchange it; `worst` is a row or [`NO_ROW`].
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct TaskResidual {
@@ -48,20 +58,30 @@ struct TaskResidual {
 /// Number in place of a row that does not exist.
 const NO_ROW: u64 = u64::MAX;
 
-impl From<(f64, f64, Option<ContactId>)> for TaskResidual {
-    fn from((sum, largest, worst): (f64, f64, Option<ContactId>)) -> Self {
+impl From<SquaredResidual> for TaskResidual {
+    fn from(SquaredResidual { sum, largest, worst }: SquaredResidual) -> Self {
         TaskResidual { sum, largest, worst: worst.map_or(NO_ROW, |row| u64::from(row.0)) }
+    }
+}
+
+impl From<TaskResidual> for SquaredResidual {
+    fn from(TaskResidual { sum, largest, worst }: TaskResidual) -> Self {
+        SquaredResidual { sum, largest, worst: (worst != NO_ROW).then_some(ContactId(worst as u32)) }
     }
 }
 
 /// Data of eight contacts by columns; unused lanes of the last group have no n, shift and friction.
 #[derive(Debug, Clone, Copy)]
 struct ContactGroup {
+    /// Normals, world frame.
     n: [[f64; GROUP_LANES]; 3],
+    /// Shifts of the relative velocity, world frame, m/s.
     shift: [[f64; GROUP_LANES]; 3],
     /// Vectors from the centres of candidate and antagonist to the contact point, m.
     arms: [[[f64; GROUP_LANES]; 3]; 2],
+    /// Friction coefficients.
     friction: [f64; GROUP_LANES],
+    /// Indices of the bodies of candidate and antagonist.
     bodies: [[u32; GROUP_LANES]; 2],
 }
 
@@ -116,29 +136,30 @@ impl<'a> ResidualEvaluator<'a> {
         } else {
             Vec::new()
         };
-        let of_some = |rows: &[ContactId]| {
-            rows.iter().fold((0.0, 0.0, false), |(trace, speeds, attracts), &k| {
+        // Trace of W, sum of the squares of the speeds at the contacts, and whether there is an attraction.
+        let scales_of = |rows: &[ContactId]| {
+            rows.iter().fold((0.0, 0.0, false), |(trace, squared_speeds, attracts), &k| {
                 let row = &problem.rows[k.index()];
-                let at = |side: usize| {
+                let speed_of_side = |side: usize| {
                     let record = &problem.bodies[row.bodies[side].index()];
                     record.v.norm() + record.w.norm() * problem.contact_arm(k.index(), side).norm()
                 };
                 let (w_n, w_t) = problem.delassus_diagonal(k.index());
-                let speed = at(0) + at(1) + row.shift.norm() + w_n * row.impulse_shift.abs();
-                (trace + w_n + 2.0 * w_t, speeds + speed * speed, attracts || row.impulse_shift != 0.0)
+                let speed = speed_of_side(0) + speed_of_side(1) + row.shift.norm() + w_n * row.impulse_shift.abs();
+                (trace + w_n + 2.0 * w_t, squared_speeds + speed * speed, attracts || row.impulse_shift != 0.0)
             })
         };
-        let parts: Vec<_> = rows.par_chunks(GROUPS_PER_TASK * GROUP_LANES).map(of_some).collect();
-        let (trace, speeds, attracts) =
+        let parts: Vec<_> = rows.par_chunks(GROUPS_PER_TASK * GROUP_LANES).map(scales_of).collect();
+        let (trace, squared_speeds, attracts) =
             parts.iter().fold((0.0, 0.0, false), |sum, part| (sum.0 + part.0, sum.1 + part.1, sum.2 || part.2));
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
-        let floor = ROUNDING_FLOOR * rho * speeds.sqrt();
+        let floor = ROUNDING_FLOOR * rho * squared_speeds.sqrt();
         let mut evaluator = ResidualEvaluator { problem, width, rows, contacts, levers, rho, initial_norm: 0.0, floor };
         let balance = |row: &ContactConstraint| match row.impulse_shift {
             0.0 => Vec3::zeros(),
             _ => row.normal * row.balancing_impulse(),
         };
-        let free = |record: &SolverBody| body_motion(&record.v, &record.w);
+        let free_motion = |record: &SolverBody| body_motion(&record.v, &record.w);
         let (balance, motions): (Vec<Vec3>, _) = if attracts {
             let balance: Vec<Vec3> = problem.rows.par_iter().with_min_len(PAR_MIN_LEN).map(balance).collect();
             let motions = evaluator.body_motions(&balance);
@@ -146,7 +167,7 @@ impl<'a> ResidualEvaluator<'a> {
         } else if rows.is_empty() {
             (Vec::new(), Vec::new())
         } else {
-            (Vec::new(), problem.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(free).collect())
+            (Vec::new(), problem.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(free_motion).collect())
         };
         evaluator.initial_norm = evaluator.residual_norm(&balance, &[], &motions).0;
         evaluator
@@ -159,11 +180,11 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// Rounding of the impulses over the sum of the momenta of the bodies and |F(r_0)|.
     pub fn rounding_share(&self, impulses: &[Vec3]) -> f64 {
-        let given: f64 = self.rows.iter().map(|&k| impulses[k.index()].norm_squared()).sum();
-        let of_body = |record: &&SolverBody| record.inverse_mass > 0.0;
+        let impulse_sum: f64 = self.rows.iter().map(|&k| impulses[k.index()].norm_squared()).sum();
+        let moves = |record: &&SolverBody| record.inverse_mass > 0.0;
         let momenta =
-            self.problem.bodies.iter().filter(of_body).map(|record| (record.v / record.inverse_mass).norm_squared());
-        f64::EPSILON * given.sqrt() / momenta.sum::<f64>().sqrt().max(self.initial_norm).max(self.floor)
+            self.problem.bodies.iter().filter(moves).map(|record| (record.v / record.inverse_mass).norm_squared());
+        f64::EPSILON * impulse_sum.sqrt() / momenta.sum::<f64>().sqrt().max(self.initial_norm).max(self.floor)
     }
 
     /// E of the impulses r̂ (one per row of the system, world frame, N s; 0 in rows that are not evaluated).
@@ -199,7 +220,7 @@ impl<'a> ResidualEvaluator<'a> {
             self.contacts.len().div_ceil(2)
         };
         let halves = self.contacts.len().div_ceil(half);
-        let of_part = |part: usize| {
+        let part_motions = |part: usize| {
             let (from, range) = (part / ranges * half, part % ranges);
             let levers = self.levers.get(from..).unwrap_or_default();
             let contacts = &self.contacts[from..self.contacts.len().min(from + half)];
@@ -208,8 +229,8 @@ impl<'a> ResidualEvaluator<'a> {
             self.width.run(BodyImpulseSums { contacts, levers, rows, impulses, bodies })
         };
         let parts = (0..halves * ranges).into_par_iter().with_max_len(1);
-        let parts: Vec<Vec<[f64; 6]>> = parts.map(of_part).collect();
-        let moved = |(body, record): (usize, &SolverBody)| {
+        let parts: Vec<Vec<[f64; 6]>> = parts.map(part_motions).collect();
+        let motion_of_body = |(body, record): (usize, &SolverBody)| {
             let mut sum = [0.0; 6];
             let (range, index) = (body >> range_bits, body & ((1 << range_bits) - 1));
             for half in parts.chunks_exact(ranges) {
@@ -220,7 +241,13 @@ impl<'a> ResidualEvaluator<'a> {
                 + self.problem.angular_velocity_change(BodyId(body as u32), &Vec3::new(sum[3], sum[4], sum[5]));
             body_motion(&v, &w)
         };
-        self.problem.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(moved).collect()
+        self.problem
+            .bodies
+            .par_iter()
+            .with_min_len(GROUPS_PER_TASK * GROUP_LANES)
+            .enumerate()
+            .map(motion_of_body)
+            .collect()
     }
 
     /// V_free + M⁻¹ (H r̂ + m), computed anew; `moments` has one moment per rolling constraint of the system, world frame, on
@@ -229,8 +256,8 @@ impl<'a> ResidualEvaluator<'a> {
         let mut motions = self.body_motions(impulses);
         for (roll, m) in self.problem.rolling_constraints.iter().zip(moments) {
             for (body, m) in self.problem.rows[roll.row.index()].bodies.into_iter().zip([*m, -m]) {
-                let turned = self.problem.angular_velocity_change(body, &m);
-                (0..3).for_each(|k| motions[body.index()][4 + k] += turned[k]);
+                let change = self.problem.angular_velocity_change(body, &m);
+                (0..3).for_each(|k| motions[body.index()][4 + k] += change[k]);
             }
         }
         motions
@@ -238,12 +265,18 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// The system's records with these motions.
     pub fn solver_bodies(&self, motions: &[BodyMotion]) -> Vec<SolverBody> {
-        let of = |(record, m): (&SolverBody, &BodyMotion)| SolverBody {
+        let with_motion = |(record, m): (&SolverBody, &BodyMotion)| SolverBody {
             v: Vec3::new(m[0], m[1], m[2]),
             w: Vec3::new(m[4], m[5], m[6]),
             ..*record
         };
-        self.problem.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).zip(motions).map(of).collect()
+        self.problem
+            .bodies
+            .par_iter()
+            .with_min_len(GROUPS_PER_TASK * GROUP_LANES)
+            .zip(motions)
+            .map(with_motion)
+            .collect()
     }
 
     /// The system's records after impulses of 0. Adding these makes -0 to 0, as in [`Self::body_motions`].
@@ -258,7 +291,7 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// |F| and the row with the largest part in it.
     fn residual_norm(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[BodyMotion]) -> (f64, Option<ContactId>) {
-        let of_task = |(task, (rows, contacts)): (usize, (&[ContactId], &[ContactGroup]))| {
+        let task_residual = |(task, (rows, contacts)): (usize, (&[ContactId], &[ContactGroup]))| {
             let contacts = (contacts, self.levers.get(task * GROUPS_PER_TASK..).unwrap_or_default());
             self.evaluate_groups(rows, contacts, impulses, motions)
         };
@@ -267,26 +300,24 @@ impl<'a> ResidualEvaluator<'a> {
             .par_chunks(GROUP_LANES * GROUPS_PER_TASK)
             .zip(self.contacts.par_chunks(GROUPS_PER_TASK))
             .enumerate();
-        let of_tasks = |range: Range<usize>| -> Vec<TaskResidual> {
-            tasks.skip(range.start).take(range.len()).map(of_task).map(TaskResidual::from).collect()
+        let residuals_of = |range: Range<usize>| -> Vec<TaskResidual> {
+            tasks.skip(range.start).take(range.len()).map(task_residual).map(TaskResidual::from).collect()
         };
         let tasks = self.rows.len().div_ceil(GROUP_LANES * GROUPS_PER_TASK);
-        let parts = ranks::divided_list(tasks, MIN_DIVIDED_TASKS, of_tasks);
-        let parts = parts.into_iter().map(|TaskResidual { sum, largest, worst }| {
-            (sum, largest, (worst != NO_ROW).then_some(ContactId(worst as u32)))
-        });
+        let parts = ranks::divided_list(tasks, MIN_DIVIDED_TASKS, residuals_of);
+        let parts = parts.into_iter().map(SquaredResidual::from);
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
-        let of_moment = |(roll, m): (&RollingConstraint, &Vec3)| {
+        let moment_residual = |(roll, m): (&RollingConstraint, &Vec3)| {
             let size2 = self.moment_residual_squared(roll, m, &impulses[roll.row.index()], motions);
-            (size2, size2, Some(roll.row))
+            SquaredResidual { sum: size2, largest: size2, worst: Some(roll.row) }
         };
         let rolls =
             self.problem.rolling_constraints.par_iter().zip(moments).with_min_len(GROUP_LANES * GROUPS_PER_TASK);
-        let of_moments: Vec<(f64, f64, Option<ContactId>)> = rolls.map(of_moment).collect();
-        for (part, size2, row) in parts.chain(of_moments) {
-            sum += part;
-            if size2 > largest {
-                (largest, worst) = (size2, row);
+        let moment_residuals: Vec<SquaredResidual> = rolls.map(moment_residual).collect();
+        for part in parts.chain(moment_residuals) {
+            sum += part.sum;
+            if part.largest > largest {
+                (largest, worst) = (part.largest, part.worst);
             }
         }
         (sum.sqrt(), worst)
@@ -300,18 +331,19 @@ impl<'a> ResidualEvaluator<'a> {
         let row = &self.problem.rows[roll.row.index()];
         let [a, b] = row.bodies.map(|body| &motions[body.index()]);
         let n = row.normal;
-        let pressed = n.x * r.x + n.y * r.y + n.z * r.z;
-        if pressed <= 0.0 {
+        let normal_impulse = n.x * r.x + n.y * r.y + n.z * r.z;
+        if normal_impulse <= 0.0 {
             return (0..3).map(|k| (m[k] / roll.radius).powi(2)).sum();
         }
         let f = [0, 1, 2].map(|k| self.rho * roll.radius * (a[4 + k] - b[4 + k] + roll.shift[k]));
         let z = [0, 1, 2].map(|k| m[k] / roll.radius - f[k]);
         let along = n.x * z[0] + n.y * z[1] + n.z * z[2];
         let across = [0, 1, 2].map(|k| z[k] - along * n[k]);
-        let size = across.iter().map(|c| c * c).sum::<f64>().sqrt();
-        let beyond = (along.abs() - roll.spinning * pressed).max(0.0).copysign(along);
-        let share = if size > 0.0 { (1.0 - roll.rolling * pressed / size).max(0.0) } else { 0.0 };
-        (0..3).map(|k| (f[k] + beyond * n[k] + share * across[k]).powi(2)).sum()
+        let length_across = across.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let excess_along = (along.abs() - roll.spinning * normal_impulse).max(0.0).copysign(along);
+        let excess_share =
+            if length_across > 0.0 { (1.0 - roll.rolling * normal_impulse / length_across).max(0.0) } else { 0.0 };
+        (0..3).map(|k| (f[k] + excess_along * n[k] + excess_share * across[k]).powi(2)).sum()
     }
 
     /// |F|² of each evaluated row, N² s², for impulses that result in these motions.
@@ -324,14 +356,13 @@ impl<'a> ResidualEvaluator<'a> {
         sizes2
     }
 
-    /// Sum of |F|^2 of some contacts, the largest |F|^2 and its row.
     fn evaluate_groups(
         &self,
         rows: &[ContactId],
         (contacts, levers): (&[ContactGroup], &[GroupLevers]),
         impulses: &[Vec3],
         motions: &[BodyMotion],
-    ) -> (f64, f64, Option<ContactId>) {
+    ) -> SquaredResidual {
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
         let mut sizes2 = [0.0; GROUP_LANES * GROUPS_PER_TASK];
         self.width.run(NaturalMap { rows, contacts, levers, impulses, motions, rho: self.rho, sizes2: &mut sizes2 });
@@ -341,7 +372,7 @@ impl<'a> ResidualEvaluator<'a> {
                 (largest, worst) = (size2, Some(k));
             }
         }
-        (sum, largest, worst)
+        SquaredResidual { sum, largest, worst }
     }
 }
 
@@ -482,14 +513,24 @@ impl LaneOperation for NaturalMap<'_> {
     #[inline(always)]
     fn call<L: F64Arithmetic>(self, l: L) {
         let NaturalMap { rows, contacts, levers, impulses, motions, rho, sizes2 } = self;
-        let of_rows = rows.chunks(GROUP_LANES).zip(sizes2.chunks_mut(GROUP_LANES));
-        for (group, (columns, (rows, sizes2))) in contacts.iter().zip(of_rows).enumerate() {
+        let rows_of_groups = rows.chunks(GROUP_LANES).zip(sizes2.chunks_mut(GROUP_LANES));
+        for (group, (columns, (rows, sizes2))) in contacts.iter().zip(rows_of_groups).enumerate() {
             let r = group_impulses(rows, impulses);
             for from in (0..GROUP_LANES).step_by(L::WIDTH) {
-                natural_map_squared(l, (columns, levers.get(group)), &r, motions, rho, from, &mut sizes2[from..]);
+                let group_contacts = GroupContacts { columns, levers: levers.get(group), r: &r };
+                natural_map_squared(l, group_contacts, motions, rho, from, &mut sizes2[from..]);
             }
         }
     }
+}
+
+/// Contacts of a group with their impulses.
+struct GroupContacts<'a> {
+    columns: &'a ContactGroup,
+    /// Friction levers; `None` if all are 0.
+    levers: Option<&'a GroupLevers>,
+    /// r̂, world frame, N s.
+    r: &'a [[f64; GROUP_LANES]; 3],
 }
 
 /// Stores |F|^2 of `WIDTH` contacts from index `from` on. In the plane of n and the tangential part of r - rho û, which
@@ -497,8 +538,7 @@ impl LaneOperation for NaturalMap<'_> {
 #[inline(always)]
 fn natural_map_squared<L: F64Arithmetic>(
     l: L,
-    (columns, levers): (&ContactGroup, Option<&GroupLevers>),
-    r: &[[f64; GROUP_LANES]; 3],
+    GroupContacts { columns, levers, r }: GroupContacts,
     motions: &[BodyMotion],
     rho: f64,
     from: usize,
@@ -520,9 +560,9 @@ fn natural_map_squared<L: F64Arithmetic>(
             l.add(l.sub(point_velocity(l, columns, &a, 0, k, from), point_velocity(l, columns, &b, 1, k, from)), shift);
     }
     if let Some(levers) = levers {
-        let about = inner_product(l, n, [4, 5, 6].map(|k| l.sub(a[k], b[k])));
+        let spin = inner_product(l, n, [4, 5, 6].map(|k| l.sub(a[k], b[k])));
         for (k, u) in u.iter_mut().enumerate() {
-            *u = l.add(*u, l.mul(about, l.load(&levers[k][range.clone()])));
+            *u = l.add(*u, l.mul(spin, l.load(&levers[k][range.clone()])));
         }
     }
     let (zero, rho, mu) = (l.splat(0.0), l.splat(rho), l.load(&columns.friction[range]));
@@ -534,14 +574,14 @@ fn natural_map_squared<L: F64Arithmetic>(
         let u_t = l.sub(u[k], l.mul(n[k], u_n));
         u_t2 = l.add(u_t2, l.mul(u_t, u_t));
     }
-    let along = inner_product(l, n, z);
+    let normal_part = inner_product(l, n, z);
     for k in 0..3 {
-        z[k] = l.sub(z[k], l.mul(n[k], along));
+        z[k] = l.sub(z[k], l.mul(n[k], normal_part));
     }
-    let z_n = l.sub(along, l.mul(l.mul(rho, mu), l.sqrt(u_t2)));
-    let size = l.sqrt(inner_product(l, z, z));
-    let (p_n, p_t) = project_on_cone(l, z_n, size, mu);
-    let share = l.select_greater(size, zero, l.div(p_t, size), zero);
+    let z_n = l.sub(normal_part, l.mul(l.mul(rho, mu), l.sqrt(u_t2)));
+    let tangential_length = l.sqrt(inner_product(l, z, z));
+    let (p_n, p_t) = project_on_cone(l, z_n, tangential_length, mu);
+    let share = l.select_greater(tangential_length, zero, l.div(p_t, tangential_length), zero);
     let mut sum = zero;
     for k in 0..3 {
         let f = l.sub(l.sub(impulse[k], l.mul(n[k], p_n)), l.mul(z[k], share));

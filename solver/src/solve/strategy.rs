@@ -90,24 +90,24 @@ pub fn solve_contact_problem(
     if !contact_problem.regularised.is_empty() {
         return solve_by_sweeps(contact_problem, request.criteria, request.width);
     }
-    let found = solve_from_warm_start(contact_problem, request, stored);
-    if found.residual < 1.0 {
-        return found;
+    let solution = solve_from_warm_start(contact_problem, request, stored);
+    if solution.residual < 1.0 {
+        return solution;
     }
     // E of zero impulses is 1; they are kept if no result is better.
     let mut contact_problem = contact_problem.clone();
     contact_problem.rows.iter_mut().for_each(|row| row.warm_start = row.normal * row.balancing_impulse());
     contact_problem.rolling_constraints.iter_mut().for_each(|roll| roll.warm_start = Vec3::zeros());
-    let again = solve_nlgs(
+    let restarted = solve_nlgs(
         &contact_problem,
         StoppingCriteria { max_sweeps: request.criteria.max_sweeps.min(MOMENTUM_CYCLE), ..request.criteria },
         request.width,
     );
     ContactSolution {
-        sweeps: found.sweeps + again.sweeps,
-        stalled_residual: found.stalled_residual,
-        replacement_reason: found.replacement_reason,
-        ..again
+        sweeps: solution.sweeps + restarted.sweeps,
+        stalled_residual: solution.stalled_residual,
+        replacement_reason: solution.replacement_reason,
+        ..restarted
     }
 }
 
@@ -120,13 +120,13 @@ fn solve_from_warm_start(
     let StoppingCriteria { tol, target_residual, max_sweeps, .. } = request.criteria;
     let max_sweeps = if request.skips_fallback() { max_sweeps.min(MOMENTUM_CYCLE) } else { max_sweeps };
     let contacts = contact_problem.rows.par_iter().with_min_len(PAR_MIN_LEN).filter(|row| row.can_close).count();
-    let swept =
+    let sweep =
         |max_sweeps| solve_nlgs(contact_problem, StoppingCriteria { max_sweeps, ..request.criteria }, request.width);
     let (solver, max_cost) = match request.solver {
-        ContactSolver::Nlgs => return swept(max_sweeps),
+        ContactSolver::Nlgs => return sweep(max_sweeps),
         // The stored problem does not include moments.
         ContactSolver::Auto if request.skips_fallback() || !contact_problem.rolling_constraints.is_empty() => {
-            return swept(max_sweeps);
+            return sweep(max_sweeps);
         }
         ContactSolver::Auto if !COSTS.fallback_pays(contacts) => {
             return solve_with_subproblem_corrections(contact_problem, request, max_sweeps, stored);
@@ -134,7 +134,7 @@ fn solve_from_warm_start(
         ContactSolver::Auto => (MatrixSolver::Auto, COSTS.fallback_budget(contacts)),
         ContactSolver::NlgsAnderson => (MatrixSolver::NlgsAnderson, f64::INFINITY),
         _ if !COSTS.factors_fit(contacts) => {
-            return ContactSolution { replacement_reason: Some(TOO_LARGE_REASON), ..swept(max_sweeps) };
+            return ContactSolution { replacement_reason: Some(TOO_LARGE_REASON), ..sweep(max_sweeps) };
         }
         ContactSolver::ProxNewton => (MatrixSolver::ProxNewton, f64::INFINITY),
         ContactSolver::Admm => (MatrixSolver::Admm, f64::INFINITY),
@@ -142,7 +142,7 @@ fn solve_from_warm_start(
     };
     // The other solvers continue from the warm start.
     let sweeps = if solver == MatrixSolver::Auto { COSTS.sweeps_before_fallback(contacts, max_sweeps) } else { 0 };
-    let start = swept(sweeps);
+    let start = sweep(sweeps);
     let target = if solver == MatrixSolver::Auto { tol } else { target_residual };
     if start.converged && start.residual <= target || start.sweeps >= max_sweeps {
         return start;
@@ -194,10 +194,10 @@ fn solve_with_subproblem_corrections(
     max_sweeps: u64,
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
-    let swept = |contact_problem: &ContactProblem, max_sweeps| {
+    let sweep = |contact_problem: &ContactProblem, max_sweeps| {
         solve_nlgs(contact_problem, StoppingCriteria { max_sweeps, ..request.criteria }, request.width)
     };
-    let mut last = swept(contact_problem, max_sweeps.min(MOMENTUM_CYCLE));
+    let mut last = sweep(contact_problem, max_sweeps.min(MOMENTUM_CYCLE));
     if last.converged || last.sweeps >= max_sweeps {
         return last;
     }
@@ -209,7 +209,7 @@ fn solve_with_subproblem_corrections(
         let round = if solved.is_some() { COSTS.sweeps_between_subproblems } else { MOMENTUM_CYCLE };
         let sweeps = round.min(max_sweeps - best.sweeps);
         start_from(&mut contact_problem, &solved.unwrap_or(last.impulses));
-        last = ContactSolution { fallback_used, ..swept(&contact_problem, sweeps) };
+        last = ContactSolution { fallback_used, ..sweep(&contact_problem, sweeps) };
         let sweeps = best.sweeps + last.sweeps;
         // A converged solution takes no more sweeps and ends the loop.
         best = if last.converged || last.residual < best.residual { last.clone() } else { best };
@@ -235,22 +235,24 @@ fn solve_stalled_subproblem(
     let mut worst: Vec<(ContactId, f64)> = rows.iter().copied().zip(contributions).collect();
     worst.sort_by(|(_, a), (_, b)| b.total_cmp(a));
     worst.truncate(COSTS.subproblem_rows);
-    if worst.iter().map(|(_, part)| part).sum::<f64>() < COSTS.min_subproblem_share * total {
+    if worst.iter().map(|(_, contribution)| contribution).sum::<f64>() < COSTS.min_subproblem_share * total {
         return None;
     }
     // The subproblem is all rows of the moving bodies of these.
     let bodies = |row: ContactId| contact_problem.rows[row.index()].bodies.map(|body| body.index());
-    let mut touched = vec![false; contact_problem.bodies.len()];
-    let moved =
+    let mut is_touched = vec![false; contact_problem.bodies.len()];
+    let moving_bodies =
         worst.iter().flat_map(|(row, _)| bodies(*row)).filter(|body| contact_problem.bodies[*body].inverse_mass > 0.0);
-    moved.for_each(|body| touched[body] = true);
-    let mut inside = vec![false; contact_problem.rows.len()];
-    rows.iter().for_each(|row| inside[row.index()] = bodies(*row).iter().any(|body| touched[*body]));
-    let outer_impulse = |(r, inside): (&Vec3, &bool)| if *inside { Vec3::zeros() } else { *r };
-    let others: Vec<Vec3> = impulses.iter().zip(&inside).map(outer_impulse).collect();
-    let mut part =
-        ContactProblem { bodies: evaluator.solver_bodies(&evaluator.body_motions(&others)), ..contact_problem.clone() };
-    part.rows.iter_mut().zip(&inside).for_each(|(row, inside)| row.can_close = *inside);
+    moving_bodies.for_each(|body| is_touched[body] = true);
+    let mut is_inside = vec![false; contact_problem.rows.len()];
+    rows.iter().for_each(|row| is_inside[row.index()] = bodies(*row).iter().any(|body| is_touched[*body]));
+    let outer_impulse = |(r, is_inside): (&Vec3, &bool)| if *is_inside { Vec3::zeros() } else { *r };
+    let outer_impulses: Vec<Vec3> = impulses.iter().zip(&is_inside).map(outer_impulse).collect();
+    let mut subproblem = ContactProblem {
+        bodies: evaluator.solver_bodies(&evaluator.body_motions(&outer_impulses)),
+        ..contact_problem.clone()
+    };
+    subproblem.rows.iter_mut().zip(&is_inside).for_each(|(row, is_inside)| row.can_close = *is_inside);
     let max_cost = COSTS.subproblem_budget(rows.len());
     let limits = |matrix: &MatrixProblem, from: &[[f64; 3]]| SolverLimits {
         tol: COSTS.subproblem_tolerance * residual(matrix, from),
@@ -258,7 +260,7 @@ fn solve_stalled_subproblem(
         max_time: None,
         max_cost,
     };
-    Some(solve_on_matrix(&part, impulses, MatrixSolver::Auto, limits, stored)?.0)
+    Some(solve_on_matrix(&subproblem, impulses, MatrixSolver::Auto, limits, stored)?.0)
 }
 
 /// Solves the rows that can close by a solver of stored problems, from `impulses`. Returns all impulses, with those of these
@@ -298,7 +300,7 @@ fn solve_by_fallback(
         row.can_close |= *r != Vec3::zeros();
     }
     let mut best = ContactSolution { stalled_residual: Some(start.residual), ..start };
-    let mut left = limits;
+    let mut remaining = limits;
     loop {
         let rows: Vec<ContactId> =
             (0..).zip(&contact_problem.rows).filter(|(_, row)| row.can_close).map(|(k, _)| ContactId(k)).collect();
@@ -308,7 +310,7 @@ fn solve_by_fallback(
             rows.iter().map(|row| [contact_problem.rows[row.index()].balancing_impulse(), 0.0, 0.0]).collect();
         let limits_of = |matrix: &MatrixProblem, _: &[[f64; 3]]| SolverLimits {
             tol: COSTS.tolerance_share * limits.tol.max(evaluator.relative_floor()) * residual(matrix, &balance),
-            ..left
+            ..remaining
         };
         let Some((impulses, found)) = solve_on_matrix(&contact_problem, &best.impulses, solver, limits_of, &stored)
         else {
@@ -317,8 +319,8 @@ fn solve_by_fallback(
         let motions = evaluator.body_motions(&impulses);
         let residual = evaluator.residual_at(&impulses, &motions);
         best.sweeps += found.sweeps;
-        left.max_sweeps = left.max_sweeps.saturating_sub(found.sweeps);
-        left.max_cost -= found.cost;
+        remaining.max_sweeps = remaining.max_sweeps.saturating_sub(found.sweeps);
+        remaining.max_cost -= found.cost;
         if residual.value < best.residual && evaluator.rounding_share(&impulses) <= COSTS.max_rounding_share {
             best = ContactSolution {
                 solver_bodies: evaluator.solver_bodies(&motions),
@@ -333,7 +335,7 @@ fn solve_by_fallback(
         let missed = closing_inactive_rows(&contact_problem, &rows, &best.solver_bodies);
         best.converged = best.residual <= request.criteria.tol && missed.is_empty();
         best.left_out = missed.len();
-        if missed.is_empty() || activity::is_stopped() || left.max_sweeps == 0 || left.max_cost <= 0.0 {
+        if missed.is_empty() || activity::is_stopped() || remaining.max_sweeps == 0 || remaining.max_cost <= 0.0 {
             best.worst = best.worst.or(missed.first().copied());
             return best;
         }

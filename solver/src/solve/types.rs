@@ -27,12 +27,12 @@ impl ContactReactions {
 
     /// Warm start of the rows that can close: no moment without a normal impulse.
     pub(super) fn warm_start(problem: &ContactProblem) -> Self {
-        let of_row = |row: &ContactConstraint| if row.can_close { row.warm_start } else { Vec3::zeros() };
-        let impulses: Vec<Vec3> = problem.rows.par_iter().with_min_len(PAR_MIN_LEN).map(of_row).collect();
-        let of_roll = |roll: &RollingConstraint| {
+        let impulse_of = |row: &ContactConstraint| if row.can_close { row.warm_start } else { Vec3::zeros() };
+        let impulses: Vec<Vec3> = problem.rows.par_iter().with_min_len(PAR_MIN_LEN).map(impulse_of).collect();
+        let moment_of = |roll: &RollingConstraint| {
             if impulses[roll.row.index()] == Vec3::zeros() { Vec3::zeros() } else { roll.warm_start }
         };
-        let moments = problem.rolling_constraints.iter().map(of_roll).collect();
+        let moments = problem.rolling_constraints.iter().map(moment_of).collect();
         ContactReactions { impulses, moments }
     }
 }

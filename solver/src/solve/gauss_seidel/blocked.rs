@@ -143,30 +143,31 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
         sums
     }
 
-    /// Copies the impulses of the swept rows into `impulses`; `of_group` returns those of the batches of a group, world frame.
+    /// Copies the impulses of the swept rows into `impulses`; `group_impulses` returns those of the batches of a
+    /// group, world frame.
     ///
     /// Without a division among ranks, the rows are set in parallel, each from its slot. With one, most groups are empty on
     /// this rank, and each rank sends the impulses of the groups that it reports, with their rows, to all.
     pub fn read_back(
         &self,
         impulses: &mut [Vec3],
-        of_group: impl Fn(&G) -> Vec<[[f64; BATCH_LANES]; 3]> + Send + Sync,
+        group_impulses: impl Fn(&G) -> Vec<[[f64; BATCH_LANES]; 3]> + Send + Sync,
     ) {
         if let Some(share) = &self.share {
             let groups: Vec<&G> = self.reported_groups(share).collect();
-            let of_group = |group: &&G| {
-                let of_batches = of_group(group);
-                let lanes = group.rows().iter().zip(&of_batches).flat_map(|(rows, batch)| {
+            let group_impulses = |group: &&G| {
+                let batch_impulses = group_impulses(group);
+                let lanes = group.rows().iter().zip(&batch_impulses).flat_map(|(rows, batch)| {
                     rows.iter().enumerate().map(|(lane, &row)| (row, batch.map(|column| column[lane])))
                 });
                 lanes.filter(|(row, _)| *row != NO_INDEX).collect::<Vec<_>>()
             };
-            let own: Vec<(u32, [f64; 3])> = groups.par_iter().with_max_len(1).flat_map_iter(of_group).collect();
+            let own: Vec<(u32, [f64; 3])> = groups.par_iter().with_max_len(1).flat_map_iter(group_impulses).collect();
             share.gather_vectors(&own, |row, impulse| impulses[row] = Vec3::from(impulse));
             return;
         }
         let groups: Vec<&G> = self.groups().collect();
-        let groups: Vec<_> = groups.into_par_iter().with_max_len(1).map(of_group).collect();
+        let groups: Vec<_> = groups.into_par_iter().with_max_len(1).map(group_impulses).collect();
         let copy = |(impulse, slot): (&mut Vec3, &AtomicU64)| {
             let slot = slot.load(Ordering::Relaxed);
             if slot != NO_SLOT {
@@ -178,11 +179,11 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
         impulses.par_iter_mut().zip(&self.slots).with_min_len(PAR_MIN_LEN).for_each(copy);
     }
 
-    /// Copies moments into `moments`; `of_group` returns those of a group with their indices.
+    /// Copies moments into `moments`; `group_moments` returns those of a group with their indices.
     pub fn read_back_moments<'a, I: Iterator<Item = (u32, [f64; 3])>>(
         &'a self,
         moments: &mut [Vec3],
-        of_group: impl Fn(&'a G) -> I,
+        group_moments: impl Fn(&'a G) -> I,
     ) {
         if moments.is_empty() {
             return;
@@ -190,10 +191,10 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
         let mut set = |index: usize, moment: [f64; 3]| moments[index] = Vec3::from(moment);
         match &self.share {
             Some(share) => {
-                let own: Vec<(u32, [f64; 3])> = self.reported_groups(share).flat_map(of_group).collect();
+                let own: Vec<(u32, [f64; 3])> = self.reported_groups(share).flat_map(group_moments).collect();
                 share.gather_vectors(&own, set);
             }
-            None => self.groups().flat_map(of_group).for_each(|(index, moment)| set(index as usize, moment)),
+            None => self.groups().flat_map(group_moments).for_each(|(index, moment)| set(index as usize, moment)),
         }
     }
 

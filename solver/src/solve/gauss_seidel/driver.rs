@@ -58,8 +58,8 @@ pub fn solve_nlgs(contact_problem: &ContactProblem, criteria: StoppingCriteria, 
         let (residual, solver_bodies) = if active.is_empty() && contact_problem.rolling_constraints.is_empty() {
             (Residual { value: 0.0, worst: None }, evaluator.unmoved_bodies())
         } else {
-            let (residual, motions) =
-                iterate_sweeps(contact_problem, &evaluator, &active, &mut reactions, criteria, single, &mut sweeps);
+            let iteration = SweepIteration { contact_problem, evaluator: &evaluator, active: &active, criteria };
+            let (residual, motions) = iterate_sweeps(iteration, &mut reactions, single, &mut sweeps);
             (residual, evaluator.solver_bodies(&motions))
         };
         let missed = closing_inactive_rows(contact_problem, &active, &solver_bodies);
@@ -94,14 +94,22 @@ struct PackingPoint {
     residual: f64,
 }
 
-/// Sweeps the rows `active`, in single precision as long as that gains, and increments `sweeps`. Returns the residual and the
-/// motions that result from the impulses.
-fn iterate_sweeps(
-    contact_problem: &ContactProblem,
-    evaluator: &ResidualEvaluator,
-    active: &[ContactId],
-    reactions: &mut ContactReactions,
+/// Rows of a contact problem that are swept, and the end of the sweeps.
+#[derive(Clone, Copy)]
+struct SweepIteration<'a> {
+    contact_problem: &'a ContactProblem,
+    /// Evaluator of the residual of these rows.
+    evaluator: &'a ResidualEvaluator<'a>,
+    /// Rows that are swept, sorted.
+    active: &'a [ContactId],
     criteria: StoppingCriteria,
+}
+
+/// Sweeps the rows from `reactions`, in single precision if `single` and as long as that gains, and increments
+/// `sweeps`. Returns the residual and the motions that result from the impulses.
+fn iterate_sweeps(
+    SweepIteration { contact_problem, evaluator, active, criteria }: SweepIteration,
+    reactions: &mut ContactReactions,
     mut single: bool,
     sweeps: &mut u64,
 ) -> (Residual, Vec<BodyMotion>) {

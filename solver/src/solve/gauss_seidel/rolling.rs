@@ -14,6 +14,16 @@ use crate::solve::gauss_seidel::packed::{BATCH_LANES, NO_INDEX, load_column, loa
 use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, project_to_ball, triple};
 use crate::state::ContactId;
 
+/// State of the contacts in the lanes of a vector on which their moments depend.
+pub struct RollingContacts<V> {
+    /// Normals, world frame.
+    pub n: LaneVector<V>,
+    /// r̂_n, N s.
+    pub normal_impulse: V,
+    /// Angular velocity of the candidate relative to the antagonist, world frame, rad/s.
+    pub w: LaneVector<V>,
+}
+
 /// Resistance of sixteen contacts to rolling and spinning, [`crate::assemble::RollingConstraint`], and their moments.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
@@ -64,20 +74,17 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
         occupied.map(|(lane, &index)| (index, self.m.map(|m| m[lane].to_f64())))
     }
 
-    /// Solves the moments of the `WIDTH` contacts from lane `from` on, each from y = m + beta (m - m_before); returns their changes.
-    ///
-    /// `n`: normals, `normal_impulse`: r̂_n, N s, `w`: angular velocity of the candidate relative to the antagonist
-    /// with y applied, rad/s.
+    /// Solves the moments of the `WIDTH` contacts from lane `from` on, each from y = m + beta (m - m_before); returns
+    /// their changes. The angular velocities in `contacts` are those with y applied.
     #[inline(always)]
     pub fn solve_moments<L: Arithmetic<T = T>>(
         &mut self,
         l: L,
         from: usize,
         beta: L::V,
-        n: LaneVector<L::V>,
-        normal_impulse: L::V,
-        w: LaneVector<L::V>,
+        contacts: RollingContacts<L::V>,
     ) -> LaneVector<L::V> {
+        let RollingContacts { n, normal_impulse, w } = contacts;
         let (m, previous) = (load_vector(l, from, &self.m), load_vector(l, from, &self.previous));
         let shift = load_vector(l, from, &self.shift);
         let y = triple!(k => l.mul_add(beta, l.sub(m[k], previous[k]), m[k]));

@@ -249,17 +249,17 @@ pub fn cut_by_work(work: &[u64], parts: usize) -> Vec<Range<usize>> {
         runs.push(first..work.len());
         runs
     };
-    let (mut too_small, mut enough) = (0, work.iter().sum::<u64>());
-    while too_small + 1 < enough {
-        let middle = too_small + (enough - too_small) / 2;
+    let (mut too_small, mut large_enough) = (0, work.iter().sum::<u64>());
+    while too_small + 1 < large_enough {
+        let middle = too_small + (large_enough - too_small) / 2;
         let fits = runs(middle).len() <= parts && work.iter().all(|&item_work| item_work <= middle);
         if fits {
-            enough = middle;
+            large_enough = middle;
         } else {
             too_small = middle;
         }
     }
-    let mut cut = runs(enough);
+    let mut cut = runs(large_enough);
     cut.resize(parts, work.len()..work.len());
     cut
 }
@@ -287,13 +287,13 @@ impl<'a> BorderDivision<'a> {
     fn new(partition: &'a BodyPartition, tasks: &'a SweepTasks, blocks: &[Range<usize>]) -> Self {
         let owners = (0..).zip(blocks).flat_map(|(rank, blocks)| blocks.clone().map(move |_| rank)).collect();
         let mut division = BorderDivision { partition, tasks: &tasks.borders, owners, participants: Vec::new() };
-        let of_task = |task: &BorderTask| {
+        let ranks_of = |task: &BorderTask| {
             let mut ranks: Vec<u32> = task.curve_indices.iter().map(|&body| division.owner(body)).collect();
             // Bodies, and so their blocks and the ranks of these, ascend.
             ranks.dedup();
             ranks
         };
-        division.participants = tasks.borders.iter().map(of_task).collect();
+        division.participants = tasks.borders.iter().map(ranks_of).collect();
         division
     }
 
@@ -343,8 +343,8 @@ impl DivisionCounts {
     pub fn new(partition: &BodyPartition, tasks: &SweepTasks, work: impl Fn(u32) -> u64, ranks: usize) -> Self {
         let blocks = cut_by_work(&block_work(partition, tasks, &work), ranks);
         let division = BorderDivision::new(partition, tasks, &blocks);
-        let of_task = |constraints: &Vec<u32>| constraints.iter().map(|&k| work(k)).sum::<u64>();
-        let of_blocks = |blocks: &Range<usize>| tasks.inside[blocks.clone()].iter().map(of_task).sum();
+        let task_work = |constraints: &Vec<u32>| constraints.iter().map(|&k| work(k)).sum::<u64>();
+        let inside_work = |blocks: &Range<usize>| tasks.inside[blocks.clone()].iter().map(task_work).sum();
         let mut counts = DivisionCounts {
             blocks: partition.block_count(),
             colours: tasks.colours.len(),
@@ -353,9 +353,9 @@ impl DivisionCounts {
                 .inside
                 .iter()
                 .chain(tasks.borders.iter().map(|task| &task.constraints))
-                .map(of_task)
+                .map(task_work)
                 .sum(),
-            work: blocks.iter().map(of_blocks).collect(),
+            work: blocks.iter().map(inside_work).collect(),
             messages: vec![0; ranks],
             lines: vec![0; ranks],
             neighbours: vec![0; ranks],
@@ -363,7 +363,7 @@ impl DivisionCounts {
             border_bodies: 0,
         };
         for (participants, task) in division.participants.iter().zip(&tasks.borders) {
-            participants.iter().for_each(|&rank| counts.work[rank as usize] += of_task(&task.constraints));
+            participants.iter().for_each(|&rank| counts.work[rank as usize] += task_work(&task.constraints));
         }
         let (mut neighbours, mut ghosts, mut sent) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
         for borders in tasks.colour_ranges() {

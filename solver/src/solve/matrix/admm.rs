@@ -42,7 +42,7 @@ pub fn solve_admm(run: &mut SolverRun, steps: u64) {
     run.cost += run.problem.newton_cost();
     // LU rather than Cholesky factors: W may be slightly unsymmetric or indefinite.
     let Some(factors) = LuFactors::new(n, &matrix) else { return };
-    let z = scaled.impulses_in(&run.best.0);
+    let z = scaled.impulses_in(&run.best_r);
     let u = scaled.relative_velocities(&z);
     let mut v: Vec<LocalVector> = (0..n)
         .map(|i| {

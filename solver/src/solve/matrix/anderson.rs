@@ -18,7 +18,7 @@ pub struct AndersonAcceleration {
     f: Vec<f64>,
     g: Vec<f64>,
     /// Number of iterates since the last restart.
-    seen: usize,
+    iterates: usize,
     /// |f| of the last iterate that was kept.
     norm: f64,
 }
@@ -38,14 +38,14 @@ impl AndersonAcceleration {
             gram: vec![vec![0.0; depth]; depth],
             f,
             g,
-            seen: 0,
+            iterates: 0,
             norm: 0.0,
         }
     }
 
     /// Drops the history.
     pub fn clear_history(&mut self) {
-        self.seen = 0;
+        self.iterates = 0;
     }
 
     /// Replaces `x` by the next iterate; returns |g - x|.
@@ -56,25 +56,25 @@ impl AndersonAcceleration {
             return norm;
         }
         let (x, g) = (x.as_flattened_mut(), g.as_flattened());
-        if self.seen > 0 && norm > MAX_RESIDUAL_GROWTH * self.norm {
+        if self.iterates > 0 && norm > MAX_RESIDUAL_GROWTH * self.norm {
             // Return to the plain result of the last sweep.
-            self.seen = 0;
+            self.iterates = 0;
             x.copy_from_slice(&self.g);
             return norm;
         }
         self.norm = norm;
-        let slot = self.seen.wrapping_sub(1) % self.depth;
+        let slot = self.iterates.wrapping_sub(1) % self.depth;
         for k in 0..x.len() {
             let f = g[k] - x[k];
-            if self.seen > 0 {
+            if self.iterates > 0 {
                 self.df[slot][k] = f - self.f[k];
                 self.dg[slot][k] = g[k] - self.g[k];
             }
             (self.f[k], self.g[k]) = (f, g[k]);
         }
         x.copy_from_slice(g);
-        let columns = self.seen.min(self.depth);
-        self.seen += 1;
+        let columns = self.iterates.min(self.depth);
+        self.iterates += 1;
         if columns == 0 {
             return norm;
         }
@@ -82,8 +82,8 @@ impl AndersonAcceleration {
             let value = dot_product(&self.df[slot], &self.df[k]);
             (self.gram[slot][k], self.gram[k][slot]) = (value, value);
         }
-        let right: Vec<f64> = self.df[..columns].iter().map(|d| dot_product(d, &self.f)).collect();
-        for (y, dg) in solve_gram(&self.gram, right).iter().zip(&self.dg) {
+        let right_side: Vec<f64> = self.df[..columns].iter().map(|d| dot_product(d, &self.f)).collect();
+        for (y, dg) in solve_gram(&self.gram, right_side).iter().zip(&self.dg) {
             x.iter_mut().zip(dg).for_each(|(x, d)| *x -= y * d);
         }
         norm

@@ -79,7 +79,7 @@ impl LuFactors {
         }
         let mut entries_of = vec![Vec::new(); fronts.len()];
         entries.iter().for_each(|entry| entries_of[front_of[entry.0].min(front_of[entry.1])].push(entry));
-        let mut remains: Vec<Vec<(usize, Vec<f64>)>> = vec![Vec::new(); fronts.len()];
+        let mut remainders: Vec<Vec<(usize, Vec<f64>)>> = vec![Vec::new(); fronts.len()];
         let mut first_row = vec![0; count];
         let mut a = Vec::new();
         for k in 0..fronts.len() {
@@ -96,9 +96,9 @@ impl LuFactors {
                     }
                 }
             }
-            for (child, left) in std::mem::take(&mut remains[k]) {
+            for (child, remainder) in std::mem::take(&mut remainders[k]) {
                 let later = &fronts[child].later;
-                for (column, values) in left.chunks_exact(3 * later.len()).enumerate() {
+                for (column, values) in remainder.chunks_exact(3 * later.len()).enumerate() {
                     let to = (first_row[later[column / 3] as usize] + column % 3) * stride;
                     for (values, &i) in values.chunks_exact(3).zip(later) {
                         let to = &mut a[to + first_row[i as usize]..][..3];
@@ -115,7 +115,7 @@ impl LuFactors {
             (0..own).for_each(|c| front.left.extend_from_slice(columns(c)));
             (own..size).for_each(|c| front.right.extend_from_slice(&columns(c)[..own]));
             if let Some(next) = front.later.iter().map(|&i| front_of[i as usize]).min() {
-                remains[next].push((k, (own..size).flat_map(|c| columns(c)[own..].iter().copied()).collect()));
+                remainders[next].push((k, (own..size).flat_map(|c| columns(c)[own..].iter().copied()).collect()));
             }
         }
         Some(LuFactors { fronts, width })

@@ -17,7 +17,7 @@ pub fn solve_nlgs(run: &mut SolverRun, depth: usize, sweeps: u64) {
     let start = run.sweeps;
     let mut sweeper = MatrixSweeper::new(run.problem);
     let mut anderson = AndersonAcceleration::new(depth, 3 * run.problem.len());
-    let mut x = run.best.0.clone();
+    let mut x = run.best_r.clone();
     let mut g = x.clone();
     let mut sweeps_since_check = 0;
     let mut scale = None;

@@ -58,7 +58,7 @@ pub fn interior_point(run: &mut SolverRun, steps: u64) {
         let residual = run.record_iterate(&scaled.impulses_out(&r));
         smallest_residuals.push(residual.min(smallest_residuals[smallest_residuals.len() - 1]));
     }
-    let best = run.best.0.clone();
+    let best = run.best_r.clone();
     prox_newton(run, &best, end.saturating_sub(run.sweeps));
 }
 
@@ -149,14 +149,14 @@ fn advance_iterate(v: &mut [LocalVector], d: &[LocalVector], share: f64) {
 
 /// Largest share of the step `d` up to the side of a cone, computed after `v` is transformed to the middle of its cone.
 fn max_step_share(v: &[LocalVector], d: &[LocalVector]) -> f64 {
-    let of_one = |(v, d): (&LocalVector, &LocalVector)| {
+    let share_of_cone = |(v, d): (&LocalVector, &LocalVector)| {
         let size = cone_determinant(v).sqrt();
         let [n, s, t] = v.map(|c| c / size);
         let middle = (n * d[0] - s * d[1] - t * d[2]) / size;
         let lean = (middle + d[0] / size) / (n + 1.0);
         1.0 / (libm::hypot(d[1] / size - lean * s, d[2] / size - lean * t) - middle).max(0.0)
     };
-    v.iter().zip(d).map(of_one).fold(f64::INFINITY, f64::min)
+    v.iter().zip(d).map(share_of_cone).fold(f64::INFINITY, f64::min)
 }
 
 fn dot_product(a: &LocalVector, b: &LocalVector) -> f64 {
@@ -191,16 +191,16 @@ struct NesterovToddScaling {
 impl NesterovToddScaling {
     /// Returns the scaling; `None` on the sides of the cones.
     fn new(x: &LocalVector, y: &LocalVector) -> Option<Self> {
-        let (of_x, of_y) = (cone_determinant(x), cone_determinant(y));
-        if !(of_x > 0.0 && of_y > 0.0 && x[0] > 0.0 && y[0] > 0.0) {
+        let (det_x, det_y) = (cone_determinant(x), cone_determinant(y));
+        if !(det_x > 0.0 && det_y > 0.0 && x[0] > 0.0 && y[0] > 0.0) {
             return None;
         }
-        let (x, y) = (x.map(|c| c / of_x.sqrt()), y.map(|c| c / of_y.sqrt()));
+        let (x, y) = (x.map(|c| c / det_x.sqrt()), y.map(|c| c / det_y.sqrt()));
         let double = 2.0 * (0.5 * (1.0 + dot_product(&x, &y))).sqrt();
         let w = [(y[0] + x[0]) / double, (y[1] - x[1]) / double, (y[2] - x[2]) / double];
         let length = (2.0 * (w[0] + 1.0)).sqrt();
         Some(NesterovToddScaling {
-            beta: (of_y / of_x).sqrt().sqrt(),
+            beta: (det_y / det_x).sqrt().sqrt(),
             v: [(w[0] + 1.0) / length, w[1] / length, w[2] / length],
             w,
         })

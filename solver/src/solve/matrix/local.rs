@@ -45,11 +45,11 @@ impl LocalSolver {
         let inverse_nn = if w[0][0] > 0.0 { 1.0 / w[0][0] } else { 0.0 };
         let d = [w[1][0] * inverse_nn, w[2][0] * inverse_nn];
         let s = [0, 1].map(|i| [0, 1].map(|j| w[i + 1][j + 1] - d[i] * w[0][j + 1]));
-        let (mean, half) = (0.5 * (s[0][0] + s[1][1]), 0.5 * (s[0][0] - s[1][1]));
-        let (even, k) = (0.5 * (s[0][1] + s[1][0]), 0.5 * (s[0][1] - s[1][0]));
-        let radius = libm::hypot(half, even);
+        let (mean, half_difference) = (0.5 * (s[0][0] + s[1][1]), 0.5 * (s[0][0] - s[1][1]));
+        let (symmetric_part, k) = (0.5 * (s[0][1] + s[1][0]), 0.5 * (s[0][1] - s[1][0]));
+        let radius = libm::hypot(half_difference, symmetric_part);
         let (a, b) = (mean + radius, mean - radius);
-        let axis = first_axis(half, even);
+        let axis = first_axis(half_difference, symmetric_part);
         let rounding = SINGULAR_SHARE * (w[1][1] + w[2][2]);
         let low = if b > rounding { 0.0 } else { rounding - b.min(0.0) };
         // If an eigenvalue is rounding, sticking is only satisfied to rounding, too.
@@ -78,25 +78,26 @@ impl LocalSolver {
     /// ```
     #[inline(always)]
     pub fn solve(&self, q: LocalVector) -> LocalVector {
-        let free = -q[0] * self.inverse_nn;
-        if !(free > 0.0 && free < f64::INFINITY) {
+        let free_impulse = -q[0] * self.inverse_nn;
+        if !(free_impulse > 0.0 && free_impulse < f64::INFINITY) {
             return [0.0; 3];
         }
         if self.mu == 0.0 {
-            return [free, 0.0, 0.0];
+            return [free_impulse, 0.0, 0.0];
         }
         let q_t = rotate_to_axis(self.axis, [q[1], q[2]]);
         let p = [q_t[0] - self.d[0] * q[0], q_t[1] - self.d[1] * q[0]];
-        let [n, t1, t2] = self.sticking_impulse(free, p).unwrap_or_else(|| self.sliding_impulse(free, p));
+        let [n, t1, t2] =
+            self.sticking_impulse(free_impulse, p).unwrap_or_else(|| self.sliding_impulse(free_impulse, p));
         let [t1, t2] = rotate_to_axis([self.axis[0], -self.axis[1]], [t1, t2]);
-        if [n, t1, t2].iter().all(|x| x.is_finite()) { [n, t1, t2] } else { [free, 0.0, 0.0] }
+        if [n, t1, t2].iter().all(|x| x.is_finite()) { [n, t1, t2] } else { [free_impulse, 0.0, 0.0] }
     }
 
     /// Impulse of u = 0 if it is in the cone.
     #[inline(always)]
-    fn sticking_impulse(&self, free: f64, p: [f64; 2]) -> Option<LocalVector> {
+    fn sticking_impulse(&self, free_impulse: f64, p: [f64; 2]) -> Option<LocalVector> {
         let t = self.tangential_impulse(p, self.stick);
-        let n = self.normal_impulse(free, t);
+        let n = self.normal_impulse(free_impulse, t);
         (n > 0.0 && t[0] * t[0] + t[1] * t[1] <= (self.mu * n) * (self.mu * n)).then_some([n, t[0], t[1]])
     }
 
@@ -109,22 +110,22 @@ impl LocalSolver {
     }
 
     #[inline(always)]
-    fn normal_impulse(&self, free: f64, t: [f64; 2]) -> f64 {
-        free - self.c[0] * t[0] - self.c[1] * t[1]
+    fn normal_impulse(&self, free_impulse: f64, t: [f64; 2]) -> f64 {
+        free_impulse - self.c[0] * t[0] - self.c[1] * t[1]
     }
 
     /// Impulse on the edge of the cone.
-    fn sliding_impulse(&self, free: f64, p: [f64; 2]) -> LocalVector {
-        let size = libm::hypot(p[0], p[1]);
-        if size == 0.0 {
-            return [free, 0.0, 0.0];
+    fn sliding_impulse(&self, free_impulse: f64, p: [f64; 2]) -> LocalVector {
+        let length_of_p = libm::hypot(p[0], p[1]);
+        if length_of_p == 0.0 {
+            return [free_impulse, 0.0, 0.0];
         }
         let mut low = self.low;
-        // |r_T| <= |p|/(s + b) and r_n >= free - |c| |r_T|; doubled because of rounding.
-        let mut high = 2.0 * size * (1.0 / self.mu + libm::hypot(self.c[0], self.c[1])) / free + low;
+        // |r_T| <= |p|/(s + b) and r_n >= free_impulse - |c| |r_T|; doubled because of rounding.
+        let mut high = 2.0 * length_of_p * (1.0 / self.mu + libm::hypot(self.c[0], self.c[1])) / free_impulse + low;
         let mut s = low;
         let mut t = self.tangential_impulse(p, s);
-        let mut n = self.normal_impulse(free, t);
+        let mut n = self.normal_impulse(free_impulse, t);
         for _ in 0..100 {
             let length = libm::hypot(t[0], t[1]);
             let psi = self.mu * n / length - 1.0;
@@ -139,13 +140,13 @@ impl LocalSolver {
             let dt = self.tangential_impulse(t, s); // d r_T/ds = -(S + s 1)^-1 r_T
             let dn = -self.c[0] * dt[0] - self.c[1] * dt[1];
             let slope = self.mu * (dn - n * (t[0] * dt[0] + t[1] * dt[1]) / (length * length)) / length;
-            let newton = s - psi / slope;
-            s = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            let newton_s = s - psi / slope;
+            s = if newton_s > low && newton_s < high { newton_s } else { 0.5 * (low + high) };
             if !(s > low && s < high) {
                 break; // no number is left in the bracket
             }
             t = self.tangential_impulse(p, s);
-            n = self.normal_impulse(free, t);
+            n = self.normal_impulse(free_impulse, t);
         }
         // On the edge of the cone, for any remaining psi.
         let n = n.max(0.0);

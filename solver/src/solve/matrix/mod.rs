@@ -95,7 +95,7 @@ pub fn solve(
     limits: SolverLimits,
 ) -> MatrixSolution {
     let mut run = SolverRun::new(problem, limits);
-    let from_zero = run.best.1;
+    let from_zero = run.best_residual;
     let warm = start.len() == problem.len() && run.record_iterate(start) < from_zero;
     match solver {
         MatrixSolver::Auto => run_fallback_sequence(&mut run, warm),
@@ -105,10 +105,10 @@ pub fn solve(
         MatrixSolver::Admm => admm::solve_admm(&mut run, u64::MAX),
         MatrixSolver::InteriorPoint => interior_point::interior_point(&mut run, u64::MAX),
     }
-    let converged = run.best.1 <= limits.tol;
+    let converged = run.best_residual <= limits.tol;
     MatrixSolution {
-        residual: residual(problem, &run.best.0),
-        r: run.best.0,
+        residual: residual(problem, &run.best_r),
+        r: run.best_r,
         sweeps: run.sweeps,
         cost: run.cost,
         converged,
@@ -120,13 +120,13 @@ pub fn solve(
 fn run_newton_with_restarts(run: &mut SolverRun) {
     let mut start = vec![[0.0; 3]; run.problem.len()];
     for round in 0.. {
-        let more = 2u64.saturating_pow(round);
-        newton::prox_newton(run, &start, more.saturating_mul(STEPS_BEFORE_RESTART));
+        let factor = 2u64.saturating_pow(round);
+        newton::prox_newton(run, &start, factor.saturating_mul(STEPS_BEFORE_RESTART));
         if run.is_over() {
             return;
         }
-        gauss_seidel::solve_nlgs(run, gauss_seidel::ANDERSON_DEPTH, more.saturating_mul(SWEEPS_BEFORE_RESTART));
-        start.copy_from_slice(&run.best.0);
+        gauss_seidel::solve_nlgs(run, gauss_seidel::ANDERSON_DEPTH, factor.saturating_mul(SWEEPS_BEFORE_RESTART));
+        start.copy_from_slice(&run.best_r);
     }
 }
 
@@ -138,18 +138,18 @@ fn run_fallback_sequence(run: &mut SolverRun, warm: bool) {
     let problem = run.problem;
     let (sweep, newton) = (problem.sweep_cost(), problem.newton_cost());
     for round in 0.. {
-        let more = 4u64.saturating_pow(round);
-        let steps = more.saturating_mul(20);
+        let factor = 4u64.saturating_pow(round);
+        let steps = factor.saturating_mul(20);
         let sweeps = (0.5 * steps as f64 * newton / sweep) as u64;
-        gauss_seidel::solve_nlgs(run, gauss_seidel::ANDERSON_DEPTH, sweeps.clamp(100, more.saturating_mul(1000)));
+        gauss_seidel::solve_nlgs(run, gauss_seidel::ANDERSON_DEPTH, sweeps.clamp(100, factor.saturating_mul(1000)));
         if round == 0 && warm {
-            newton::prox_newton(run, &run.best.0.clone(), steps);
+            newton::prox_newton(run, &run.best_r.clone(), steps);
         }
         if round == 0 {
             interior_point::interior_point(run, steps.saturating_mul(3));
         }
         admm::solve_admm(run, steps.saturating_mul(5));
-        newton::prox_newton(run, &run.best.0.clone(), steps.saturating_mul(5));
+        newton::prox_newton(run, &run.best_r.clone(), steps.saturating_mul(5));
         newton::prox_newton(run, &vec![[0.0; 3]; problem.len()], steps.saturating_mul(20));
         if run.is_over() {
             return;

@@ -20,8 +20,9 @@ use super::run::SolverRun;
 use super::scaled::ScaledProblem;
 use super::types::{LocalVector, MatrixBlock};
 
-/// Initial value of the proximal parameter a, its limits, and its change after success and failure.
+/// Initial value of the proximal parameter a.
 const INITIAL_PROXIMAL: f64 = 1e-3;
+/// Smallest and largest value of a.
 const PROXIMAL_RANGE: (f64, f64) = (1e-9, 1e2);
 /// Largest number of Newton steps for one proximal problem.
 const MAX_INNER_STEPS: usize = 20;
@@ -35,11 +36,11 @@ pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
     let mut successes = 0;
     let end = run.sweeps.saturating_add(steps);
     while !run.is_over() && run.sweeps < end && a <= PROXIMAL_RANGE.1 {
-        let before = run.sweeps;
+        let sweeps_before = run.sweeps;
         let target = 0.01 * euclidean_norm(&NewtonIterate::new(&scaled, &x, &x, 0.0).phi);
         let mut state = NewtonIterate::new(&scaled, &x, &x, a);
         let mut solved = euclidean_norm(&state.phi) <= target;
-        while !solved && run.sweeps - before < MAX_INNER_STEPS as u64 {
+        while !solved && run.sweeps - sweeps_before < MAX_INNER_STEPS as u64 {
             run.count_pass(run.problem.newton_cost());
             let Some(next) = state.newton_step().and_then(|step| line_search(&state, &step)) else { break };
             state = next;
@@ -49,7 +50,7 @@ pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
                 return;
             }
         }
-        if run.sweeps == before {
+        if run.sweeps == sweeps_before {
             run.record_iterate(&scaled.impulses_out(&x));
             return; // Phi is 0: solved in these units
         }
@@ -57,7 +58,7 @@ pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
         if solved {
             anderson.next_iterate(&mut x, &g);
             successes += 1;
-            if run.sweeps - before <= 3 && successes >= 4 {
+            if run.sweeps - sweeps_before <= 3 && successes >= 4 {
                 a = (a * 0.2).max(PROXIMAL_RANGE.0);
                 successes = 0;
                 anderson.clear_history();
@@ -77,8 +78,11 @@ struct NewtonIterate<'a> {
     center: &'a [LocalVector],
     /// Proximal parameter.
     a: f64,
+    /// Impulses, scaled.
     r: Vec<LocalVector>,
+    /// tau = r - u of these impulses.
     tau: Vec<LocalVector>,
+    /// Phi of these impulses.
     phi: Vec<LocalVector>,
 }
 
@@ -92,8 +96,8 @@ impl<'a> NewtonIterate<'a> {
             .map(|i| {
                 let (r, [n, t1, t2]) = (r[i], tau[i]);
                 let n = n.max(0.0);
-                let (size, bound) = ((t1 * t1 + t2 * t2).sqrt(), scaled.mu[i] * n);
-                let share = if size > bound { bound / size } else { 1.0 };
+                let (tangential_length, bound) = ((t1 * t1 + t2 * t2).sqrt(), scaled.mu[i] * n);
+                let share = if tangential_length > bound { bound / tangential_length } else { 1.0 };
                 [r[0] - n, r[1] - share * t1, r[2] - share * t2]
             })
             .collect();
@@ -105,50 +109,50 @@ impl<'a> NewtonIterate<'a> {
         // Contacts that part have r = 0 after the step and leave the system.
         let closed: Vec<usize> = (0..self.r.len()).filter(|&i| self.tau[i][0] > 0.0).collect();
         // Index of each contact in the system.
-        let mut index = vec![usize::MAX; self.r.len()];
-        closed.iter().enumerate().for_each(|(k, &i)| index[i] = k);
+        let mut system_index = vec![usize::MAX; self.r.len()];
+        closed.iter().enumerate().for_each(|(k, &i)| system_index[i] = k);
         let mut jacobian: Vec<BlockEntry> = Vec::new();
-        let mut right = vec![[0.0; 3]; closed.len()];
+        let mut right_side = vec![[0.0; 3]; closed.len()];
         for (row, &i) in closed.iter().enumerate() {
             let [n, t1, t2] = self.tau[i];
             let mu = self.scaled.mu[i];
-            let size = libm::hypot(t1, t2);
-            // Phi' = A u' + B r'
-            let (mut to_u, mut to_r) = ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [[0.0; 3]; 3]);
-            if size > mu * n {
-                let (d, share) = ([t1 / size, t2 / size], mu * n / size);
+            let tangential_length = libm::hypot(t1, t2);
+            // Factors A and B in Phi' = A u' + B r'.
+            let (mut factor_u, mut factor_r) = ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [[0.0; 3]; 3]);
+            if tangential_length > mu * n {
+                let (d, share) = ([t1 / tangential_length, t2 / tangential_length], mu * n / tangential_length);
                 for k in 0..2 {
-                    to_u[k + 1][0] = mu * d[k];
-                    to_r[k + 1][0] = -mu * d[k];
+                    factor_u[k + 1][0] = mu * d[k];
+                    factor_r[k + 1][0] = -mu * d[k];
                     for l in 0..2 {
-                        let one = f64::from(u8::from(k == l));
-                        to_u[k + 1][l + 1] = share * (one - d[k] * d[l]);
-                        to_r[k + 1][l + 1] = one - to_u[k + 1][l + 1];
+                        let identity = f64::from(u8::from(k == l));
+                        factor_u[k + 1][l + 1] = share * (identity - d[k] * d[l]);
+                        factor_r[k + 1][l + 1] = identity - factor_u[k + 1][l + 1];
                     }
                 }
             }
-            right[row] = self.phi[i].map(|phi| -phi);
+            right_side[row] = self.phi[i].map(|phi| -phi);
             for (column, w) in self.scaled.row_blocks(i) {
                 let mut w = *w;
                 if column == i {
                     (0..3).for_each(|k| w[k][k] += self.a);
                 }
                 let mut block: MatrixBlock =
-                    std::array::from_fn(|k| std::array::from_fn(|l| (0..3).map(|m| to_u[k][m] * w[m][l]).sum()));
-                if index[column] == usize::MAX {
+                    std::array::from_fn(|k| std::array::from_fn(|l| (0..3).map(|m| factor_u[k][m] * w[m][l]).sum()));
+                if system_index[column] == usize::MAX {
                     let r = self.r[column];
-                    (0..3).for_each(|k| right[row][k] += (0..3).map(|l| block[k][l] * r[l]).sum::<f64>());
+                    (0..3).for_each(|k| right_side[row][k] += (0..3).map(|l| block[k][l] * r[l]).sum::<f64>());
                     continue;
                 }
                 if column == i {
-                    (0..9).for_each(|k| block.as_flattened_mut()[k] += to_r.as_flattened()[k]);
+                    (0..9).for_each(|k| block.as_flattened_mut()[k] += factor_r.as_flattened()[k]);
                 }
-                jacobian.push((row, index[column], block));
+                jacobian.push((row, system_index[column], block));
             }
         }
-        let solution = LuFactors::new(closed.len(), &jacobian)?.solve(&right);
+        let solution = LuFactors::new(closed.len(), &jacobian)?.solve(&right_side);
         let step: Vec<LocalVector> = (0..self.r.len())
-            .map(|i| match index[i] {
+            .map(|i| match system_index[i] {
                 usize::MAX => self.r[i].map(|x| -x),
                 k => solution[k],
             })
@@ -166,10 +170,10 @@ impl<'a> NewtonIterate<'a> {
 
 /// Iterate at the first of the shares 1, 1/2, 1/4 ... of the step that lowers |Phi|.
 fn line_search<'a>(state: &NewtonIterate<'a>, step: &[LocalVector]) -> Option<NewtonIterate<'a>> {
-    let here = euclidean_norm(&state.phi);
+    let norm = euclidean_norm(&state.phi);
     (0..10).map(|k| 0.5f64.powi(k)).find_map(|share| {
         let next = state.advanced_by(step, share);
-        (euclidean_norm(&next.phi) <= (1.0 - 1e-4 * share) * here).then_some(next)
+        (euclidean_norm(&next.phi) <= (1.0 - 1e-4 * share) * norm).then_some(next)
     })
 }
 

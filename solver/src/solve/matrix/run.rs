@@ -27,8 +27,9 @@ pub(super) struct SolverRun<'a> {
     pub sweeps: u64,
     /// Total cost, see [`super::newton_cost`].
     pub cost: f64,
-    /// Best impulses and their residual.
-    pub best: (Vec<LocalVector>, f64),
+    /// Impulses with the smallest residual so far.
+    pub best_r: Vec<LocalVector>,
+    pub best_residual: f64,
 }
 
 impl<'a> SolverRun<'a> {
@@ -36,15 +37,15 @@ impl<'a> SolverRun<'a> {
     pub fn new(problem: &'a MatrixProblem, limits: SolverLimits) -> Self {
         let r = vec![[0.0; 3]; problem.len()];
         let residual = residual(problem, &r);
-        SolverRun { problem, limits, start: Instant::now(), sweeps: 0, cost: 0.0, best: (r, residual) }
+        SolverRun { problem, limits, start: Instant::now(), sweeps: 0, cost: 0.0, best_r: r, best_residual: residual }
     }
 
     /// Returns the residual of `r`, at least its rounding; keeps `r` if it is the best.
     pub fn record_iterate(&mut self, r: &[LocalVector]) -> f64 {
         let value = residual(self.problem, r).max(rounding_residual(self.problem, r));
-        if value < self.best.1 {
-            self.best.0.copy_from_slice(r);
-            self.best.1 = value;
+        if value < self.best_residual {
+            self.best_r.copy_from_slice(r);
+            self.best_residual = value;
         }
         value
     }
@@ -59,7 +60,7 @@ impl<'a> SolverRun<'a> {
     /// Whether the tolerance or a limit is reached, or the program was requested to stop.
     pub fn is_over(&self) -> bool {
         activity::is_stopped()
-            || self.best.1 <= self.limits.tol
+            || self.best_residual <= self.limits.tol
             || self.sweeps >= self.limits.max_sweeps
             || self.cost >= self.limits.max_cost
             || self.limits.max_time.is_some_and(|time| self.start.elapsed() >= time)

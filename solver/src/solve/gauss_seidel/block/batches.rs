@@ -219,13 +219,13 @@ impl<C: PairContacts> BlockProblem<C> {
                 partition.bodies_of(block).iter().map(|&body| fill.body_lines::<C::T>(body)).collect();
             // A body that does not move has a line of its own in every pair.
             let mut line_of = |&k: &u32| {
-                let (pair, of_pair) = (&pairs[k as usize], pair_bodies[k as usize]);
+                let (pair, curve_indices) = (&pairs[k as usize], pair_bodies[k as usize]);
                 [0, 1].map(|side| {
-                    if of_pair[side] == NO_INDEX {
+                    if curve_indices[side] == NO_INDEX {
                         lines.push(fill.body_lines::<C::T>(pair.bodies[side]));
                         lines.len() as u32 - 1
                     } else {
-                        bodies.index_of(of_pair[side])
+                        bodies.index_of(curve_indices[side])
                     }
                 })
             };
@@ -259,8 +259,8 @@ impl<C: PairContacts> BlockProblem<C> {
         self.bodies
             .read_back_moments(moments, |group| group.batches.rolls.iter().flat_map(RollingConstraintWide::moments));
         self.bodies.read_back(impulses, |PairGroup { batches: PairBatches { points, impulses, rows, .. }, .. }| {
-            let of_points = points.iter().zip(impulses).zip(rows);
-            of_points.map(|((point, values), rows)| point.world_impulses(&back, rows, values)).collect()
+            let columns = points.iter().zip(impulses).zip(rows);
+            columns.map(|((point, values), rows)| point.world_impulses(&back, rows, values)).collect()
         });
     }
 }
@@ -546,9 +546,9 @@ fn load_side<L: F64Arithmetic>(l: L, side: &BodySide<BatchColumn<f64>>, from: us
 /// Writes one number per lane into `to`, from its first index on.
 #[inline(always)]
 fn store_lanes<L: F64Arithmetic, T: LaneFloat>(l: L, to: &mut [T], v: L::V) {
-    let mut wide = [0.0; BATCH_LANES];
-    l.store(&mut wide, v);
-    for (to, x) in to.iter_mut().zip(&wide[..L::WIDTH]) {
+    let mut all_lanes = [0.0; BATCH_LANES];
+    l.store(&mut all_lanes, v);
+    for (to, x) in to.iter_mut().zip(&all_lanes[..L::WIDTH]) {
         *to = T::from_f64(*x);
     }
 }

@@ -170,11 +170,11 @@ pub fn block_axes<L: Arithmetic>(l: L, w: Symmetric<L::V>, normal: [L::V; 3]) ->
     let (cos, sin) = (l.select_greater(radius, zero, cos, one), l.select_greater(radius, zero, sin, zero));
     // The smaller one without cancellation. No eigenvalue is below the inverse masses that W has along every axis, except
     // where both bodies are partly driven: along a direction in which neither can move, W is 0.
-    let least = l.mul(l.splat(MIN_TANGENT_SHARE), w_nn);
+    let min_s = l.mul(l.splat(MIN_TANGENT_SHARE), w_nn);
     let larger = l.add(mean, radius);
-    let larger = l.select_greater(larger, least, larger, least);
+    let larger = l.select_greater(larger, min_s, larger, min_s);
     let smaller = l.div(difference_of_products(l, [first, second], [off_diagonal, off_diagonal]), larger);
-    let smaller = l.select_greater(smaller, least, smaller, least);
+    let smaller = l.select_greater(smaller, min_s, smaller, min_s);
     let larger_axis = triple!(k => l.mul_add(t1[k], cos, l.mul(t2[k], sin)));
     let smaller_axis = triple!(k => difference_of_products(l, [t2[k], cos], [t1[k], sin]));
     let c = [l.mul_add(c[0], cos, l.mul(c[1], sin)), difference_of_products(l, [c[1], cos], [c[0], sin])];
@@ -267,8 +267,8 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
         let mut low = zero;
         // Exact if the axes are alike and there is no coupling.
         let mean = l.mul(l.splat(0.5), l.add(axes[0], axes[1]));
-        let alone = l.sub(l.mul(l.mul(l.splat(0.5), ratio), inverse_friction), mean);
-        let start = l.select_greater(guess, zero, guess, alone);
+        let uncoupled = l.sub(l.mul(l.mul(l.splat(0.5), ratio), inverse_friction), mean);
+        let start = l.select_greater(guess, zero, guess, uncoupled);
         let inside = l.select_greater(start, low, start, l.mul(l.splat(0.5), high));
         let mut s = l.select_greater(high, inside, inside, l.mul(l.splat(0.5), high));
         let mut waits = slides;

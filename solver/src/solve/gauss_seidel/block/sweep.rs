@@ -13,7 +13,7 @@ use crate::solve::gauss_seidel::blocked::SweepOperations;
 use crate::solve::gauss_seidel::packed::{
     ApplyMomentum, BATCH_LANES, L2_BYTES, PackedProblem, SweepStats, SweepSums, load_column, load_vector, store_column,
 };
-use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::rolling::{RollingConstraintWide, RollingContacts};
 use crate::solve::gauss_seidel::vector::{cross_add, dot_product, triple};
 use crate::solve::types::ContactReactions;
 
@@ -356,9 +356,9 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKer
         }
         point.solve_contacts::<HELD, L>(l, values, levers.get(i), from, beta, &mut pair, &mut sums_of_lanes);
         if let Some(rolls) = rolls.next() {
-            let (n, pressing) = point.normal_impulse(l, values, from);
+            let (n, normal_impulse) = point.normal_impulse(l, values, from);
             let w = triple!(k => l.sub(pair.wa[k], pair.wb[k]));
-            let change = rolls.solve_moments(l, from, beta, n, pressing, w);
+            let change = rolls.solve_moments(l, from, beta, RollingContacts { n, normal_impulse, w });
             let zero = l.splat(0.0);
             pair.wa = apply_inverse_inertia(l, pair.inertia[0], change, pair.wa);
             pair.wb = apply_inverse_inertia(l, pair.inertia[1], triple!(k => l.sub(zero, change[k])), pair.wb);

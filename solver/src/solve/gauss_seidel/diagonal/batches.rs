@@ -144,8 +144,8 @@ impl<B: PackedBody> DiagonalProblem<B> {
         };
         let blocks = inside.par_iter().enumerate().with_max_len(1).map(|(block, constraints)| {
             let (batches, fixed) = pack(constraints, &GroupBodies::Block(partition.curve_range(block)));
-            let of_body = |body: &BodyId| B::new(&source.solver_bodies[body.index()], &units);
-            let moving = partition.bodies_of(block).iter().map(of_body);
+            let packed_body = |body: &BodyId| B::new(&source.solver_bodies[body.index()], &units);
+            let moving = partition.bodies_of(block).iter().map(packed_body);
             BodyBlock::new(moving.chain(fixed).chain([B::PADDING]).collect(), batches)
         });
         let borders = borders.par_iter().with_max_len(1).map(|BorderTask { constraints, curve_indices }| {
@@ -163,7 +163,7 @@ impl<B: PackedBody> DiagonalProblem<B> {
         let unit = self.units.impulse;
         self.bodies.read_back_moments(moments, |group| group.rolls.iter().flat_map(RollingConstraintWide::moments));
         self.bodies.read_back(impulses, |group| {
-            let of_batch = |(batch, r): (usize, &BatchVectors<B::T>)| {
+            let batch_impulses = |(batch, r): (usize, &BatchVectors<B::T>)| {
                 let mut r = r.0.map(|column| column.map(|r| r.to_f64() * unit));
                 match (B::HAS_FRICTION, B::T::IS_SINGLE) {
                     (true, false) => r,
@@ -174,7 +174,7 @@ impl<B: PackedBody> DiagonalProblem<B> {
                     (false, _) => group.cones[batch].n.map(|n| std::array::from_fn(|lane| n[lane] * r[0][lane])),
                 }
             };
-            group.r.iter().enumerate().map(of_batch).collect()
+            group.r.iter().enumerate().map(batch_impulses).collect()
         });
     }
 }

@@ -32,21 +32,29 @@ pub fn signorini_coulomb<L: Arithmetic>(
     w: [L::V; 2],
     friction: L::V,
 ) -> LaneVector<L::V> {
-    let (normal, tangential) = unprojected_impulse(l, n, u, dot_product(l, n, u), l.splat(0.0), r, w);
+    let contact = FrozenContact { n, u, u_n: dot_product(l, n, u), shift: l.splat(0.0), r, w };
+    let (normal, tangential) = unprojected_impulse(l, contact);
     coulomb(l, n, normal, tangential, friction)
 }
 
-/// First half of [`signorini_coulomb`]: the normal part cut at 0, and the tangential part that would stop the contact. `u_n`
-/// is n.u, and `shift` is added to it.
+/// Contact with all other impulses frozen; symbols and units as in [`signorini_coulomb`].
+pub struct FrozenContact<V> {
+    pub n: LaneVector<V>,
+    /// û without the normal part of the shift.
+    pub u: LaneVector<V>,
+    /// n.u.
+    pub u_n: V,
+    /// Normal part of the shift, m/s: û_n is u_n + shift.
+    pub shift: V,
+    pub r: LaneVector<V>,
+    pub w: [V; 2],
+}
+
+/// First half of [`signorini_coulomb`]: the normal part cut at 0, and the tangential part that would stop the contact.
 #[inline(always)]
 pub fn unprojected_impulse<L: Arithmetic>(
     l: L,
-    n: LaneVector<L::V>,
-    u: LaneVector<L::V>,
-    u_n: L::V,
-    shift: L::V,
-    r: LaneVector<L::V>,
-    [w_n, w_t]: [L::V; 2],
+    FrozenContact { n, u, u_n, shift, r, w: [w_n, w_t] }: FrozenContact<L::V>,
 ) -> (L::V, LaneVector<L::V>) {
     let inverse_t = l.div(l.splat(1.0), w_t);
     let r_n = dot_product(l, n, r);

@@ -9,11 +9,11 @@ use crate::solve::gauss_seidel::blocked::SweepOperations;
 use crate::solve::gauss_seidel::diagonal::batches::{
     BatchVectors, ContactBatch, DiagonalProblem, GroupBatches, PackedBody,
 };
-use crate::solve::gauss_seidel::diagonal::local::{coulomb, signorini, unprojected_impulse};
+use crate::solve::gauss_seidel::diagonal::local::{FrozenContact, coulomb, signorini, unprojected_impulse};
 use crate::solve::gauss_seidel::packed::{
     ApplyMomentum, BATCH_LANES, L2_BYTES, PackedProblem, SweepStats, SweepSums, load_column, load_vector, store_column,
 };
-use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::rolling::{RollingConstraintWide, RollingContacts};
 use crate::solve::gauss_seidel::vector::{LaneVector, cross_add, cross_product, dot_product, triple};
 use crate::solve::types::ContactReactions;
 
@@ -246,8 +246,8 @@ fn solve_rolling<L: Arithmetic>(l: L, lines: &mut [[L::T; 8]], chunk: &mut Batch
         let (curvature_a, curvature_b) = (load_column(l, from, &curvatures[0]), load_column(l, from, &curvatures[1]));
         let w = triple!(k => l.neg_mul_add(line_b[4 + k], curvature_b, l.mul(line_a[4 + k], curvature_a)));
         let n = load_vector(l, from, &batch.n);
-        let pressing = dot_product(l, n, load_vector(l, from, &r.0));
-        let change = rolls.solve_moments(l, from, beta, n, pressing, w);
+        let normal_impulse = dot_product(l, n, load_vector(l, from, &r.0));
+        let change = rolls.solve_moments(l, from, beta, RollingContacts { n, normal_impulse, w });
         let (response_a, response_b) = (l.mul(line_a[7], curvature_a), l.mul(line_b[7], curvature_b));
         for k in 0..3 {
             line_a[4 + k] = l.mul_add(response_a, change[k], line_a[4 + k]);
@@ -289,7 +289,7 @@ fn trial_impulses<L: Arithmetic>(
         let u_n = dot_product(l, n, [dx, dy, dz]);
         let w_t = l.mul_add(l.mul(arm, arm), rotational_w, w_n);
         let shift = load_column(l, from, &batch.shift);
-        let (normal, tangential) = unprojected_impulse(l, n, u, u_n, shift, y, [w_n, w_t]);
+        let (normal, tangential) = unprojected_impulse(l, FrozenContact { n, u, u_n, shift, r: y, w: [w_n, w_t] });
         *trial = TrialImpulse { tangential, normal, y, w_n };
     }
 }
