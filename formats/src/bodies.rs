@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::error::Faults;
 use crate::foreign::foreign_bodies;
 use crate::geometry::faces::FLATNESS_OF_FILES;
-use crate::geometry::surface::without_unused_vertices;
+use crate::geometry::surface::{with_joined_vertices, without_unused_vertices};
 use crate::names::number_text;
 use crate::ron_text::known_names;
 use crate::scan::parts::{put_records, read_records};
@@ -345,6 +345,13 @@ fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord
         return None;
     }
     let (vertices, triangles) = read_mesh(scan, counts[0], &lines);
+    let (vertices, triangles) = match with_joined_vertices(&vertices, &triangles, FLATNESS_OF_FILES) {
+        Some((joined, renumbered, count)) => {
+            (0..count).for_each(|_| scan.add_form(LenientForm::JoinedVertex, line.number));
+            (joined, renumbered)
+        }
+        None => (vertices, triangles),
+    };
     let (vertices, triangles) = match without_unused_vertices(&vertices, &triangles, FLATNESS_OF_FILES) {
         Some((kept, renumbered, count)) => {
             (0..count).for_each(|_| scan.add_form(LenientForm::UnusedVertex, line.number));

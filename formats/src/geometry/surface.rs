@@ -260,6 +260,51 @@ pub fn without_unused_vertices(
     unused.iter().all(is_inside).then_some((kept, renumbered, unused.len()))
 }
 
+/// Surface with vertices that coincide made one, if it is closed only then: triangles that share no vertices in the file.
+///
+/// Vertices coincide if their coordinates differ by at most `tolerance` times the extent. Returns vertices, triangles and the
+/// number of vertices that were joined to another; `None` if the surface is closed as it is, or has other faults.
+pub fn with_joined_vertices(
+    vertices: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    tolerance: f64,
+) -> Option<(VertexList, TriangleList, usize)> {
+    // A closed surface without holes needs no further check.
+    if triangles.len() + 4 == 2 * vertices.len() || Surface::new(vertices, triangles).is_ok() {
+        return None;
+    }
+    let extent = |k: usize| {
+        let all = || vertices.iter().map(|vertex| vertex[k]);
+        all().fold(f64::NEG_INFINITY, f64::max) - all().fold(f64::INFINITY, f64::min)
+    };
+    let near = tolerance * (0..3).map(extent).fold(0.0, f64::max);
+    let mut order: Vec<usize> = (0..vertices.len()).collect();
+    order.sort_by(|&a, &b| vertices[a][0].total_cmp(&vertices[b][0]).then(a.cmp(&b)));
+    // One vertex of each position, by x, and that of the position of each vertex.
+    let (mut firsts, mut first_of) = (Vec::new(), vec![0; vertices.len()]);
+    for k in order {
+        let is_same = |first: usize| (0..3).all(|c| (vertices[k][c] - vertices[first][c]).abs() <= near);
+        let mut before = firsts.iter().rev().take_while(|&&first: &&usize| vertices[k][0] - vertices[first][0] <= near);
+        let known = before.find(|&&first| is_same(first)).copied();
+        first_of[k] = known.unwrap_or(k);
+        firsts.extend(known.is_none().then_some(k));
+    }
+    let mut numbers: Vec<Option<u32>> = vec![None; vertices.len()];
+    let mut joined = Vec::with_capacity(firsts.len());
+    for (vertex, &first) in vertices.iter().zip(&first_of) {
+        numbers[first].get_or_insert_with(|| {
+            joined.push(*vertex);
+            joined.len() as u32 - 1
+        });
+    }
+    let number = |k: u32| first_of.get(k as usize).and_then(|&first| numbers[first]);
+    let renumbered: Vec<[u32; 3]> =
+        triangles.iter().map(|&[a, b, c]| Some([number(a)?, number(b)?, number(c)?])).collect::<Option<_>>()?;
+    Surface::new(&joined, &renumbered).ok()?;
+    let count = vertices.len() - joined.len();
+    Some((joined, renumbered, count))
+}
+
 /// Triangles with the orientation of the first. Errors: they do not form one closed surface.
 fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaults> {
     // Triangles of each edge, and whether they traverse it from the lower number to the higher.
@@ -534,6 +579,25 @@ mod tests {
         ];
         let six: Vec<[f64; 3]> = (0..6).map(|k| [(k * k) as f64, k as f64, (k * k * k) as f64]).collect();
         assert!(faults(&six, &plane).contains("one-sided"));
+    }
+
+    #[test]
+    fn triangles_without_common_vertices_are_joined() {
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let faces = [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]];
+        let mut soup: Vec<[f64; 3]> = faces.iter().flatten().map(|&k: &u32| corners[k as usize]).collect();
+        let own: Vec<[u32; 3]> = (0..4).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        soup[7] = [-1e-7, 1.0, 1e-7]; // up to the digits of files
+        let (vertices, triangles, count) = with_joined_vertices(&soup, &own, 1e-6).unwrap();
+        assert_eq!((&vertices[..], &triangles[..], count), (&corners[..], &faces[..], 8));
+        // Closed as it is, apart by more than the digits, or faulty in another way.
+        assert_eq!(with_joined_vertices(&corners, &faces, 1e-6), None);
+        soup[7] = [-1e-5, 1.0, 0.0];
+        assert_eq!(with_joined_vertices(&soup, &own, 1e-6), None);
+        soup[7] = [f64::NAN; 3];
+        assert_eq!(with_joined_vertices(&soup, &own, 1e-6), None);
+        assert_eq!(with_joined_vertices(&corners, &[[0, 1, 9]], 1e-6), None);
+        assert_eq!(with_joined_vertices(&[], &[], 1e-6), None);
     }
 
     #[test]

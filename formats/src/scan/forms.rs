@@ -19,6 +19,8 @@ pub enum LenientForm {
     BodyWithoutNumber,
     /// POLYF, a POLYR in patches.
     PatchedSurface,
+    /// Vertex of a POLYR at the position of another.
+    JoinedVertex,
     /// Vertex of a POLYR that is no corner of a triangle.
     UnusedVertex,
     /// Row for bodies or contactors of deformable bodies or of 2D.
@@ -53,6 +55,10 @@ impl LenientForm {
             LenientForm::PatchedSurface => {
                 format!("{count} POLYF {are} read as POLYR, with the patches joined at their common vertices")
             }
+            LenientForm::JoinedVertex => format!(
+                "{} of POLYR {are} joined to another at the same position, up to the digits of the file",
+                count_text(count, "vertex")
+            ),
             LenientForm::UnusedVertex => format!(
                 "{} of POLYR that no triangle has as a corner {are} dropped: {} inside of the body",
                 count_text(count, "vertex"),

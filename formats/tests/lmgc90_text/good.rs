@@ -109,6 +109,29 @@ fn patches_are_joined() {
     assert!((volume - 8e-3).abs() < 1e-17, "{volume}");
 }
 
+/// A cube of twelve triangles with three vertices each: those at one position become one.
+#[test]
+fn triangles_without_common_vertices_are_joined() {
+    let path = folder("good/by-hand/BODIES.patches.DAT");
+    let Bodies(mut bodies) = Bodies::read(&path).unwrap();
+    let contactor = &mut bodies[0].contactors[0];
+    let cube = contactor.shape.clone();
+    let ShapeRecord::Polyhedron { vertices, triangles } = &cube else { panic!("no polyhedron") };
+    contactor.shape = ShapeRecord::Polyhedron {
+        vertices: triangles.iter().flatten().map(|&k| vertices[k as usize]).collect(),
+        triangles: (0..12).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(),
+    };
+    bodies.truncate(1);
+    let text = Bodies(bodies).to_text();
+    let (Bodies(read), notices) = Bodies::parse_with_notices(&path, &AsciiText::new(text.as_bytes())).unwrap();
+    let expected = "28 vertices of POLYR are joined to another at the same position, up to the digits of the file";
+    assert!(notices.len() == 1 && notices[0].ends_with(expected), "{notices:?}");
+    let ShapeRecord::Polyhedron { vertices, triangles } = &read[0].contactors[0].shape else { panic!("no polyhedron") };
+    assert_eq!((vertices.len(), triangles.len()), (8, 12));
+    let volume = Surface::new(vertices, triangles).unwrap().volume();
+    assert!((volume - 8e-3).abs() < 1e-9, "{volume}"); // digits of the file
+}
+
 #[test]
 fn gravity_and_materials() {
     let bulk = BulkBehav::read(&folder("good/by-hand/DATBOX/BULK_BEHAV.DAT")).unwrap();
