@@ -72,6 +72,37 @@ pub enum EndCondition {
     WallTime(f64),
 }
 
+/// Name, unit and meaning of every column of the files of probes.
+pub const PROBE_COLUMNS: [(&str, &str, &str); 22] = [
+    ("step", "1", "number of the last step of the row"),
+    ("time", "s", ""),
+    ("h", "s", "length of the steps of the row"),
+    ("force_x", "N", "force of contacts with other bodies, mean over the row"),
+    ("force_y", "N", ""),
+    ("force_z", "N", ""),
+    ("torque_x", "N m", "its torque"),
+    ("torque_y", "N m", ""),
+    ("torque_z", "N m", ""),
+    ("x", "m", "centre of mass"),
+    ("y", "m", ""),
+    ("z", "m", ""),
+    ("v_x", "m/s", "its velocity"),
+    ("v_y", "m/s", ""),
+    ("v_z", "m/s", ""),
+    ("angular_x", "rad/s", "angular velocity as one rigid body"),
+    ("angular_y", "rad/s", ""),
+    ("angular_z", "rad/s", ""),
+    ("kinetic_energy", "J", "of translation"),
+    ("rotational_energy", "J", ""),
+    ("largest_speed", "m/s", "|v| + |w| R"),
+    ("mass", "kg", ""),
+];
+
+/// Whether a file name is that of the file of a probe.
+pub fn is_probe_file(name: &str) -> bool {
+    name.strip_prefix("probe-").and_then(|rest| rest.strip_suffix(".csv")).is_some_and(is_file_name)
+}
+
 impl ProbeQuantity {
     /// Columns after `step`, `time` and `h`.
     pub fn columns(&self) -> &'static [&'static str] {
@@ -195,5 +226,24 @@ pub fn unknown_bodies(bodies: &BodySelection, count: usize, colours: &[&str]) ->
             Some((format!("no body has the colour '{colour}'"), format!("one of {}", colours.join(", "))))
         }
         BodySelection::Free => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_columns_are_in_the_table() {
+        let of = || BodySelection::Free;
+        let quantities = [
+            ProbeQuantity::Force { on: of(), about: None },
+            ProbeQuantity::Motion { of: of() },
+            ProbeQuantity::Energy { of: of() },
+        ];
+        let own = quantities.iter().flat_map(|quantity| quantity.columns());
+        let all: Vec<&str> = ["step", "time", "h"].iter().chain(own).copied().collect();
+        assert_eq!(all, PROBE_COLUMNS.map(|(name, ..)| name));
+        assert!(is_probe_file("probe-lid_1.csv") && !is_probe_file("probe-.csv") && !is_probe_file("probe-a/b.csv"));
     }
 }

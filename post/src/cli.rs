@@ -66,7 +66,7 @@ enum Command {
         #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
         labels: Vec<String>,
         /// Table in POSTPRO of each case: series.csv, or one of `cd-post state`, such as state/profile.csv for the last
-        /// state of each, or of `cd-post track`, such as track-1/track.csv
+        /// state of each, of `cd-post track`, such as track-1/track.csv, or of a probe, such as probe-lid.csv
         #[arg(long, default_value = "series.csv", value_name = "FILE")]
         table: PathBuf,
         /// Columns of the table; default: those of the plots

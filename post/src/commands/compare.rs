@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::names::nearest_name;
+use cd_formats::probe::{PROBE_COLUMNS, is_probe_file};
 
 use crate::commands::state;
 use crate::commands::track;
@@ -53,6 +54,7 @@ impl TableKind {
             "mobilisation.csv" => some(&state::forces::MOBILISATION_COLUMNS, &["P"]),
             "ejecta.csv" => some(&state::ejecta::EJECTA_COLUMNS, &["mass_share_faster"]),
             "slopes.csv" => some(&state::surfaces::SLOPE_COLUMNS, &["slope"]),
+            name if is_probe_file(name) => some(&PROBE_COLUMNS, &[]),
             _ => None,
         }
     }
@@ -65,7 +67,7 @@ impl TableKind {
 /// Choice of a table and of its columns for a comparison.
 pub struct ComparisonOptions<'a> {
     /// Path below the POSTPRO of each case: series.csv, a table of `cd-post state` (in a folder `state-NNNNNN`, or `state`
-    /// for the last of each) or of `cd-post track`.
+    /// for the last of each) or of `cd-post track`, or the file of a probe.
     pub table: &'a Path,
     /// Columns to compare; if empty, those of the plots.
     pub columns: &'a [String],
@@ -97,26 +99,35 @@ pub fn write(
         ));
     }
     let Some(kind) = TableKind::from_path(table) else {
-        let expected = "expected series.csv, a table of cd-post state, such as state/profile.csv, or of cd-post track, \
-                        such as track-1/track.csv";
+        let expected = "expected series.csv, a table of cd-post state, such as state/profile.csv, of cd-post track, such as \
+                        track-1/track.csv, or of a probe, such as probe-lid.csv";
         faults.push(option("table", table.display().to_string(), expected.into()));
         return Err(faults);
     };
     let unasked = columns.is_empty();
-    let columns = if unasked { &kind.drawn } else { columns };
+    let of_probe = cases.first().filter(|_| is_of_probe(table)).map(|case| probe_columns(&table_path(case, table)));
+    let columns = if unasked { &of_probe.clone().unwrap_or(kind.drawn.clone()) } else { columns };
     // Plots of columns that no run has, such as the bed of aggregates, are left out.
     let sparse = unasked && table == Path::new("series.csv");
     let against = against.unwrap_or(kind.find_column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
     let requested = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
-    for (asking, name) in requested.clone().filter(|(_, name)| kind.find_column(name).is_none()) {
-        let columns: Vec<&str> = kind.columns.iter().map(|(name, ..)| *name).collect();
+    // A probe has the columns of its own quantity, where its file can be read.
+    let own = of_probe.filter(|own| !own.is_empty());
+    let has_column = |name: &str| {
+        let is_of_quantity =
+            |own: &Vec<String>| ["step", "time", "h"].contains(&name) || own.iter().any(|own| own == name);
+        kind.find_column(name).is_some() && own.as_ref().is_none_or(is_of_quantity)
+    };
+    for (asking, name) in requested.clone().filter(|(_, name)| !has_column(name)) {
+        let columns: Vec<&str> = kind.columns.iter().map(|(name, ..)| *name).filter(|name| has_column(name)).collect();
         let expected = match nearest_name(name, &columns) {
             Some(near) => format!("did you mean {near}?"),
+            None if own.is_some() => format!("expected one of {}", columns.join(", ")),
             None => format!("expected a column of {}, see docs/reference/observables/", table.display()),
         };
         faults.push(option(asking, format!("'{name}'"), expected));
     }
-    let known: Vec<&str> = requested.map(|(_, name)| name).filter(|name| kind.find_column(name).is_some()).collect();
+    let known: Vec<&str> = requested.map(|(_, name)| name).filter(|name| has_column(name)).collect();
     let mut names = case_names(cases);
     names.iter_mut().zip(labels).for_each(|(name, label)| name.clone_from(label));
     faults.0.extend(name_faults(if labels.is_empty() { "runs" } else { "labels" }, &names, Some(against)));
@@ -166,11 +177,24 @@ fn table_path(case: &Path, table: &Path) -> PathBuf {
     states.filter(|(step, _)| is_of_this_run(step)).max().map_or(folder.join("state"), |(_, path)| path).join(rest)
 }
 
+/// Whether cd-solve writes the table, for a probe.
+fn is_of_probe(table: &Path) -> bool {
+    table.file_name().and_then(|name| name.to_str()).is_some_and(is_probe_file)
+}
+
+/// Columns of the quantity in the file of a probe; none if it cannot be read.
+fn probe_columns(path: &Path) -> Vec<String> {
+    let text = atomic::read_text(path).unwrap_or_default();
+    let names = text.lines().next().unwrap_or_default().split(',');
+    names.filter(|name| PROBE_COLUMNS[3..].iter().any(|(known, ..)| known == name)).map(str::to_string).collect()
+}
+
 /// Advice for a case without such a table: the command that writes it.
 fn writing_command(case: &Path, table: &Path) -> String {
     let case = case.display();
     let command = match table.file_name().and_then(|name| name.to_str()) {
         Some("series.csv") => format!("cd-post {case}"),
+        Some(name) if is_probe_file(name) => format!("cd-solve {case} with such a probe"),
         Some("track.csv" | "crater.csv") => format!("cd-post track {case} --body N"),
         _ => format!("cd-post state {case}"),
     };

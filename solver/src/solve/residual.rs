@@ -728,7 +728,7 @@ mod tests {
         let vector = |columns: &[[f64; GROUP_LANES]; 3], lane: usize| {
             Vec3::new(columns[0][lane], columns[1][lane], columns[2][lane])
         };
-        let mut expected = vec![[Vec3::zeros(); 2]; 3];
+        let mut expected = [[Vec3::zeros(); 2]; 3];
         for (lane, k) in rows.iter().enumerate() {
             let r = impulses[k.index()];
             let couple = vector(&contacts[0].n, lane) * vector(&levers[0], lane).dot(&r);
