@@ -105,24 +105,26 @@ pub fn write(
         return Err(faults);
     };
     let unasked = columns.is_empty();
-    let of_probe = cases.first().filter(|_| is_of_probe(table)).map(|case| probe_columns(&table_path(case, table)));
-    let columns = if unasked { &of_probe.clone().unwrap_or(kind.drawn.clone()) } else { columns };
+    // A probe has the columns of its own quantity, where its file can be read.
+    let probe_case = cases.first().filter(|_| is_of_probe(table));
+    let quantity_columns =
+        probe_case.map(|case| probe_columns(&table_path(case, table))).filter(|columns| !columns.is_empty());
+    let columns = if unasked { quantity_columns.as_ref().unwrap_or(&kind.drawn) } else { columns };
     // Plots of columns that no run has, such as the bed of aggregates, are left out.
     let sparse = unasked && table == Path::new("series.csv");
     let against = against.unwrap_or(kind.find_column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
     let requested = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
-    // A probe has the columns of its own quantity, where its file can be read.
-    let own = of_probe.filter(|own| !own.is_empty());
     let has_column = |name: &str| {
-        let is_of_quantity =
-            |own: &Vec<String>| ["step", "time", "h"].contains(&name) || own.iter().any(|own| own == name);
-        kind.find_column(name).is_some() && own.as_ref().is_none_or(is_of_quantity)
+        let is_of_quantity = |columns: &Vec<String>| {
+            ["step", "time", "h"].contains(&name) || columns.iter().any(|column| column == name)
+        };
+        kind.find_column(name).is_some() && quantity_columns.as_ref().is_none_or(is_of_quantity)
     };
     for (asking, name) in requested.clone().filter(|(_, name)| !has_column(name)) {
         let columns: Vec<&str> = kind.columns.iter().map(|(name, ..)| *name).filter(|name| has_column(name)).collect();
         let expected = match nearest_name(name, &columns) {
             Some(near) => format!("did you mean {near}?"),
-            None if own.is_some() => format!("expected one of {}", columns.join(", ")),
+            None if quantity_columns.is_some() => format!("expected one of {}", columns.join(", ")),
             None => format!("expected a column of {}, see docs/reference/observables/", table.display()),
         };
         faults.push(option(asking, format!("'{name}'"), expected));

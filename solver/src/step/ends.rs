@@ -259,7 +259,7 @@ impl PostSolve<'_> {
                 true => ContactStatus::Stick,
             }
         };
-        // Each field in its place: the whole contact would be copied there.
+        // Fields are written one by one, since a whole contact would first be made and then copied.
         let SolvedContact { contact: own, impulse, moment, velocity, status: end_status, bond } = end;
         *own = *contact;
         *impulse = Vec3::new(local.x + row.impulse_shift, local.y, local.z);

@@ -17,6 +17,11 @@ fn probe(name: &str, every: u64, quantity: ProbeQuantity) -> Probe {
     Probe { name: name.into(), every, quantity }
 }
 
+/// Probe `forceN` of the force on bodies, with a row every N steps.
+fn force_probe(on: BodySelection, every: u64) -> Probe {
+    probe(&format!("force{every}"), every, ProbeQuantity::Force { on, about: None })
+}
+
 fn vector(row: &[f64], first: usize) -> [f64; 3] {
     [row[first], row[first + 1], row[first + 2]]
 }
@@ -69,7 +74,7 @@ fn rows_of_several_steps_have_the_mean_force() {
     case.sphere(1.0, [0.0, 0.0, 1.25]);
     case.floor();
     (case.options.dt, case.options.output_every) = (1.0 / 64.0, 1000);
-    let force = |every| ProbeQuantity::Force { on: BodySelection::Body(1), about: None }.at(every);
+    let force = |every| force_probe(BodySelection::Body(1), every);
     case.options.probes = vec![force(1), force(32)];
     case.run(64);
     let (each, mean) = (rows(&case, "force1"), rows(&case, "force32"));
@@ -81,16 +86,6 @@ fn rows_of_several_steps_have_the_mean_force() {
     for (half, mean) in each.chunks(32).zip(&mean) {
         equal(mean[2], 0.5, 1e-15);
         equal(mean[5], half.iter().map(|row| row[5]).sum::<f64>() / 32.0, 1e-12 * weight);
-    }
-}
-
-trait Every {
-    fn at(self, every: u64) -> Probe;
-}
-
-impl Every for ProbeQuantity {
-    fn at(self, every: u64) -> Probe {
-        probe(&format!("force{every}"), every, self)
     }
 }
 
@@ -169,7 +164,7 @@ fn resumed_probes_have_the_bytes_of_the_unbroken_run() {
         case.launch(0, [1.0, 0.5, 0.0], [0.0, 3.0, 0.0]);
         case.options.output_every = 10;
         case.options.until = vec![EndCondition::AtRest { speed: 1e-3, during: 0.25 }];
-        let force = |every| ProbeQuantity::Force { on: BodySelection::Free, about: None }.at(every);
+        let force = |every| force_probe(BodySelection::Free, every);
         case.options.probes =
             vec![force(1), force(7), probe("m", 3, ProbeQuantity::Motion { of: BodySelection::Free })];
         case.write();
