@@ -141,8 +141,28 @@ pub enum ExternalField {
         j2: f64,
         axis: [f64; 3],
     },
+    /// Attraction by the homogeneous body inside a closed surface.
+    Polyhedron {
+        /// Name of the OBJ file in DATBOX with the surface, its triangles in any orientation.
+        surface: String,
+        /// Factor from the lengths of the file to m.
+        #[serde(default = "unit_scale")]
+        scale: f64,
+        /// Density, kg/m^3.
+        density: f64,
+        /// Position of the origin of the file, m.
+        #[serde(default)]
+        position: [f64; 3],
+        /// Angular velocity about the origin of the file, rad/s; at time 0 the axes of the file are those of the scene.
+        #[serde(default)]
+        rate: [f64; 3],
+    },
     /// Frame that rotates (rad/s) about a point (m): centrifugal and Coriolis force.
     RotatingFrame { rate: [f64; 3], centre: [f64; 3] },
+}
+
+fn unit_scale() -> f64 {
+    1.0
 }
 
 impl ExternalField {
@@ -169,15 +189,24 @@ impl ExternalField {
                 let sound = positive(*mass) && positive(*radius) && j2.is_finite() && positive(length);
                 if sound { motion(*mass, position, orbit) } else { Some(values) }
             }
+            ExternalField::Polyhedron { surface, scale, density, position, rate } => {
+                let sound = positive(*scale) && positive(*density) && finite(&[position, rate]) && !surface.is_empty();
+                (!sound).then_some("the name of a file, scale and density > 0, finite position and rate")
+            }
             ExternalField::RotatingFrame { rate, centre } => (!finite(&[rate, centre])).then_some(values),
         }
+    }
+
+    /// Angular velocity of the axes, rad/s.
+    pub fn rotation_rate(&self) -> [f64; 3] {
+        if let ExternalField::RotatingFrame { rate, .. } = self { *rate } else { [0.0; 3] }
     }
 
     /// Orbit of a mass that moves.
     pub fn orbit(&self) -> Option<&OrbitSpec> {
         match self {
             ExternalField::PointMass { orbit, .. } | ExternalField::Oblate { orbit, .. } => orbit.as_ref(),
-            ExternalField::RotatingFrame { .. } => None,
+            ExternalField::Polyhedron { .. } | ExternalField::RotatingFrame { .. } => None,
         }
     }
 }

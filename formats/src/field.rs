@@ -1,13 +1,20 @@
 //! External fields: attraction of a primary, and inertial forces in rotating axes.
 
-use nalgebra::Vector3;
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::compute::ExternalField;
+use crate::error::{Fault, Faults};
+use crate::geometry::polyhedron_gravity::PolyhedronGravity;
+use crate::obj;
+use crate::surface::Surface;
 
 type Vec3 = Vector3<f64>;
 
 /// External field, in the form in which it is evaluated.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum FieldModel {
     /// Attraction by a body at rest or, relative to freely falling axes, by a body on an orbit.
     Primary {
@@ -23,6 +30,16 @@ pub enum FieldModel {
         /// Unit vector.
         axis: Vec3,
     },
+    /// Attraction by a homogeneous polyhedron.
+    Polyhedron {
+        /// G times density, 1/s^2.
+        strength: f64,
+        shape: Arc<PolyhedronGravity>,
+        /// Position of the origin of the shape, m.
+        position: Vec3,
+        /// Rotation from the axes of the shape to the world's; `None` of a shape that never turns.
+        rotation: Option<UnitQuaternion<f64>>,
+    },
     /// Axes that rotate about a point.
     Turning {
         /// Angular velocity, rad/s.
@@ -33,8 +50,10 @@ pub enum FieldModel {
 }
 
 impl FieldModel {
-    /// Models of the fields at a time (s) for the Newtonian constant `constant`, m^3 kg^-1 s^-2; see [`primary_motions`].
-    pub fn of_fields(fields: &[ExternalField], constant: f64, time: f64) -> Vec<Self> {
+    /// Models of the fields, with the shapes of the polyhedra among them, at a time (s) for the Newtonian constant
+    /// `constant`, m^3 kg^-1 s^-2; see [`primary_motions`].
+    pub fn of_fields(fields: &[ExternalField], shapes: &FieldShapes, constant: f64, time: f64) -> Vec<Self> {
+        let mut shapes = shapes.0.iter();
         let mut falling = Vec3::zeros();
         let mut primary = |motion: Option<(Vec3, Vec3)>, mass: f64, moves: bool, oblateness: f64, axis: [f64; 3]| {
             let centre = motion.map_or(Vec3::zeros(), |(position, _)| position);
@@ -54,6 +73,15 @@ impl FieldModel {
             ExternalField::Oblate { mass, orbit, radius, j2, axis, .. } => {
                 primary(motion, *mass, orbit.is_some(), j2 * radius * radius, *axis)
             }
+            ExternalField::Polyhedron { density, position, rate, .. } => {
+                let turns = *rate != [0.0; 3];
+                FieldModel::Polyhedron {
+                    strength: constant * density,
+                    shape: Arc::clone(shapes.next().expect("FieldShapes::read has a shape for each polyhedron")),
+                    position: (*position).into(),
+                    rotation: turns.then(|| UnitQuaternion::from_scaled_axis(Vec3::from(*rate) * time)),
+                }
+            }
             ExternalField::RotatingFrame { rate, centre } => {
                 FieldModel::Turning { rate: (*rate).into(), centre: (*centre).into() }
             }
@@ -67,13 +95,14 @@ impl FieldModel {
     /// ```text
     /// primary:      phi = -G M/|r| (1 - e (3 s^2 - 1)/2),   a = -G M/|r|^3 (r (1 + 3/2 e (1 - 5 s^2)) + 3 e s |r| axis)
     /// on an orbit:  phi = 0,                                a + G M r_0/|r_0|^3, r_0 of the falling point
+    /// polyhedron:   see [`PolyhedronGravity`]; phi = 0 if it turns
     /// turning axes: phi = -|W x r|^2/2,                     a = -W x (W x r)
     /// ```
     ///
-    /// The force is 0 at a primary's centre. A moving primary does external work and has no potential.
+    /// The force is 0 at a primary's centre. A moving or turning primary does external work and has no potential.
     pub fn acceleration_and_potential(&self, x: &Vec3) -> (Vec3, f64) {
-        match *self {
-            FieldModel::Primary { strength, centre, falling, oblateness, axis } => {
+        match self {
+            &FieldModel::Primary { strength, centre, falling, oblateness, axis } => {
                 let r = x - centre;
                 let distance = r.norm();
                 if distance == 0.0 {
@@ -88,6 +117,14 @@ impl FieldModel {
                 let potential = -strength / distance * (1.0 - 0.5 * e * (3.0 * s * s - 1.0));
                 ((r + flattening) * unit, potential)
             }
+            FieldModel::Polyhedron { strength, shape, position, rotation: None } => {
+                let (attraction, potential) = shape.attraction_and_potential(&(x - position));
+                (attraction * *strength, potential * strength)
+            }
+            FieldModel::Polyhedron { strength, shape, position, rotation: Some(rotation) } => {
+                let point = rotation.inverse_transform_vector(&(x - position));
+                (rotation * shape.attraction_and_potential(&point).0 * *strength, 0.0)
+            }
             FieldModel::Turning { rate, centre } => {
                 let moving = rate.cross(&(x - centre));
                 (-rate.cross(&moving), -0.5 * moving.norm_squared())
@@ -95,9 +132,9 @@ impl FieldModel {
         }
     }
 
-    /// Whether the field is that of a moving primary, whose work is external work.
+    /// Whether the field is that of a moving or turning primary, whose work is external work.
     pub fn is_moving(&self) -> bool {
-        matches!(self, FieldModel::Primary { falling: Some(_), .. })
+        matches!(self, FieldModel::Primary { falling: Some(_), .. } | FieldModel::Polyhedron { rotation: Some(_), .. })
     }
 
     /// Potential energy of a body beyond its mass times the potential at its centre, J. In rotating axes it is -W.(J
@@ -105,16 +142,34 @@ impl FieldModel {
     pub fn tidal_energy(&self, turns: impl Fn(&Vec3) -> Vec3) -> f64 {
         match self {
             FieldModel::Turning { rate, .. } => -0.5 * turns(rate).dot(rate),
-            FieldModel::Primary { .. } => 0.0,
+            FieldModel::Primary { .. } | FieldModel::Polyhedron { .. } => 0.0,
         }
     }
+}
 
-    /// Angular velocity of the axes, rad/s.
-    pub fn rotation_rate(&self) -> Vec3 {
-        match *self {
-            FieldModel::Turning { rate, .. } => rate,
-            FieldModel::Primary { .. } => Vec3::zeros(),
+/// Shapes of the polyhedra among the fields of a case, in their order.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FieldShapes(Vec<Arc<PolyhedronGravity>>);
+
+impl FieldShapes {
+    /// Reads the surfaces of the fields from the folder `datbox`. Errors: all faults of the files.
+    pub fn read(fields: &[ExternalField], datbox: &Path) -> Result<Self, Faults> {
+        let mut faults = Faults::default();
+        let mut shapes = Vec::new();
+        for field in fields {
+            let ExternalField::Polyhedron { surface, scale, .. } = field else { continue };
+            let read = obj::read_surface(&datbox.join(surface));
+            let Some(unscaled) = faults.gather_result(read) else { continue };
+            let vertices: Vec<[f64; 3]> = unscaled.vertices().iter().map(|v| v.map(|x| scale * x)).collect();
+            match Surface::new(&vertices, unscaled.triangles()) {
+                Ok(surface) => shapes.push(Arc::new(PolyhedronGravity::new(&surface))),
+                Err(_) => {
+                    let found = format!("scaled by {scale:e} it has no finite volume");
+                    faults.push(Fault::new(&datbox.join(surface), None, "surface", found, "expected another scale"));
+                }
+            }
         }
+        faults.into_result(FieldShapes(shapes))
     }
 }
 
@@ -170,7 +225,7 @@ mod tests {
             FieldModel::Turning { rate: Vec3::new(0.3, -0.1, 0.7), centre },
         ];
         let x = Vec3::new(3.0, 1.0, -1.0);
-        for field in fields {
+        for field in &fields {
             let h = 1e-5;
             let slope = Vec3::from_fn(|k, _| {
                 let step = Vec3::ith(k, h);
@@ -227,9 +282,9 @@ mod tests {
         let at = |time: f64| {
             let centre = |field: &FieldModel| match field {
                 FieldModel::Primary { centre, .. } => *centre,
-                FieldModel::Turning { .. } => unreachable!("no axes turn"),
+                other => unreachable!("{other:?} has no orbit"),
             };
-            FieldModel::of_fields(&fields, 1.0, time).iter().map(centre).collect::<Vec<_>>()
+            FieldModel::of_fields(&fields, &FieldShapes::default(), 1.0, time).iter().map(centre).collect::<Vec<_>>()
         };
         // At 0 both are at their periapsis, on the x axis; after half a turn about the planet this one is on the other side.
         assert!((at(0.0)[0] - Vec3::new(-2.0, 0.0, 0.0)).norm() < 1e-14);

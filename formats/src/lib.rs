@@ -43,6 +43,7 @@
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
 //! | [`accuracy`], [`presets`] | the presets of accuracy of COMPUTE.RON, and their values |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: the complete state for a restart, bit for bit |
+//! | [`obj`] | Wavefront OBJ: the surface of an attracting body, `DATBOX/NAME.obj` |
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
 //!
 //! Geometry and physics:
@@ -52,6 +53,7 @@
 //! | [`geometry`] | closed surfaces, faces and edges of a convex surface, mass properties of contactors and bodies |
 //! | [`law_table`] | contact laws: names, parameters with units and limits, friction limit, memory |
 //! | [`field`] | accelerations and potentials of external fields |
+//! | [`polyhedron_gravity`](geometry::polyhedron_gravity) | attraction of a homogeneous polyhedron |
 //!
 //! Tools for files:
 //!
@@ -109,4 +111,4 @@ pub mod vloc_rloc;
 mod words;
 
 // Other modules and crates name these without their folder.
-pub use geometry::{convex_pieces, faces, mass, principal, rotation, surface};
+pub use geometry::{convex_pieces, faces, mass, mesh, obj, principal, rotation, surface};

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cd_formats::error::{Fault, Faults};
+use cd_formats::field::FieldShapes;
 use cd_formats::ids::BodyId;
 use cd_formats::index_types;
 use cd_formats::law_table::LawModel;
@@ -27,6 +28,8 @@ pub struct Frame {
     /// Contacts, in the order of the snapshot; those between two walls are left out.
     pub contacts: Vec<Contact>,
     pub interval: SnapshotInterval,
+    /// Shapes of the attracting polyhedra among the fields of the options.
+    pub field_shapes: FieldShapes,
 }
 
 /// Sums over the contacts since the snapshot before.
@@ -231,7 +234,7 @@ impl Frame {
     /// Reads a snapshot and splits it into grains, walls and contacts.
     ///
     /// Errors: those of [`Snapshot::read`], each body with a mass, moment of inertia or length that is not positive, each law
-    /// that is not in the table of laws, and with polyhedra those of [`ShapeCache`].
+    /// that is not in the table of laws, and with polyhedra or fields of polyhedra those of [`ShapeCache`].
     pub fn read(path: &Path, shapes: &ShapeCache) -> Result<Frame, Faults> {
         let snapshot = Snapshot::read(path)?;
         let mut faults = Faults::default();
@@ -250,7 +253,8 @@ impl Frame {
         }
         faults.into_result(())?;
         let solids = shapes.solids_of(path, &snapshot)?;
-        Ok(Frame::with_solids(snapshot, solids, laws))
+        let field_shapes = shapes.field_shapes_of(path, &snapshot.meta.parameters.fields)?;
+        Ok(Frame { field_shapes, ..Frame::with_solids(snapshot, solids, laws) })
     }
 
     /// Splits a valid snapshot; `solids` has the polyhedron of each body, None for the other bodies, and `laws` the laws of
@@ -323,7 +327,7 @@ impl Frame {
             length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
             exchanges: exchanges.collect(),
         };
-        Frame { meta, laws, grains, walls, contacts, interval }
+        Frame { meta, laws, grains, walls, contacts, interval, field_shapes: FieldShapes::default() }
     }
 
     /// Periodic cell of the scene.

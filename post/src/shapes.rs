@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use cd_formats::bodies::{Bodies, Body, ShapeRecord};
+use cd_formats::compute::ExternalField;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::field::FieldShapes;
 use cd_formats::groups::DisjointSets;
 use cd_formats::snapshot::{BodyArrays, SHAPE_PARTS, Snapshot};
 use cd_formats::surface::{Surface, SurfaceFaults};
@@ -147,9 +149,14 @@ impl CaseShapes {
     }
 }
 
-/// Polyhedra of several cases; the BODIES.DAT of each case is read once.
+/// Shapes of several cases; the files of each case are read once.
 #[derive(Debug, Default)]
-pub struct ShapeCache(Mutex<HashMap<PathBuf, CaseShapes>>);
+pub struct ShapeCache {
+    /// Polyhedra by the path of BODIES.DAT.
+    solids: Mutex<HashMap<PathBuf, CaseShapes>>,
+    /// Attracting polyhedra by the path of DATBOX, with the fields that they belong to.
+    fields: Mutex<HashMap<PathBuf, (Vec<ExternalField>, FieldShapes)>>,
+}
 
 impl ShapeCache {
     /// Returns the polyhedra of each body of the snapshot `path`, None for other bodies, from the DATBOX next to its
@@ -161,15 +168,38 @@ impl ShapeCache {
         if !bodies.body_shape.contains(&SHAPE_PARTS) {
             return Ok(Vec::new());
         }
-        let case = path.parent().and_then(Path::parent).unwrap_or(Path::new(""));
-        let file = case.join("DATBOX").join("BODIES.DAT");
-        let mut cases = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let file = datbox_of(path).join("BODIES.DAT");
+        let mut cases = self.solids.lock().unwrap_or_else(PoisonError::into_inner);
         if !cases.get(&file).is_some_and(|known| known.matches_bodies(bodies)) {
             cases.insert(file.clone(), CaseShapes::read(&file, ComputedSnapshot { path, snapshot })?);
         }
         let rows = cases[&file].solids.iter().zip(&bodies.body_shape);
         Ok(rows.map(|(solid, &shape)| solid.clone().filter(|_| shape == SHAPE_PARTS)).collect())
     }
+
+    /// Returns the shapes of the polyhedra among the fields of the snapshot `path`, from the DATBOX next to its OUTBOX.
+    ///
+    /// Errors: surfaces that cannot be read.
+    pub fn field_shapes_of(&self, path: &Path, fields: &[ExternalField]) -> Result<FieldShapes, Faults> {
+        if !fields.iter().any(|field| matches!(field, ExternalField::Polyhedron { .. })) {
+            return Ok(FieldShapes::default());
+        }
+        let datbox = datbox_of(path);
+        let mut cases = self.fields.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((known, shapes)) = cases.get(&datbox)
+            && known == fields
+        {
+            return Ok(shapes.clone());
+        }
+        let shapes = FieldShapes::read(fields, &datbox)?;
+        cases.insert(datbox, (fields.to_vec(), shapes.clone()));
+        Ok(shapes)
+    }
+}
+
+/// DATBOX next to the OUTBOX of the snapshot `path`.
+fn datbox_of(path: &Path) -> PathBuf {
+    path.parent().and_then(Path::parent).unwrap_or(Path::new("")).join("DATBOX")
 }
 
 /// Polyhedra of a body as in cd-solve. Coordinates of a single polyhedron are relative to its centre of mass. Those of

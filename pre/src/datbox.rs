@@ -1,6 +1,6 @@
 //! DATBOX of a scene.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
@@ -13,7 +13,7 @@ use crate::grain::Population;
 use crate::parse::parse_with_settings;
 use crate::scene::{Law, Scene, models};
 use crate::summary::{print_warnings, scene_summary};
-use crate::{attraction, check, doubts, from_outbox, population, reread, write};
+use crate::{attraction, check, doubts, field_surfaces, from_outbox, population, reread, write};
 
 /// Reads the scene of the file `source`, in which `settings` override values, and writes the files of the folder
 /// `datbox`; see [`apply_settings`].
@@ -30,7 +30,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     }
     let original = atomic::read_text(source)?;
     let text = apply_settings(&original, settings)?;
-    let (scene, population) = read_scene(source, &text, settings)?;
+    let (mut scene, population) = read_scene(source, &text, settings)?;
     let mut report = FaultReport::with_settings(source, &text, settings);
     report.warnings = ron_file::former_name_warnings(source, &original, settings);
     doubts::report_doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
@@ -43,7 +43,11 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     cd_formats::doubts::events(&scene.compute.events, "compute.", &mut report);
     cd_formats::doubts::late_events(&scene.compute, (0, 0.0), "compute.", &mut report);
     attraction::warn_of_attractions(&scene, &population, &mut report);
+    let folder = source.parent().unwrap_or(Path::new(""));
+    let surfaces: Vec<PathBuf> = field_surfaces::surface_names(&scene.compute).map(|name| folder.join(name)).collect();
+    let surface_files = report.faults.gather_result(field_surfaces::take_surfaces(&mut scene.compute, folder));
     let mut files = write::datbox_files(&scene, &population);
+    files.extend(surface_files.unwrap_or_default());
     let (driven, _) = write::drv_dof(&scene, &population);
     let bytes = files.iter().map(|(name, text)| (name.as_str(), text.as_bytes()));
     reread::check_files(datbox, bytes, &driven, &scene.compute, |body| population.scene_path(body), &mut report);
@@ -55,8 +59,8 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     let case = datbox.parent().unwrap_or(Path::new(""));
     let mut origin = SceneOrigin::from_scene(source, original.as_bytes(), settings, case);
     if let Some(origin) = &mut origin {
-        let folder = source.parent().unwrap_or(Path::new(""));
         models(&scene.grains).for_each(|file| origin.add(&folder.join(file), case));
+        surfaces.iter().for_each(|file| origin.add(file, case));
     }
     for (_, text) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE_FILE) {
         text.insert_str(0, &origin.as_ref().map_or(String::new(), SceneOrigin::lines));

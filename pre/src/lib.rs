@@ -55,6 +55,7 @@ pub mod check;
 pub mod cli;
 pub mod datbox;
 pub mod doubts;
+mod field_surfaces;
 pub mod from_outbox;
 pub mod grain;
 pub mod motion;

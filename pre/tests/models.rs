@@ -110,7 +110,9 @@ fn quads() -> Vec<Vec<usize>> {
 fn folder(files: &[(&str, Vec<u8>)]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes) in files {
-        std::fs::write(folder.path().join(name), bytes).unwrap();
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
     }
     folder
 }
@@ -495,4 +497,33 @@ fn a_broken_monolith_moves_as_one_and_fills_its_solid() {
     );
     let wrong = datbox(folder.path(), "placement: Fragments(envelope: Ball())").unwrap_err();
     assert!(wrong.contains("fragments without number or size of the envelope, or too many"), "{wrong}");
+}
+
+#[test]
+fn surfaces_of_attracting_bodies_are_written_beside_the_options() {
+    let field = |name: &str| format!("Polyhedron(surface: \"{name}\", scale: 2.0, density: 500.0)");
+    let write = |fields: &str, files: &[(&str, Vec<u8>)]| {
+        let folder = folder(files);
+        let grain = "sizes: Single(1), placement: List(positions: [(9, 0, 0)])";
+        let options = format!("compute: (dt: 1.0e-3, fields: [{fields}]),\ngrains:");
+        std::fs::write(folder.path().join("scene.ron"), scene(grain).replace("grains:", &options)).unwrap();
+        let datbox = folder.path().join("case/DATBOX");
+        let written = cd_pre::write_datbox(&folder.path().join("scene.ron"), &[], &datbox);
+        (folder, datbox, written)
+    };
+    let body = stl_text(&corners(), &triangles());
+    let (_folder, datbox, written) =
+        write(&[field("shapes/body.stl"), field("shapes/body.stl")].join(", "), &[("shapes/body.stl", body.clone())]);
+    written.unwrap();
+    let surface = cd_formats::obj::read_surface(&datbox.join("body.obj")).unwrap();
+    assert!((surface.volume() - 8.0).abs() < 1e-6);
+    let text = std::fs::read_to_string(datbox.join("COMPUTE.RON")).unwrap();
+    assert_eq!(text.matches("surface: \"body.obj\"").count(), 2, "{text}");
+
+    let twice = [field("a/body.stl"), field("b/body.stl")].join(", ");
+    let (_, datbox, refused) = write(&twice, &[("a/body.stl", body.clone()), ("b/body.stl", body)]);
+    let message = refused.unwrap_err().to_string();
+    assert!(message.contains("two files of the name body") && !datbox.exists(), "{message}");
+    let (_, _, missing) = write(&field("none.obj"), &[]);
+    assert!(missing.unwrap_err().to_string().contains("none.obj"));
 }

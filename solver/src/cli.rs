@@ -194,7 +194,7 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
         let before = read::resume::restore_last(&write::outbox_path(case), &mut scene, &mut state)?;
         resumed = before.is_some();
         if let Some(before) = before {
-            account_changed_forces(&scene, &before.parameters, &mut state);
+            account_changed_forces(&scene, &before.parameters, &case.join("DATBOX"), &mut state)?;
             // The initial state is in DATBOX.
             let text = (state.step > scene.start.step)
                 .then(|| write::text::is_written(&write::outbox_path(case), &state))

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::field::FieldShapes;
 use cd_formats::messages::{print_error, print_line};
 use cd_formats::names::{number_text, ratio_text, rounded_number, short_number};
 use cd_formats::snapshot::RunParameters;
@@ -300,7 +301,14 @@ fn as_unwritten(failure: RunFailure) -> RunFailure {
 
 /// Records in the ledger, and reports, the change of the potential energy by forces that differ from those before a
 /// resume.
-pub fn account_changed_forces(scene: &Scene, before: &RunParameters, state: &mut State) {
+///
+/// Errors: the surface of an attracting body before the resume cannot be read from the folder `datbox` any more.
+pub fn account_changed_forces(
+    scene: &Scene,
+    before: &RunParameters,
+    datbox: &Path,
+    state: &mut State,
+) -> Result<(), Faults> {
     let options = &scene.options;
     let same = [
         ("gravity", state.gravity == Vec3::from(before.uniform_gravity)),
@@ -312,7 +320,7 @@ pub fn account_changed_forces(scene: &Scene, before: &RunParameters, state: &mut
     ];
     let changed: Vec<&str> = same.into_iter().filter_map(|(name, same)| (!same).then_some(name)).collect();
     if changed.is_empty() {
-        return;
+        return Ok(());
     }
     let (mut old_scene, mut old) = (scene.clone(), state.clone());
     old.gravity = before.uniform_gravity.into();
@@ -321,12 +329,14 @@ pub fn account_changed_forces(scene: &Scene, before: &RunParameters, state: &mut
     old_scene.options.gravity_quadrupole = before.gravity_quadrupole;
     old_scene.options.gravity_softening = before.gravity_softening;
     old_scene.options.fields.clone_from(&before.fields);
+    old_scene.field_shapes = FieldShapes::read(&before.fields, datbox)?;
     let work = potential_energy(scene, state, &state.x) - potential_energy(&old_scene, &old, &old.x);
     state.ledger.outside_work += work;
     let changed = changed.join(", ");
     print_line(format_args!(
         "cd-solve: changed since the last snapshot: {changed}; the change of potential energy, {work:.3e} J, counts as external work"
     ));
+    Ok(())
 }
 
 /// Ratio of the overlaps made by steps to the initial overlaps above which a run warns, once.

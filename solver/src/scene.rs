@@ -3,7 +3,7 @@
 use cd_formats::compute::{Compute, Event, ExternalField, GravityMethod, NarrowPhase};
 pub use cd_formats::doubts::EVENT_SLACK;
 use cd_formats::drv_dof::Evolution;
-use cd_formats::field::FieldModel;
+use cd_formats::field::{FieldModel, FieldShapes};
 pub use cd_formats::ids::BodyId;
 use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::probe::{BodySelection, Probe, ProbeQuantity};
@@ -393,6 +393,8 @@ pub struct Scene {
     /// Whether there are free bodies without a rule, which pass through each other.
     pub has_unseen_pairs: bool,
     pub options: Compute,
+    /// Shapes of the attracting polyhedra among the fields of the options.
+    pub field_shapes: FieldShapes,
     /// Step and time of the state in DATBOX.
     pub start: StepTime,
     /// Step and time from which steps of `dt` are counted: those of the start, unless `dt` has changed at a resume.
@@ -700,12 +702,12 @@ impl Scene {
 
     /// External fields at a time, s.
     pub fn external_fields(&self, time: f64) -> Vec<FieldModel> {
-        FieldModel::of_fields(&self.options.fields, self.options.gravity_constant, time)
+        FieldModel::of_fields(&self.options.fields, &self.field_shapes, self.options.gravity_constant, time)
     }
 
     /// Angular velocity of the frame of reference, rad/s.
     pub fn frame_angular_velocity(&self) -> Vec3 {
-        self.external_fields(0.0).iter().map(FieldModel::rotation_rate).sum()
+        self.options.fields.iter().map(|field| Vec3::from(field.rotation_rate())).sum()
     }
 
     /// Names of the models that this scene uses, for the summary.
@@ -777,6 +779,10 @@ impl Scene {
             match field {
                 ExternalField::PointMass { mass, .. } => format!("point mass of {mass:e} kg {motion}"),
                 ExternalField::Oblate { mass, .. } => format!("oblate mass of {mass:e} kg {motion}"),
+                ExternalField::Polyhedron { surface, density, rate, .. } => {
+                    let motion = if *rate == [0.0; 3] { "at rest" } else { "that turns" };
+                    format!("attraction of {surface}, {density} kg/m^3, {motion}")
+                }
                 ExternalField::RotatingFrame { .. } => "rotating axes".into(),
             }
         }));

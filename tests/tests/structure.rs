@@ -38,7 +38,7 @@ fn is_shared_type(path: &str) -> bool {
         "cd_formats::compute::",
         "cd_formats::doubts::EVENT_SLACK",
         "cd_formats::drv_dof::Evolution",
-        "cd_formats::field::FieldModel",
+        "cd_formats::field::",
         "cd_formats::groups::DisjointSets",
         "cd_formats::ids::BodyId",
         "cd_formats::postpro::",

@@ -170,7 +170,7 @@ fn acceleration_in_own_axes(
 fn primary_attraction(fields: &[FieldModel], x: Vec3) -> Vec3 {
     fields
         .iter()
-        .filter(|field| matches!(field, FieldModel::Primary { .. }))
+        .filter(|field| matches!(field, FieldModel::Primary { .. } | FieldModel::Polyhedron { .. }))
         .map(|field| field.acceleration_and_potential(&x).0)
         .sum()
 }

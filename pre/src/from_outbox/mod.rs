@@ -37,6 +37,7 @@ use cd_formats::snapshot::{self, DRIVEN_ALL, Ledger, START_FILE, Snapshot, Snaps
 use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::check::check_vector;
+use crate::field_surfaces;
 use crate::grain::Population;
 use crate::parse::parse_with_settings;
 use crate::population::populate;
@@ -74,7 +75,12 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     request.changes.laws.iter_mut().for_each(Law::apply_bulk_strength);
     let parts = select_parts(&request.changes, &sources, &mut report);
     reject_faults(&mut report)?;
-    let options = request.run_options(file, &sources[0].options, &mut report)?;
+    let mut options = request.run_options(file, &sources[0].options, &mut report)?;
+    // The options of the changes name files beside the changes, those of the case files in its DATBOX.
+    let surface_folder =
+        if request.changes.compute.is_some() { folder.to_path_buf() } else { sources[0].case.join("DATBOX") };
+    let surfaces = field_surfaces::take_surfaces(&mut options, &surface_folder);
+    let surface_files = report.faults.gather_result(surfaces).unwrap_or_default();
     reject_faults(&mut report)?;
     check_rotations(&request.changes, &options, &mut report);
     check_end(&request, &sources[0].snapshot.meta, &options, &mut report);
@@ -90,6 +96,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
     let content = DatboxContent { records: &records, tables: &tables, driven: &driven, options: &options };
     let mut files = datbox_files(request.changes.keep_time, &parts, &new, content);
+    files.extend(surface_files.into_iter().map(|(name, text)| (name, text.into_bytes())));
     let path_of = |body: usize| scene_path(&parts, &new.population, body);
     let bytes = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
     reread::check_files(&datbox, bytes, &driven, &options, path_of, &mut report);

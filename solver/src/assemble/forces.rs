@@ -66,7 +66,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     let near_field = near_field(scene, &q_c.x, &q_c.q);
     self_gravity.energy += near_field.energy;
     let outside = scene.external_fields(state.time + (1.0 - scene.options.theta) * h);
-    let moving: Vec<FieldModel> = outside.iter().copied().filter(FieldModel::is_moving).collect();
+    let moving: Vec<FieldModel> = outside.iter().filter(|field| field.is_moving()).cloned().collect();
     let mut free = FreeMotion {
         v: state.v.clone(),
         w: q_c.w.clone(),

@@ -14,11 +14,12 @@
 //! contact is known when its length is chosen. At the start of a run no pair is known, and the first step is `dt`. While
 //! an imposed velocity or force changes, steps are `dt`, and no longer step reaches into such a time.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
+use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{SolvedContact, State};
 
@@ -75,12 +76,16 @@ pub fn fastest_spin(scene: &Scene, state: &State) -> f64 {
 
 /// Period of the fastest possible orbit outside of bodies, s: in self-gravity, about primaries, of rotating axes.
 pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
+    let nearest_to =
+        |centre: &Vec3| scene.free.iter().map(|&i| (state.x[i.index()] - centre).norm()).fold(f64::INFINITY, f64::min);
     let period_in = |field: FieldModel| match field {
         FieldModel::Turning { rate, .. } => TAU / rate.norm(),
-        FieldModel::Primary { strength, centre, .. } => {
-            let nearest =
-                scene.free.iter().map(|&i| (state.x[i.index()] - centre).norm()).fold(f64::INFINITY, f64::min);
-            TAU * (nearest.powi(3) / strength).sqrt()
+        FieldModel::Primary { strength, centre, .. } => TAU * (nearest_to(&centre).powi(3) / strength).sqrt(),
+        FieldModel::Polyhedron { strength, shape, position, rotation } => {
+            let centre = position + rotation.map_or(shape.centre(), |rotation| rotation * shape.centre());
+            // Inside of the body the attraction is at most about that at the surface of the ball of equal volume.
+            let distance = nearest_to(&centre).max(libm::cbrt(shape.volume() * 0.75 / PI));
+            TAU * (distance.powi(3) / (strength * shape.volume())).sqrt()
         }
     };
     let surface_period =

@@ -8,6 +8,7 @@ use cd_formats::compute::Compute;
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
 use cd_formats::error::{Fault, Faults, RecordFault};
+use cd_formats::field::FieldShapes;
 use cd_formats::mass::EXPECTED_CONVEX;
 use cd_formats::names::{count_text, number_text, rounded_number};
 use cd_formats::principal::AxesMatch;
@@ -86,6 +87,7 @@ pub fn scene_without_laws(
         has_unseen_pairs: false,
         events: Vec::new(),
         options,
+        field_shapes: FieldShapes::default(),
         start: StepTime { step: dof.step, time: dof.time },
         counted_from: StepTime { step: dof.step, time: dof.time },
         materials: bulk.materials.iter().map(|m| MaterialName { name: m.name.clone(), density: m.density }).collect(),

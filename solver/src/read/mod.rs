@@ -20,6 +20,7 @@ use cd_formats::compute::{Compute, ComputeFlags, ContactSolver, Event, EventActi
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::field::FieldShapes;
 use cd_formats::names::rounded_number;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::postpro::Postpro;
@@ -81,11 +82,17 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let datbox = case.join("DATBOX");
     let (files, mut faults) = DatboxFiles::read(&datbox, flags)?;
     let DatboxFiles { options, bodies, bulk, tact, driven, dof, history, notices } = files;
+    let field_shapes = faults.gather_result(FieldShapes::read(&options.fields, &datbox));
     lenient::check_absent_axes(&datbox, &bodies, &mut faults);
 
     let body_files = BodyFiles { records: &bodies, bulk: &bulk, driven: &driven, dof: &dof };
     let has_links = links::has_links(&bodies, &tact);
     let mut scene = bodies::scene_without_laws(&datbox, body_files, has_links, options, &mut faults);
+    match field_shapes {
+        Some(shapes) => scene.field_shapes = shapes,
+        // The faults end the run; the other files are checked without the fields.
+        None => scene.options.fields.clear(),
+    }
     set_requests(&datbox, bodies.0.len(), &mut scene, &mut faults);
     scene.notes.splice(0..0, notices);
     let contactors = ContactorTable::new(&bodies, &scene);

@@ -34,6 +34,7 @@ mod peer;
 mod periodic;
 mod plates_and_cylinders;
 mod polyhedra;
+mod polyhedron_field;
 mod postpro;
 mod probes;
 #[cfg(feature = "mpi")]

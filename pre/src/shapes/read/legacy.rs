@@ -1,7 +1,7 @@
 //! VTK legacy files: polygonal data, ASCII or BINARY, versions 1 to 5.
 
-use super::mesh::{PolygonMesh, ReadError, coordinate, parse_real};
 use super::vtk::{CellLists, NumberType, PolyDataPiece};
+use cd_formats::mesh::{PolygonMesh, ReadError, coordinate, parse_real};
 
 const FILE_KIND: &str = "polygonal data of VTK, legacy or XML";
 /// Arrays that are read over.

@@ -2,17 +2,13 @@
 //!
 //! | module | |
 //! |---|---|
-//! | `obj` | Wavefront OBJ |
 //! | `stl` | STL, text and binary |
 //! | `legacy` | VTK legacy polygonal data |
 //! | `vtp` | VTK XML polygonal data, also with zlib blocks |
 //! | `vtk` | numbers and cells of both |
-//! | `mesh` | polygons over points, faults, words |
 //! | `repair` | from polygons over points to a triangulation: weld, drop, flip |
 
 mod legacy;
-mod mesh;
-mod obj;
 mod repair;
 mod stl;
 mod vtk;
@@ -21,9 +17,9 @@ mod vtp;
 use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
+use cd_formats::mesh::{PolygonMesh, ReadError, lines};
+use cd_formats::obj;
 use cd_formats::surface::Surface;
-
-use mesh::{PolygonMesh, ReadError, lines};
 
 /// Number of faults of one file that are printed one by one; a broken surface has thousands of the same kind.
 const MAX_PRINTED_FAULTS: usize = 5;

@@ -6,7 +6,7 @@ use cd_formats::names::count_text;
 use nalgebra::Vector3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::mesh::PolygonMesh;
+use cd_formats::mesh::PolygonMesh;
 
 /// Distances up to which points of an open surface are welded, over the largest coordinate: the last digit of numbers in
 /// single precision, of seven, six and five digits.

@@ -2,8 +2,8 @@
 
 use cd_formats::names::count_text;
 
-use super::mesh::{PolygonMesh, ReadError, coordinate, lines, parse_real};
 use super::vtk::NumberType;
+use cd_formats::mesh::{PolygonMesh, ReadError, coordinate, lines, parse_real};
 
 /// Bytes before the first triangle of a binary file: a header of 80, then the number of triangles.
 const HEADER_BYTES: usize = 84;

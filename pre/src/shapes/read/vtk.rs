@@ -1,6 +1,6 @@
 //! Numbers and cells of VTK files, legacy or XML.
 
-use super::mesh::PolygonMesh;
+use cd_formats::mesh::PolygonMesh;
 
 /// Type of the numbers in a binary array of VTK, by its name in legacy or XML files.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,8 +2,8 @@
 
 use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
 
-use super::mesh::{PolygonMesh, ReadError, coordinate};
 use super::vtk::{CellLists, NumberType, PolyDataPiece};
+use cd_formats::mesh::{PolygonMesh, ReadError, coordinate};
 
 const FILE_KIND: &str = "polygonal data of VTK, legacy or XML";
 const COMPLETE_FILE: &str = "a complete file";

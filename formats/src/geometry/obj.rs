@@ -1,6 +1,11 @@
 //! Wavefront OBJ: vertices and polygons; the other statements of polygonal files are read and not used.
 
-use super::mesh::{PolygonMesh, ReadError, coordinate, parse_real};
+use std::path::Path;
+
+use super::mesh::{PolygonMesh, ReadError, coordinate, lines, parse_real};
+use super::surface::Surface;
+use crate::atomic;
+use crate::error::{Fault, Faults};
 
 const EXPECTED_STATEMENTS: &str = "v, f or another statement of a polygonal Wavefront OBJ file";
 
@@ -91,6 +96,43 @@ pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
     if errors.is_empty() { Ok(mesh) } else { Err(errors) }
 }
 
+/// Reads a closed surface of triangles from a file. Errors: all faults of the file or of the surface.
+pub fn read_surface(path: &Path) -> Result<Surface, Faults> {
+    let text = atomic::read_text(path)?;
+    let mut faults = Faults::default();
+    let mesh = match read(&lines(&text)) {
+        Ok(mesh) => mesh,
+        Err(errors) => {
+            for ReadError { line, found, expected } in errors {
+                faults.push(Fault::new(path, line, "file", found, format!("expected {expected}")));
+            }
+            return Err(faults);
+        }
+    };
+    let triangle = |corners: &Vec<usize>| match corners[..] {
+        [a, b, c] => Some([a as u32, b as u32, c as u32]),
+        _ => None,
+    };
+    let Some(triangles) = mesh.polygons.iter().map(triangle).collect::<Option<Vec<[u32; 3]>>>() else {
+        let expected = "expected triangles; cd-pre cuts polygons into triangles";
+        return Err(Fault::new(path, None, "file", "polygons of other than three corners", expected).into());
+    };
+    Surface::new(&mesh.points, &triangles).map_err(|found| {
+        for fault in found.0 {
+            let (found, expected) = fault.split_once("; ").unwrap_or((&fault, "expected a closed surface"));
+            faults.push(Fault::new(path, None, "surface", found, expected));
+        }
+        faults
+    })
+}
+
+/// Text of a surface, its coordinates with all their digits.
+pub fn surface_text(surface: &Surface) -> String {
+    let vertices = surface.vertices().iter().map(|[x, y, z]| format!("v {x:?} {y:?} {z:?}\n"));
+    let triangles = surface.triangles().iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    vertices.chain(triangles).collect()
+}
+
 /// Lines without comments, each joined with its continuations, and the number of the first.
 fn logical_lines(text: &str) -> Vec<(usize, String)> {
     let mut all: Vec<(usize, String)> = Vec::new();
@@ -130,4 +172,27 @@ fn parse_corner(word: &str, known: usize, line: usize) -> Result<usize, ReadErro
         (word.split('/').next().unwrap_or_default()).parse().map_err(|_| error(format!("the corner '{word}'")))?;
     let vertex = if number < 0 { number.saturating_add(known as i64) } else { number - 1 };
     usize::try_from(vertex).map_err(|_| error(format!("the corner '{word}' with {known} vertices before it")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_surface_is_read_as_it_was_written() {
+        let vertices = [[0.1, 0.0, 0.0], [1.0, 1.0 / 3.0, 0.0], [0.0, 1e-7, 0.0], [0.0, 0.0, 1e21]];
+        let surface = Surface::new(&vertices, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("body.obj");
+        std::fs::write(&path, surface_text(&surface)).unwrap();
+        assert_eq!(read_surface(&path).unwrap(), surface);
+
+        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        let message = read_surface(&path).unwrap_err().to_string();
+        assert!(message.contains("surface") && message.contains("edge"), "{message}");
+        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n").unwrap();
+        assert!(read_surface(&path).unwrap_err().to_string().contains("triangles"));
+        std::fs::write(&path, "v 0 0\n").unwrap();
+        assert!(read_surface(&path).unwrap_err().to_string().contains(":1: "));
+    }
 }

@@ -2,14 +2,14 @@
 
 use std::borrow::Cow;
 
-use cd_formats::names::count_text;
+use crate::names::count_text;
 
 /// Polygons over points, the common form of all kinds of files.
 #[derive(Debug, Default, PartialEq)]
 pub struct PolygonMesh {
     pub points: Vec<[f64; 3]>,
     pub polygons: Vec<Vec<usize>>,
-    /// Notes on repairs, as in [`RepairedSurface`](super::RepairedSurface).
+    /// Notes on repairs, each a phrase such as `dropped 1 degenerate triangle`.
     pub notes: Vec<String>,
 }
 

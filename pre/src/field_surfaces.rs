@@ -1,0 +1,46 @@
+//! Surfaces of attracting bodies: read beside the scene, written to DATBOX as OBJ.
+
+use std::path::{Path, PathBuf};
+
+use cd_formats::compute::{Compute, ExternalField};
+use cd_formats::error::{Fault, Faults};
+use cd_formats::obj::surface_text;
+
+use crate::shapes::read::read_surface;
+
+/// Names and texts of the files in DATBOX with the surfaces of the polyhedra among `fields`, which are then named by these.
+///
+/// Names of the options are relative to `folder`. Errors: the faults of the surfaces, and two files that would have one name.
+pub fn take_surfaces(options: &mut Compute, folder: &Path) -> Result<Vec<(String, String)>, Faults> {
+    let mut faults = Faults::default();
+    let mut sources: Vec<PathBuf> = Vec::new();
+    let mut files: Vec<(String, String)> = Vec::new();
+    for field in &mut options.fields {
+        let ExternalField::Polyhedron { surface, .. } = field else { continue };
+        let source = folder.join(surface.as_str());
+        let stem = source.file_stem().unwrap_or_default().to_string_lossy();
+        let name = format!("{stem}.obj");
+        match files.iter().position(|(known, _)| *known == name) {
+            Some(k) if sources[k] != source => {
+                let found = format!("two files of the name {stem}");
+                faults.push(Fault::new(&source, None, "fields", found, "expected another name of one of them"));
+            }
+            Some(_) => {}
+            None => {
+                let Some(read) = faults.gather_result(read_surface(&source)) else { continue };
+                sources.push(source);
+                files.push((name.clone(), surface_text(&read.surface)));
+            }
+        }
+        *surface = name;
+    }
+    faults.into_result(files)
+}
+
+/// Names of the files with the surfaces of the polyhedra among the fields, as they are in the options.
+pub fn surface_names(options: &Compute) -> impl Iterator<Item = &str> {
+    options.fields.iter().filter_map(|field| match field {
+        ExternalField::Polyhedron { surface, .. } => Some(surface.as_str()),
+        _ => None,
+    })
+}
