@@ -11,10 +11,11 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::accuracy::{Accuracy, Adaptive};
 use crate::error::Faults;
+use crate::growth::{Sink, Source, check_growth};
 use crate::messages::parse_number;
 use crate::names::{number_text, rounded_number};
 use crate::orbit::OrbitSpec;
-use crate::probe::{EndCondition, Probe, check_probes};
+use crate::probe::{EndCondition, FlowNames, Probe, check_probes};
 use crate::report::FaultReport;
 pub use crate::ron_file::from_ron;
 use crate::ron_text;
@@ -419,6 +420,10 @@ options! {
     text: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Scheduled events, as in COMPUTE.RON: [(time: 100.0, action: AddSpin((0.0, 0.0, 1e-5)))].
     events: Vec<Event> = Vec::new(), Events, [value_name = "RON"];
+    /// Regions from which free bodies leave the run: [(name: "lost", region: Beyond(centre: (0.0, 0.0, 0.0), radius: 1.0e4))].
+    sinks: Vec<Sink> = Vec::new(), Sinks, [value_name = "RON"];
+    /// Bodies of DATBOX that enter the run one after the other: [(name: "rain", bodies: Colour("RAINx"), from: 0.0, rate: 0.5)].
+    sources: Vec<Source> = Vec::new(), Sources, [value_name = "RON"];
     /// Quantities that are written to POSTPRO/probe-NAME.csv step by step: [(name: "lid", quantity: Force(on: Colour("LIDxx")))].
     probes: Vec<Probe> = Vec::new(), Probes, [value_name = "RON"];
     /// Conditions that end the run before end_time: [AtRest(speed: 1e-4, during: 0.1)].
@@ -434,6 +439,10 @@ pub type Events = FlagList<Event>;
 pub type Fields = FlagList<ExternalField>;
 /// Probes of a run.
 pub type Probes = FlagList<Probe>;
+/// Sinks of a run.
+pub type Sinks = FlagList<Sink>;
+/// Sources of a run.
+pub type Sources = FlagList<Source>;
 /// Conditions that end a run.
 pub type EndConditions = FlagList<EndCondition>;
 
@@ -590,7 +599,10 @@ impl Compute {
         for (k, event) in self.events.iter().enumerate() {
             self.check_event(event, &format!("{at}events.{k}"), report);
         }
-        check_probes(&self.probes, &self.until, at, report);
+        check_growth(&self.sinks, &self.sources, at, report);
+        let sinks: Vec<&str> = self.sinks.iter().map(|sink| sink.name.as_str()).collect();
+        let sources: Vec<&str> = self.sources.iter().map(|source| source.name.as_str()).collect();
+        check_probes(&self.probes, &self.until, FlowNames { sinks: &sinks, sources: &sources }, at, report);
     }
 
     /// Reports the values of the event at `path` that no run could use.

@@ -42,6 +42,51 @@ pub enum ProbeQuantity {
     Motion { of: BodySelection },
     /// Kinetic energy of translation and of rotation (J), largest speed of a point of a body (m/s), and mass (kg) of these.
     Energy { of: BodySelection },
+    /// Number, mass (kg), momentum (kg m/s) and kinetic energy (J) of these bodies whose centres of mass pass through a
+    /// surface in the steps of a row, less those that pass through it in the other direction.
+    Crossing { of: BodySelection, through: CountingSurface },
+    /// The same sums over the bodies that leave by the sink of this name.
+    Removed { by: String },
+    /// The same sums over the bodies that enter from the source of this name.
+    Entered { from: String },
+}
+
+/// Surface through which bodies are counted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum CountingSurface {
+    /// Plane through `point` (m); bodies that pass along `normal` count as positive.
+    Plane { point: [f64; 3], normal: [f64; 3] },
+    /// Sphere about `centre` (m) with the radius `radius` (m); bodies that pass outwards count as positive.
+    Sphere { centre: [f64; 3], radius: f64 },
+}
+
+impl CountingSurface {
+    /// Whether the position `x` (m) is on the side to which bodies pass that count as positive.
+    pub fn is_beyond(&self, x: &[f64; 3]) -> bool {
+        let from = |origin: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|k| x[k] - origin[k]) };
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        match self {
+            CountingSurface::Plane { point, normal } => dot(from(point), *normal) >= 0.0,
+            CountingSurface::Sphere { centre, radius } => dot(from(centre), from(centre)) >= radius * radius,
+        }
+    }
+
+    /// Requirement that the numbers do not meet.
+    fn invalid_value(&self) -> Option<&'static str> {
+        let finite = |v: &[f64; 3]| v.iter().all(|x| x.is_finite());
+        match self {
+            CountingSurface::Plane { point, normal } => {
+                let length = normal.iter().map(|x| x * x).sum::<f64>();
+                let sound = finite(point) && length.is_finite() && length > 0.0;
+                (!sound).then_some("a finite point and a normal other than 0")
+            }
+            CountingSurface::Sphere { centre, radius } => {
+                let sound = finite(centre) && radius.is_finite() && *radius > 0.0;
+                (!sound).then_some("a finite centre and a radius > 0 m")
+            }
+        }
+    }
 }
 
 /// Bodies of a probe.
@@ -73,7 +118,7 @@ pub enum EndCondition {
 }
 
 /// Name, unit and meaning of every column of the files of probes.
-pub const PROBE_COLUMNS: [(&str, &str, &str); 22] = [
+pub const PROBE_COLUMNS: [(&str, &str, &str); 28] = [
     ("step", "1", "number of the last step of the row"),
     ("time", "s", ""),
     ("h", "s", "length of the steps of the row"),
@@ -96,6 +141,12 @@ pub const PROBE_COLUMNS: [(&str, &str, &str); 22] = [
     ("rotational_energy", "J", ""),
     ("largest_speed", "m/s", "|v| + |w| R"),
     ("mass", "kg", ""),
+    ("number", "1", "bodies that pass, leave or enter in the steps of the row"),
+    ("passed_mass", "kg", ""),
+    ("passed_momentum_x", "kg m/s", ""),
+    ("passed_momentum_y", "kg m/s", ""),
+    ("passed_momentum_z", "kg m/s", ""),
+    ("passed_energy", "J", "kinetic, with that of rotation"),
 ];
 
 /// Whether a file name is that of the file of a probe.
@@ -112,15 +163,25 @@ impl ProbeQuantity {
                 &["x", "y", "z", "v_x", "v_y", "v_z", "angular_x", "angular_y", "angular_z"]
             }
             ProbeQuantity::Energy { .. } => &["kinetic_energy", "rotational_energy", "largest_speed", "mass"],
+            ProbeQuantity::Crossing { .. } | ProbeQuantity::Removed { .. } | ProbeQuantity::Entered { .. } => &[
+                "number",
+                "passed_mass",
+                "passed_momentum_x",
+                "passed_momentum_y",
+                "passed_momentum_z",
+                "passed_energy",
+            ],
         }
     }
 
-    /// Bodies of the quantity.
-    pub fn bodies(&self) -> &BodySelection {
+    /// Bodies of the quantity, if it selects some.
+    pub fn bodies(&self) -> Option<&BodySelection> {
         match self {
             ProbeQuantity::Force { on: bodies, .. }
             | ProbeQuantity::Motion { of: bodies }
-            | ProbeQuantity::Energy { of: bodies } => bodies,
+            | ProbeQuantity::Energy { of: bodies }
+            | ProbeQuantity::Crossing { of: bodies, .. } => Some(bodies),
+            ProbeQuantity::Removed { .. } | ProbeQuantity::Entered { .. } => None,
         }
     }
 
@@ -128,7 +189,7 @@ impl ProbeQuantity {
     fn bodies_field(&self) -> &'static str {
         match self {
             ProbeQuantity::Force { .. } => "on",
-            ProbeQuantity::Motion { .. } | ProbeQuantity::Energy { .. } => "of",
+            _ => "of",
         }
     }
 }
@@ -145,10 +206,9 @@ pub fn named_bodies<'a>(
     probes: &'a [Probe],
     until: &'a [EndCondition],
 ) -> impl Iterator<Item = (String, &'a BodySelection)> {
-    let of_probes = probes
-        .iter()
-        .enumerate()
-        .map(|(k, probe)| (format!("probes.{k}.quantity.{}", probe.quantity.bodies_field()), probe.quantity.bodies()));
+    let of_probes = probes.iter().enumerate().filter_map(|(k, probe)| {
+        Some((format!("probes.{k}.quantity.{}", probe.quantity.bodies_field()), probe.quantity.bodies()?))
+    });
     let of_conditions = until.iter().enumerate().flat_map(|(k, condition)| {
         let bodies = match condition {
             EndCondition::Separation { between: (a, b), .. } => vec![a, b],
@@ -162,8 +222,15 @@ pub fn named_bodies<'a>(
     of_probes.chain(of_conditions)
 }
 
+/// Names of the sinks and sources of a run.
+#[derive(Debug, Clone, Copy)]
+pub struct FlowNames<'a> {
+    pub sinks: &'a [&'a str],
+    pub sources: &'a [&'a str],
+}
+
 /// Reports the values of probes and conditions that no run could use; `at` is the prefix of their paths.
-pub fn check_probes(probes: &[Probe], until: &[EndCondition], at: &str, report: &mut FaultReport) {
+pub fn check_probes(probes: &[Probe], until: &[EndCondition], flows: FlowNames, at: &str, report: &mut FaultReport) {
     for (k, Probe { name, every, quantity }) in probes.iter().enumerate() {
         let path = format!("{at}probes.{k}");
         let is_other = probes[..k].iter().all(|other| other.name != *name);
@@ -171,9 +238,27 @@ pub fn check_probes(probes: &[Probe], until: &[EndCondition], at: &str, report: 
         let expected = "a name of its own, of letters, digits, - and _";
         report.require(sound, &format!("{path}.name"), format!("'{name}'"), expected);
         report.require(*every > 0, &format!("{path}.every"), every.to_string(), "at least 1 step");
-        if let ProbeQuantity::Force { about: Some(about), .. } = quantity {
-            let path = format!("{path}.quantity.about");
-            report.require(about.iter().all(|x| x.is_finite()), &path, format!("{about:?}"), "finite coordinates (m)");
+        let mut require_name = |field: &str, kind: &str, name: &String, known: &[&str]| {
+            if !known.contains(&name.as_str()) {
+                report.unknown(&format!("{path}.quantity.{field}"), format!("'{name}' is no {kind}"), name, known);
+            }
+        };
+        match quantity {
+            ProbeQuantity::Force { about: Some(about), .. } => {
+                let path = format!("{path}.quantity.about");
+                let sound = about.iter().all(|x| x.is_finite());
+                report.require(sound, &path, format!("{about:?}"), "finite coordinates (m)");
+            }
+            ProbeQuantity::Crossing { through, .. } => {
+                if let Some(expected) = through.invalid_value() {
+                    let path = format!("{path}.quantity.through");
+                    let found = report.shown_text_or(&path, || format!("{through:?}"));
+                    report.add_fault(&path, found, expected);
+                }
+            }
+            ProbeQuantity::Removed { by } => require_name("by", "sink", by, flows.sinks),
+            ProbeQuantity::Entered { from } => require_name("from", "source", from, flows.sources),
+            ProbeQuantity::Force { about: None, .. } | ProbeQuantity::Motion { .. } | ProbeQuantity::Energy { .. } => {}
         }
     }
     let positive = |x: f64| x.is_finite() && x > 0.0;
@@ -240,6 +325,7 @@ mod tests {
             ProbeQuantity::Force { on: of(), about: None },
             ProbeQuantity::Motion { of: of() },
             ProbeQuantity::Energy { of: of() },
+            ProbeQuantity::Removed { by: "lost".into() },
         ];
         let own = quantities.iter().flat_map(|quantity| quantity.columns());
         let all: Vec<&str> = ["step", "time", "h"].iter().chain(own).copied().collect();

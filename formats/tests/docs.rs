@@ -8,7 +8,7 @@ use cd_formats::law_table::{
 };
 use cd_formats::snapshot::{
     AttractionArrays, BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawArrays, LawName,
-    MaterialName, MemoryArrays, PairArrays, SnapshotMeta, TurningArrays,
+    MaterialName, MemoryArrays, PairArrays, PresenceArrays, SnapshotMeta, TurningArrays,
 };
 
 const OPTIONS: &str = "docs/reference/options.md";
@@ -93,6 +93,7 @@ fn arrays_are_those_of_snapshots() {
         .chain(LawArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(AttractionArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(GravityArrays::array_table().into_iter().map(|array| ("N", array)))
+        .chain(PresenceArrays::array_table().into_iter().map(|array| ("N", array)))
         .chain(TurningArrays::array_table().into_iter().map(|array| ("U", array)))
         .chain(ContactPartArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(PairArrays::array_table().into_iter().map(|array| ("K", array)))
@@ -280,8 +281,9 @@ fn other_pages_name_every_law() {
 #[test]
 fn what_is_shown_is_accepted() {
     let mut shown = 0;
-    for page in [OPTIONS, "docs/reference/fields.md", "docs/reference/events.md"] {
-        let (path, text) = page_of(page);
+    let pages = ["fields", "events", "probes", "growth-and-loss"].map(|name| format!("docs/reference/{name}.md"));
+    for page in [OPTIONS.to_string()].into_iter().chain(pages) {
+        let (path, text) = page_of(&page);
         for block in text.split("```ron ").skip(1) {
             let (kind, rest) = block.split_once('\n').unwrap();
             let ron = rest.split("```").next().unwrap();
@@ -295,5 +297,5 @@ fn what_is_shown_is_accepted() {
             shown += 1;
         }
     }
-    assert_eq!(shown, 6);
+    assert_eq!(shown, 8);
 }

@@ -25,6 +25,8 @@ pub struct Frame {
     pub grains: Vec<Grain>,
     /// Walls, in the order of the snapshot's bodies.
     pub walls: Vec<Wall>,
+    /// Numbers of the bodies that have not yet entered or have left the run.
+    pub absent: Vec<u64>,
     /// Contacts, in the order of the snapshot; those between two walls are left out.
     pub contacts: Vec<Contact>,
     pub interval: SnapshotInterval,
@@ -257,10 +259,13 @@ impl Frame {
         Ok(Frame { field_shapes, ..Frame::with_solids(snapshot, solids, laws) })
     }
 
-    /// Splits a valid snapshot; `solids` has the polyhedron of each body, None for the other bodies, and `laws` the laws of
-    /// the snapshot.
+    /// Splits a valid snapshot, without the bodies that are not in the run; `solids` has the polyhedron of each body, None
+    /// for the other bodies, and `laws` the laws of the snapshot.
     pub fn with_solids(snapshot: Snapshot, mut solids: Vec<Option<Arc<SolidShape>>>, laws: Vec<LawModel>) -> Frame {
         solids.resize(snapshot.bodies.body_id.len(), None);
+        let is_present: Vec<bool> = (0..solids.len()).map(|row| snapshot.is_present(row)).collect();
+        let absent = snapshot.bodies.body_id.iter().zip(&is_present);
+        let absent = absent.filter(|(_, is_present)| !**is_present).map(|(id, _)| *id).collect();
         let Snapshot { meta, bodies, contacts, memory, laws: law_memory, attractions, shapes, interval, .. } = snapshot;
         let to_contact = -meta.parameters.theta * meta.h;
         let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
@@ -270,7 +275,10 @@ impl Frame {
             .into_iter()
             .enumerate()
             .map(|(row, solid)| {
-                if is_wall[row] {
+                if !is_present[row] {
+                    // No contact names it.
+                    BodyIndex::Grain(GrainId::new(grains.len()))
+                } else if is_wall[row] {
                     walls.push(wall_of_row(&bodies, row, solid));
                     BodyIndex::Wall(WallId::new(walls.len() - 1))
                 } else {
@@ -327,7 +335,8 @@ impl Frame {
             length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
             exchanges: exchanges.collect(),
         };
-        Frame { meta, laws, grains, walls, contacts, interval, field_shapes: FieldShapes::default() }
+        let field_shapes = FieldShapes::default();
+        Frame { meta, laws, grains, walls, absent, contacts, interval, field_shapes }
     }
 
     /// Periodic cell of the scene.

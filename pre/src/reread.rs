@@ -9,6 +9,7 @@ use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
 use cd_formats::error::{Faults, RecordFault};
+use cd_formats::growth::source_bodies;
 use cd_formats::names::{number_text, rounded_number};
 use cd_formats::probe::{named_bodies, unknown_bodies};
 use cd_formats::report::FaultReport;
@@ -79,12 +80,12 @@ pub fn check_files<'a>(
     }
 }
 
-/// Reports probes and end conditions of bodies that are not among `bodies`.
+/// Reports probes, end conditions and sources of bodies that are not among `bodies`.
 fn check_probes(bodies: &Bodies, options: &Compute, report: &mut FaultReport) {
     let colours: BTreeSet<&str> =
         bodies.0.iter().flat_map(|body| &body.contactors).map(|contactor| contactor.colour.as_str()).collect();
     let colours: Vec<&str> = colours.into_iter().collect();
-    for (path, selection) in named_bodies(&options.probes, &options.until) {
+    for (path, selection) in named_bodies(&options.probes, &options.until).chain(source_bodies(&options.sources)) {
         if let Some((found, expected)) = unknown_bodies(selection, bodies.0.len(), &colours) {
             report.add_fault(&format!("compute.{path}"), found, expected);
         }

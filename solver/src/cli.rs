@@ -182,6 +182,10 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
         scene.options.adaptive = Some(Adaptive { max_multiple: 1, ..scene.options.adaptive() });
         scene.notes.push("adaptive: steps are dt in a step loop, whose forces may change in each of them".into());
     }
+    if arguments.step_loop && scene.roster.is_some() {
+        let (found, expected) = ("with sinks or sources", "expected none of these options: each answer has all bodies");
+        return Err(RunFailure::Files(Fault::new("options".as_ref(), None, "step-loop", found, expected).into()));
+    }
     if let Some(gravity) = driver.gravity {
         read::replace_gravity(gravity, &scene, &mut state);
     }

@@ -37,6 +37,7 @@ pub mod detect;
 pub mod features;
 pub mod geometry;
 pub mod gravity;
+mod growth;
 pub mod integrate;
 pub mod laws;
 pub mod math;

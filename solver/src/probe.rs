@@ -1,11 +1,13 @@
 //! Probes, whose quantities are computed after every step, and the conditions that end a run.
 
+use std::borrow::Cow;
 use std::time::Duration;
 
 use cd_formats::probe::{EndCondition, Probe, ProbeQuantity};
 use nalgebra::Matrix3;
 
 use crate::activity;
+use crate::growth::{BodyExchange, BodyFlow};
 use crate::math::{Vec3, to_world};
 use crate::scene::{BodyId, Scene};
 use crate::state::State;
@@ -13,8 +15,10 @@ use crate::step::StepStart;
 
 /// Probes and end conditions of a run, with their bodies.
 pub struct Probes {
-    /// Bodies of each probe, rising.
+    /// Bodies of each probe, rising; none of those that count bodies of sinks and sources.
     of_probes: Vec<Vec<BodyId>>,
+    /// Whether each of these bodies was beyond the surface of the probe after the last step; empty without a surface.
+    beyond: Vec<Vec<bool>>,
     /// Bodies of the two sides of each condition; empty where it has none.
     of_conditions: Vec<[Vec<BodyId>; 2]>,
 }
@@ -23,8 +27,8 @@ pub struct Probes {
 pub type ProbeValues = Vec<Vec<f64>>;
 
 impl Probes {
-    /// Selects the bodies of the options of a scene.
-    pub fn new(scene: &Scene) -> Self {
+    /// Selects the bodies of the options of a scene, with their positions in `state`.
+    pub fn new(scene: &Scene, state: &State) -> Self {
         let of_condition = |condition: &EndCondition| match condition {
             EndCondition::Separation { between: (a, b), .. } => [scene.selected_bodies(a), scene.selected_bodies(b)],
             EndCondition::AtRest { .. }
@@ -32,27 +36,72 @@ impl Probes {
             | EndCondition::Below { .. }
             | EndCondition::WallTime(_) => [Vec::new(), Vec::new()],
         };
+        let probes = &scene.options.probes;
+        let of_probe =
+            |probe: &Probe| probe.quantity.bodies().map_or(Vec::new(), |bodies| scene.selected_bodies(bodies));
+        let of_probes: Vec<Vec<BodyId>> = probes.iter().map(of_probe).collect();
+        let beyond = |(probe, bodies): (&Probe, &Vec<BodyId>)| match &probe.quantity {
+            ProbeQuantity::Crossing { through, .. } => {
+                bodies.iter().map(|body| through.is_beyond(&state.x[body.index()].into())).collect()
+            }
+            _ => Vec::new(),
+        };
         Probes {
-            of_probes: scene
-                .options
-                .probes
-                .iter()
-                .map(|probe| scene.selected_bodies(probe.quantity.bodies()))
-                .collect(),
+            beyond: probes.iter().zip(&of_probes).map(beyond).collect(),
+            of_probes,
             of_conditions: scene.options.until.iter().map(of_condition).collect(),
         }
     }
 
-    /// Values of all probes in a state, after the step that began with `start`; without it, forces have no values.
-    pub fn values(&self, scene: &Scene, state: &State, start: Option<&StepStart>) -> ProbeValues {
-        let of_probe = |(probe, bodies): (&Probe, &Vec<BodyId>)| match &probe.quantity {
-            ProbeQuantity::Force { about, .. } => {
-                start.map_or(Vec::new(), |start| contact_force(scene, state, start, bodies, *about))
-            }
-            ProbeQuantity::Motion { .. } => motion(scene, state, bodies),
-            ProbeQuantity::Energy { .. } => energy(scene, state, bodies),
+    /// Values of probes that depend on the whole step, in the state at its end before bodies leave and enter: forces in the
+    /// step that began with `start`, and bodies that pass through surfaces. Other probes have no values.
+    pub fn step_values(&mut self, scene: &Scene, state: &State, start: Option<&StepStart>) -> ProbeValues {
+        let mut values = ProbeValues::new();
+        for ((probe, all), beyond) in scene.options.probes.iter().zip(&self.of_probes).zip(&mut self.beyond) {
+            let of_probe = match &probe.quantity {
+                ProbeQuantity::Force { about, .. } => {
+                    let bodies = present_bodies(scene, all);
+                    start.map_or(Vec::new(), |start| contact_force(scene, state, start, &bodies, *about))
+                }
+                ProbeQuantity::Crossing { through, .. } => {
+                    let mut flow = BodyFlow::default();
+                    for (&body, beyond) in all.iter().zip(beyond) {
+                        let now = through.is_beyond(&state.x[body.index()].into());
+                        if now != *beyond {
+                            flow.add_body(scene, state, body, if now { 1.0 } else { -1.0 });
+                        }
+                        *beyond = now;
+                    }
+                    flow.columns()
+                }
+                _ => Vec::new(),
+            };
+            values.push(of_probe);
+        }
+        values
+    }
+
+    /// Values of all probes in a state, after a step with the values `of_step` and the exchange of bodies after it. Without
+    /// a step, at a resume, only probes of a state have values.
+    pub fn values(&self, scene: &Scene, state: &State, of_step: Option<(ProbeValues, &BodyExchange)>) -> ProbeValues {
+        let (mut of_step, exchange) = of_step.unzip();
+        let flow = |flows: &[BodyFlow], position: Option<usize>| {
+            position.and_then(|k| flows.get(k)).map_or(Vec::new(), BodyFlow::columns)
         };
-        scene.options.probes.iter().zip(&self.of_probes).map(of_probe).collect()
+        let (sinks, sources) = (&scene.options.sinks, &scene.options.sources);
+        let of_probe = |(k, (probe, all)): (usize, (&Probe, &Vec<BodyId>))| match &probe.quantity {
+            ProbeQuantity::Force { .. } | ProbeQuantity::Crossing { .. } => {
+                of_step.as_mut().map_or(Vec::new(), |values| std::mem::take(&mut values[k]))
+            }
+            ProbeQuantity::Motion { .. } => motion(scene, state, &present_bodies(scene, all)),
+            ProbeQuantity::Energy { .. } => energy(scene, state, &present_bodies(scene, all)),
+            ProbeQuantity::Removed { by } => exchange
+                .map_or(Vec::new(), |exchange| flow(&exchange.removed, sinks.iter().position(|sink| sink.name == *by))),
+            ProbeQuantity::Entered { from } => exchange.map_or(Vec::new(), |exchange| {
+                flow(&exchange.entered, sources.iter().position(|source| source.name == *from))
+            }),
+        };
+        scene.options.probes.iter().zip(&self.of_probes).enumerate().map(of_probe).collect()
     }
 
     /// Text of the first condition that holds in a state with these values, of a run that has taken `elapsed` so far.
@@ -83,7 +132,7 @@ impl Probes {
                     state.rest_since.is_some_and(|since| state.time - since >= *during - slack)
                 }
                 EndCondition::Separation { distance, .. } => {
-                    let centre = |bodies: &[BodyId]| mean_motion(scene, state, bodies).centre;
+                    let centre = |bodies: &[BodyId]| mean_motion(scene, state, &present_bodies(scene, bodies)).centre;
                     (centre(a) - centre(b)).norm() > *distance
                 }
                 EndCondition::Above { probe, column: name, value } => column(probe, name).is_some_and(|x| x > *value),
@@ -100,6 +149,14 @@ impl Probes {
             }
         }
         met
+    }
+}
+
+/// Those of `bodies` that are in the run.
+fn present_bodies<'a>(scene: &Scene, bodies: &'a [BodyId]) -> Cow<'a, [BodyId]> {
+    match scene.roster {
+        None => Cow::Borrowed(bodies),
+        Some(_) => bodies.iter().copied().filter(|&body| scene.is_present(body)).collect(),
     }
 }
 
@@ -143,7 +200,7 @@ struct MeanMotion {
     angular_velocity: Vec3,
 }
 
-/// Motion of `bodies` as one rigid body.
+/// Motion of `bodies` as one rigid body; not a number if there are none.
 fn mean_motion(scene: &Scene, state: &State, bodies: &[BodyId]) -> MeanMotion {
     if let [body] = bodies {
         let i = body.index();
@@ -167,8 +224,11 @@ fn mean_motion(scene: &Scene, state: &State, bodies: &[BodyId]) -> MeanMotion {
     MeanMotion { centre, velocity, angular_velocity }
 }
 
-/// Columns of [`ProbeQuantity::Motion`].
+/// Columns of [`ProbeQuantity::Motion`]; without bodies they are not numbers, and fields of the file are empty.
 fn motion(scene: &Scene, state: &State, bodies: &[BodyId]) -> Vec<f64> {
+    if bodies.is_empty() {
+        return vec![f64::NAN; 9];
+    }
     let MeanMotion { centre, velocity, angular_velocity } = mean_motion(scene, state, bodies);
     [centre, velocity, angular_velocity].iter().flat_map(|v| [v.x, v.y, v.z]).collect()
 }

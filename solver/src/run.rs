@@ -1,5 +1,6 @@
 //! Loop over steps: output, stop conditions and messages.
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
@@ -16,6 +17,7 @@ use signal_hook::flag;
 
 use crate::assemble::potential_energy;
 use crate::detect;
+use crate::growth::{exchange_bodies, presence_text};
 use crate::integrate::{ContactConfiguration, predict_configuration};
 use crate::math::Vec3;
 use crate::plan::{StepBound, roundoff_warning, step_bounds};
@@ -83,6 +85,8 @@ pub struct RunMode {
 /// Advances the state to the last step and writes the results; returns the summary.
 pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> Result<String, RunFailure> {
     let start = Instant::now();
+    // Copied only if bodies enter or leave.
+    let mut present = Cow::Borrowed(scene);
     let mut last = scene.last_step();
     let communicator = ranks::communicator();
     let (mut results, estimator) = RunOutput::open(communicator.rank() == 0, case, scene, &state, mode.part_bodies)?;
@@ -103,7 +107,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
 
     let progress = ProgressDisplay::new(state.step, last.max(state.step));
     let reported_share = warn_at_start(&mut statistics, scene, &mut state, mode.resumed, &progress);
-    let probes = Probes::new(scene);
+    let mut probes = Probes::new(scene, &state);
     if mode.resumed {
         // A run that a condition has ended does not go on.
         let values = probes.values(scene, &state, None);
@@ -116,6 +120,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         exchange = Some(opened.map_err(|end| exchange_failure(end, &state, last, &progress))?);
     }
     while state.step < last {
+        let scene = &*present;
         if let Some(exchange) = &mut exchange
             && let Err(end) = exchange.read_loads(scene, &mut state)
         {
@@ -143,13 +148,16 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         }
         progress.show_step(&state, &report);
         results.write(|files| files.add_postpro(scene, &mut state, &report, first)).map_err(RunFailure::Unwritten)?;
-        let values = probes.values(scene, &state, report.start.as_ref());
-        results.write(|files| files.add_probes(&state, &values)).map_err(RunFailure::Unwritten)?;
+        let of_step = probes.step_values(scene, &state, report.start.as_ref());
         let estimator = &mut statistics.estimator;
         results
             .write(|files| files.add_step(scene, &state, &report, &lap, estimator))
             .map_err(RunFailure::Unwritten)?;
         statistics.stage_times.accumulate(&lap);
+        let exchange = exchange_bodies(&mut present, &mut state);
+        let scene = &*present;
+        let values = probes.values(scene, &state, Some((of_step, &exchange)));
+        results.write(|files| files.add_probes(&state, &values)).map_err(RunFailure::Unwritten)?;
         agreement::agree_on_step(communicator, &state).map_err(|mismatch| RunFailure::Broken(mismatch.to_string()))?;
         if let Some(condition) = probes.met_condition(scene, &mut state, &values, start.elapsed()) {
             statistics.met_condition = Some(condition);
@@ -172,6 +180,8 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             return Err(stopped_failure(&state, last, &progress));
         }
     }
+    let scene = &*present;
+    statistics.presence = presence_text(scene, &state);
     let last_output = StageTimes { writing, ..StageTimes::default() };
     statistics.estimator.add_writing_time(&last_output);
     statistics.stage_times.accumulate(&last_output);

@@ -1,5 +1,7 @@
 //! Data: constants of a run.
 
+use std::sync::Arc;
+
 use cd_formats::compute::{Compute, Event, ExternalField, GravityMethod, NarrowPhase};
 pub use cd_formats::doubts::EVENT_SLACK;
 use cd_formats::drv_dof::Evolution;
@@ -118,6 +120,16 @@ pub struct PointLink {
     pub law: u8,
 }
 
+/// Whether a body is in the run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BodyPresence {
+    /// Not yet entered from its source.
+    Waiting,
+    Present,
+    /// Left by a sink.
+    Gone,
+}
+
 /// Constant data of a body.
 #[derive(Debug, Clone)]
 pub struct RigidBody {
@@ -133,6 +145,9 @@ pub struct RigidBody {
     /// Components of the velocity that forces and moments change: along the fixed axes, then about the body's axes. A body
     /// without any has no inverse mass; a body that is not driven has all.
     pub free_components: [bool; 6],
+    /// Whether the body has not yet entered or has left the run. Such a body is a free one, kept as one that is held and has
+    /// no contacts.
+    pub absent: bool,
     /// Index into `Scene::materials`.
     pub material: u16,
     /// Index into `Scene::colours`.
@@ -189,8 +204,11 @@ impl RigidBody {
         0.5 * self.angular_momentum(q, w).dot(w)
     }
 
-    /// Imposed components of the velocity as in the snapshots: bit k for component k.
+    /// Imposed components of the velocity as in the files: bit k for component k.
     pub fn imposed_components(&self) -> u8 {
+        if self.absent {
+            return 0;
+        }
         (0..6).map(|k| if self.free_components[k] { 0 } else { 1 << k }).sum()
     }
 
@@ -382,7 +400,22 @@ pub struct StepTime {
     pub time: f64,
 }
 
-/// Constant data of a run: bodies, laws, imposed motion and options.
+/// Lists of a scene with all its bodies, of which some may be absent; only if the run has sinks or sources.
+#[derive(Debug, Clone)]
+pub struct BodyRoster {
+    pub free: Vec<BodyId>,
+    pub spheres: Vec<BodyId>,
+    pub turning: Vec<BodyId>,
+    pub parts: Vec<BodyPart>,
+    pub part_starts: Vec<PartId>,
+    /// Radius of the bounding ball of each body about its centre of mass, m.
+    pub bounding_radii: Vec<f64>,
+    /// Bodies of each source, in the order in which they enter, with the velocities that they then have.
+    pub entries: Vec<Vec<(BodyId, Twist)>>,
+}
+
+/// Constant data of a run: bodies, laws, imposed motion and options. Lists of free bodies, spheres and contactors have
+/// the bodies that are in the run, which sinks and sources change.
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub bodies: Vec<RigidBody>,
@@ -409,6 +442,8 @@ pub struct Scene {
     pub reference: Vec<Vec3>,
     /// Orientations at the start, body to world, unless DOF.INI gives them.
     pub axes: Vec<Quat>,
+    /// Lists with all bodies, if the run has sinks or sources.
+    pub roster: Option<Arc<BodyRoster>>,
     /// Free bodies, in order.
     pub free: Vec<BodyId>,
     /// Whether each body is a [wall](cd_formats::snapshot::are_walls): one that the energies do not count.
@@ -472,15 +507,55 @@ impl Scene {
     pub fn selected_bodies(&self, bodies: &BodySelection) -> Vec<BodyId> {
         match bodies {
             BodySelection::Body(number) => vec![BodyId::new(number - 1)],
-            BodySelection::Free => self.free.clone(),
+            BodySelection::Free => self.roster.as_ref().map_or(&self.free, |roster| &roster.free).clone(),
             BodySelection::Colour(colour) => {
                 let has_colour = |of_object: u16| self.colours[usize::from(of_object)] == *colour;
-                let is_selected = |&body: &BodyId| match if self.is_general() { self.parts_of(body) } else { &[] } {
+                let is_selected = |&body: &BodyId| match self.all_parts_of(body) {
                     [] => has_colour(self.bodies[body.index()].colour),
                     parts => parts.iter().any(|part| has_colour(part.colour)),
                 };
                 (0..self.bodies.len()).map(BodyId::new).filter(is_selected).collect()
             }
+        }
+    }
+
+    /// Whether a body is in the run.
+    pub fn is_present(&self, body: BodyId) -> bool {
+        !self.bodies[body.index()].absent
+    }
+
+    /// Removes the absent bodies from all lists, and adds those that are present again. Without a roster all are present.
+    pub fn set_presence(&mut self, presence: &[BodyPresence]) {
+        let Some(roster) = self.roster.clone() else { return };
+        for body in &roster.free {
+            let (i, absent) = (body.index(), presence[body.index()] != BodyPresence::Present);
+            let rigid_body = &mut self.bodies[i];
+            (rigid_body.absent, rigid_body.driven, rigid_body.free_components) = (absent, absent, [!absent; 6]);
+            self.walls[i] = absent;
+        }
+        let present = |bodies: &[BodyId]| -> Vec<BodyId> {
+            bodies.iter().copied().filter(|body| presence[body.index()] == BodyPresence::Present).collect()
+        };
+        self.free = present(&roster.free);
+        self.spheres = present(&roster.spheres);
+        self.turning = present(&roster.turning);
+        if !roster.parts.is_empty() {
+            // Polyhedra are large: those that stay are moved.
+            let mut before = std::mem::take(&mut self.parts).into_iter().peekable();
+            self.part_starts.clear();
+            for i in 0..self.bodies.len() {
+                self.part_starts.push(PartId::new(self.parts.len()));
+                let is_present = presence[i] == BodyPresence::Present;
+                let first = self.parts.len();
+                while let Some(part) = before.next_if(|part| part.body.index() == i) {
+                    self.parts.extend(is_present.then_some(part));
+                }
+                if is_present && self.parts.len() == first {
+                    let [start, end] = [i, i + 1].map(|k| roster.part_starts[k].index());
+                    self.parts.extend_from_slice(&roster.parts[start..end]);
+                }
+            }
+            self.part_starts.push(PartId::new(self.parts.len()));
         }
     }
 
@@ -521,7 +596,7 @@ impl Scene {
         let free = || self.free.iter().map(|&i| &self.bodies[i.index()]);
         let radius = libm::cbrt(free().map(|body| body.radius.powi(3)).sum());
         let strength = self.options.gravity_constant * free().map(|body| body.mass).sum::<f64>();
-        self.has_self_gravity().then_some((radius, strength / (radius * radius)))
+        (self.has_self_gravity() && !self.free.is_empty()).then_some((radius, strength / (radius * radius)))
     }
 
     /// Free bodies, or those driven in part if none is free: the bodies of which the run computes the motion.
@@ -586,6 +661,18 @@ impl Scene {
         &self.parts[at(body.index())..at(body.index() + 1)]
     }
 
+    /// Contactors of a body that may be absent; none in a scene that is not [`Self::is_general`].
+    fn all_parts_of(&self, body: BodyId) -> &[BodyPart] {
+        match &self.roster {
+            _ if !self.is_general() => &[],
+            Some(roster) => {
+                let [start, end] = [body.index(), body.index() + 1].map(|k| roster.part_starts[k].index());
+                &roster.parts[start..end]
+            }
+            None => self.parts_of(body),
+        }
+    }
+
     /// Index in `parts` of a part of a body, if it has that many.
     pub fn part_index(&self, body: BodyId, part_number: u16) -> Option<PartId> {
         let starts = self.part_starts.get(body.index()..body.index() + 2)?;
@@ -619,7 +706,7 @@ impl Scene {
 
     /// Whether there are shapes other than spheres and plates, bodies driven in part, or plates that move.
     pub fn is_general(&self) -> bool {
-        !BARE && !self.parts.is_empty()
+        !BARE && (!self.parts.is_empty() || self.roster.as_ref().is_some_and(|roster| !roster.parts.is_empty()))
     }
 
     /// Whether there are contacts that need full blocks, as those of points. The block of a sphere with a sphere, or with any body

@@ -1,5 +1,7 @@
 //! Data: the state, which changes during a run.
 
+mod presence;
+
 use std::cmp::Ordering;
 use std::sync::Arc;
 
@@ -10,7 +12,7 @@ use rayon::prelude::*;
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame, sort_runs_by_key};
-use crate::scene::{BodyId, InteractionRule, PartId, Scene, SphereId};
+use crate::scene::{BodyId, BodyPresence, InteractionRule, PartId, Scene, SphereId};
 
 /// First feature of a contact of polyhedra that was read from a text file without features; the second is a running
 /// number. In the next step it is identified with the nearest contact of the same contactors.
@@ -355,6 +357,8 @@ pub struct State {
     pub ledger: Ledger,
     /// Sums for the files of POSTPRO.DAT.
     pub postpro: PostproSums,
+    /// Whether each body is in the run; empty if the run has neither sinks nor sources.
+    pub presence: Vec<BodyPresence>,
     /// Time since when all bodies have been at rest, s, if a condition at rest ends the run.
     pub rest_since: Option<f64>,
 }

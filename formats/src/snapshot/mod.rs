@@ -81,6 +81,8 @@ pub struct Snapshot {
     pub attractions: Option<AttractionArrays>,
     /// Evaluations of self-gravity; only where it is not evaluated at every step.
     pub gravity: Option<GravityArrays>,
+    /// Bodies that are in the run; only if bodies may enter or leave.
+    pub presence: Option<PresenceArrays>,
     /// Only in scenes with other bodies than spheres and plates.
     pub shapes: Option<ShapeArrays>,
     /// Sums over the steps since the snapshot before.
@@ -513,6 +515,21 @@ arrays! {
 }
 
 arrays! {
+    /// One row a body; there only if the run has sinks or sources.
+    PresenceArrays {
+        /// 0 not yet entered, 1 in the run, 2 left
+        body_presence: u8,
+    }
+}
+
+/// Value of [`PresenceArrays::body_presence`] of a body that has not yet entered.
+pub const PRESENCE_WAITING: u8 = 0;
+/// Value of [`PresenceArrays::body_presence`] of a body that is in the run.
+pub const PRESENCE_PRESENT: u8 = 1;
+/// Value of [`PresenceArrays::body_presence`] of a body that has left.
+pub const PRESENCE_GONE: u8 = 2;
+
+arrays! {
     /// One row a free body of unequal moments of inertia.
     TurningArrays {
         /// Row in the body arrays
@@ -607,6 +624,7 @@ impl Snapshot {
         let attractions = self.attractions.as_ref();
         attractions.map_or(Ok(()), |attractions| attractions.write(archive, contact_rows))?;
         self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(archive, body_rows))?;
+        self.presence.as_ref().map_or(Ok(()), |presence| presence.write(archive, body_rows))?;
         self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(archive, rows))?;
         let interval_rows = rows.map(|rows| &rows.interval);
         self.interval.as_ref().map_or(Ok(()), |interval| interval.write(archive, interval_rows))?;
@@ -694,13 +712,15 @@ impl Snapshot {
                 (Some(_), None) => {}
             }
         }
-        let Snapshot { meta: _, bodies, contacts, memory, laws, attractions, gravity, shapes, interval } = part;
+        let Snapshot { meta: _, bodies, contacts, memory, laws, attractions, gravity, presence, shapes, interval } =
+            part;
         self.bodies.append(bodies);
         self.contacts.append(contacts);
         append_group(&mut self.memory, memory, |own, other| own.append(other));
         append_group(&mut self.laws, laws, |own, other| own.append(other));
         append_group(&mut self.attractions, attractions, |own, other| own.append(other));
         append_group(&mut self.gravity, gravity, |own, other| own.append(other));
+        append_group(&mut self.presence, presence, |own, other| own.append(other));
         append_group(&mut self.shapes, shapes, |own, other| own.append(other));
         append_group(&mut self.interval, interval, |own, other| own.append(other));
     }
@@ -748,9 +768,15 @@ impl Snapshot {
             laws: entries.has_array("contact_reference_gap").then(|| LawArrays::read(entries)),
             attractions: entries.has_array("contact_attraction").then(|| AttractionArrays::read(entries)),
             gravity: entries.has_array("gravity_last").then(|| GravityArrays::read(entries)),
+            presence: entries.has_array("body_presence").then(|| PresenceArrays::read(entries)),
             shapes: entries.has_array("turning_body").then(|| ShapeArrays::read(entries)),
             interval: entries.has_array("interval_body").then(|| IntervalArrays::read(entries)),
         }
+    }
+
+    /// Whether the body of a row is in the run: it has entered and has not left.
+    pub fn is_present(&self, row: usize) -> bool {
+        self.presence.as_ref().is_none_or(|presence| presence.body_presence[row] == PRESENCE_PRESENT)
     }
 
     /// Checks that quaternions have unit length, to the digits of the files.
@@ -768,7 +794,7 @@ impl Snapshot {
 
     /// Checks that arrays of the same rows have equal lengths and that indices are those of existing rows.
     fn check_indices(&self) -> Result<(), IndexError> {
-        let Snapshot { meta, bodies, contacts, memory, laws, attractions, gravity, shapes, interval } = self;
+        let Snapshot { meta, bodies, contacts, memory, laws, attractions, gravity, presence, shapes, interval } = self;
         let bodies_count = bodies.body_id.len();
         let rows = memory.iter().map(|memory| memory.contact_bonded.len());
         let rows = rows.chain(laws.iter().map(|laws| laws.contact_reference_gap.len()));
@@ -783,7 +809,13 @@ impl Snapshot {
             && contacts.contact_law.iter().all(|&l| (l as usize) < meta.laws.len())
             && bodies.body_colour.iter().all(|&c| (c as usize) < meta.colours.len())
             && bodies.body_material.iter().all(|&m| (m as usize) < meta.materials.len())
-            && gravity.as_ref().is_none_or(|gravity| gravity.gravity_last.len() == bodies_count);
+            && gravity.as_ref().is_none_or(|gravity| gravity.gravity_last.len() == bodies_count)
+            && presence.as_ref().is_none_or(|presence| presence.body_presence.len() == bodies_count);
+        let exchanged = interval.iter().flat_map(|interval| &interval.interval_body);
+        let named = contacts.contact_body.iter().chain(exchanged).flatten();
+        if in_range && named.into_iter().any(|&body| !self.is_present(body as usize)) {
+            return Err(IndexError::AbsentBody);
+        }
         if in_range { Ok(()) } else { Err(IndexError::OutOfRange) }
     }
 }
@@ -793,6 +825,7 @@ impl Snapshot {
 enum IndexError {
     ContactRows,
     OutOfRange,
+    AbsentBody,
 }
 
 impl fmt::Display for IndexError {
@@ -800,6 +833,7 @@ impl fmt::Display for IndexError {
         f.write_str(match self {
             IndexError::ContactRows => "the arrays of contacts have different numbers of rows",
             IndexError::OutOfRange => "an index points outside its table",
+            IndexError::AbsentBody => "a contact of a body that is not in the run",
         })
     }
 }

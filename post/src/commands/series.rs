@@ -1,6 +1,6 @@
 //! `cd-post DIR`: the series of a case, its plots, and the ParaView files of its snapshots.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -133,7 +133,9 @@ pub fn measure_series<T: Send>(
     let choices = options.measurement_options();
     let mut rows = Vec::with_capacity(selected.len());
     let mut kept = Vec::new();
-    let mut masses: Option<Vec<f64>> = None;
+    // Of each grain by its number: grains may enter and leave.
+    let mut masses: HashMap<u64, f64> = HashMap::new();
+    let mut count: Option<usize> = None;
     let shapes = ShapeCache::default();
     let mut growing: Vec<(&str, VtkhdfFile)> = Vec::new();
     for batch in selected.chunks(rayon::current_num_threads()) {
@@ -145,15 +147,18 @@ pub fn measure_series<T: Send>(
                 let frame = Frame::read(path, &shapes)?;
                 let row = Row::with_options(&frame, &choices);
                 let pieces = if options.no_vtk { vec![] } else { display_pieces(options, &frame)? };
-                let own: Vec<f64> = frame.grains.iter().map(|grain| grain.mass).collect();
-                Ok((row, own, pieces, keep(first + k, selected.len(), frame)))
+                let own: Vec<(u64, f64)> = frame.grains.iter().map(|grain| (grain.id, grain.mass)).collect();
+                let bodies = frame.grains.len() + frame.walls.len() + frame.absent.len();
+                Ok((row, (bodies, own), pieces, keep(first + k, selected.len(), frame)))
             })
             .collect();
         let mut faults = Faults::default();
         for (result, (_, path)) in measured.into_iter().zip(batch) {
             match result {
-                Ok((row, own, pieces, for_later)) => {
-                    if *masses.get_or_insert_with(|| own.clone()) != own {
+                Ok((row, (bodies, own), pieces, for_later)) => {
+                    let is_same = |(id, mass): (u64, f64)| *masses.entry(id).or_insert(mass) == mass;
+                    let all_same = own.into_iter().map(is_same).fold(true, |all, same| all & same);
+                    if !all_same || *count.get_or_insert(bodies) != bodies {
                         let expected = format!("expected those of {}, of the same run", selected[0].1.display());
                         faults.push(Fault::new(path, None, "snapshot", "other bodies", expected));
                     }

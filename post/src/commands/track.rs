@@ -91,7 +91,12 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
     let paths = select_snapshots(&dir.join("OUTBOX"), 1)?;
     let found = |frame: &Frame, up: &Vec3| -> Result<TrackedBody, Faults> {
         find_body(frame, body, up).ok_or_else(|| {
-            let count = frame.grains.len() + frame.walls.len();
+            if frame.absent.contains(&body) {
+                let found = format!("{body} is not in the run at step {}", frame.meta.step);
+                let expected = "expected a body that is in the run in all snapshots";
+                return Fault::new(Path::new("options"), None, "body", found, expected).into();
+            }
+            let count = frame.grains.len() + frame.walls.len() + frame.absent.len();
             let expected = format!("expected the number of a body in BODIES.DAT, 1 to {count}");
             Fault::new(Path::new("options"), None, "body", format!("{body}"), expected).into()
         })

@@ -13,7 +13,7 @@ use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::groups::{DisjointSets, largest_remnant};
 use cd_formats::ids::BodyId;
 use cd_formats::law_table::is_law_of_points;
-use cd_formats::names::vector_text;
+use cd_formats::names::{count_text, vector_text};
 use cd_formats::snapshot::{
     self, AttractionArrays, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PairArrays, START_FILE,
     ShapeArrays, Snapshot, TurningArrays,
@@ -133,6 +133,13 @@ impl SourceCase {
             let expected = "expected a run without wires and rods: their length at rest is that of the positions in \
                             BODIES.DAT, which would change; cd-solve --resume continues the run";
             faults.push(Fault::new(&tact_path, line, object, found, expected));
+        }
+        let absent = (0..snapshot.bodies.body_id.len()).filter(|&row| !snapshot.is_present(row)).count();
+        if absent > 0 {
+            let found = format!("{} that has left or not yet entered", count_text(absent, "body"));
+            let expected =
+                "expected a snapshot with all bodies: cd-solve --resume continues a run with sinks and sources";
+            faults.push(Fault::new(path, None, "snapshot", found, expected));
         }
         faults.into_result(())?;
         let shifts = bodies.0.iter().zip(&own).map(|(body, own)| body.centre_of_mass_offset(own).into()).collect();

@@ -130,7 +130,7 @@ fn floor_height(scene: &Scene, state: &State) -> f64 {
         };
         state.x[i].dot(&up) + reach
     };
-    let walls = (0..scene.bodies.len()).filter(|&i| scene.walls[i]);
+    let walls = (0..scene.bodies.len()).filter(|&i| scene.walls[i] && !scene.bodies[i].absent);
     walls.map(top).fold(f64::INFINITY, f64::min)
 }
 

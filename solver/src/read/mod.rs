@@ -5,6 +5,7 @@ mod behaviour;
 mod bodies;
 mod contactors;
 pub mod driver;
+mod growth;
 mod lenient;
 mod links;
 mod mirror;
@@ -133,6 +134,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     scene.events = event_schedule(&scene.options.events, scene.end_time());
     let dt = scene.options.dt.min(state.h);
     resume::pass_events(&scene, &mut state, dt);
+    growth::prepare_growth(&datbox.join(COMPUTE_FILE), flags, &mut scene, &mut state)?;
     if !started || flags.events.is_some() {
         scene.notes.extend(passed_events_note(&scene, &state));
     }
@@ -188,6 +190,7 @@ fn initial_state(
         fallback: FallbackState::default(),
         ledger: Ledger::default(),
         postpro: PostproSums::default(),
+        presence: Vec::new(),
         rest_since: None,
     }
 }

@@ -92,6 +92,7 @@ pub fn body_from_record(
         inertia,
         driven: false,
         free_components: [true; 6],
+        absent: false,
         material: material as u16,
         colour: pieces[0].colour,
         class: 0,

@@ -5,15 +5,18 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::compute::event_schedule;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::names::number_text;
+use cd_formats::names::{count_text, number_text};
 use cd_formats::ron_file::value_with_current_names;
-use cd_formats::snapshot::{self, LawName, RunParameters, STATUS_NO_CONTACT, STATUS_SLIDE, ShapeArrays, Snapshot};
+use cd_formats::snapshot::{
+    self, LawName, PRESENCE_PRESENT, PRESENCE_WAITING, RunParameters, STATUS_NO_CONTACT, STATUS_SLIDE, ShapeArrays,
+    Snapshot,
+};
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{Vec3, to_local, to_world};
-use crate::scene::{BodyId, EVENT_SLACK, Scene, StepTime};
+use crate::scene::{BodyId, BodyPresence, EVENT_SLACK, Scene, StepTime};
 use crate::state::{
     BondingMode, CachedPair, Contact, ContactExchange, ContactStatus, DetectionCache, GravityHistory, LawMemory,
     OutputInterval, SolvedContact, State, UNKNOWN_FEATURE,
@@ -30,6 +33,7 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
     }
     let snapshot = Snapshot::read(path).map_err(|faults| unreadable_snapshot_faults(faults, &snapshots))?;
     check_snapshot(path, scene, &snapshot)?;
+    restore_presence(path, scene, state, &snapshot)?;
     let current = |(name, value): (&String, &String)| (name.clone(), value_with_current_names(name, value));
     let options = snapshot.meta.options.iter().map(current).collect();
     state.attraction = restored_attraction(scene, &snapshot);
@@ -54,6 +58,38 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
         pass_events(scene, state, dt);
     }
     Ok(Some(PreviousRun { parameters, options }))
+}
+
+/// Restores which bodies are in the run. Errors: bodies that are not, in a run without sinks and sources; and sources of
+/// which the run so far knows nothing.
+fn restore_presence(path: &Path, scene: &mut Scene, state: &mut State, snapshot: &Snapshot) -> Result<(), Faults> {
+    let count = scene.bodies.len();
+    let absent = (0..count).filter(|&row| !snapshot.is_present(row)).count();
+    let refuse = |found: String, expected: &str| Err(Fault::new(path, None, "snapshot", found, expected).into());
+    match &snapshot.presence {
+        _ if scene.roster.is_none() && absent > 0 => {
+            let expected = "expected the options sinks and sources of the run so far";
+            return refuse(format!("{} not in the run", count_text(absent, "body")), expected);
+        }
+        None if !scene.options.sources.is_empty() => {
+            return refuse("of a run without sinks and sources".into(), "expected a run with sources from its start");
+        }
+        Some(presence) => {
+            let of_body = |value: &u8| match *value {
+                PRESENCE_WAITING => BodyPresence::Waiting,
+                PRESENCE_PRESENT => BodyPresence::Present,
+                _ => BodyPresence::Gone,
+            };
+            state.presence = presence.body_presence.iter().map(of_body).collect();
+        }
+        None => {}
+    }
+    if scene.roster.is_some() {
+        state.apply_presence(scene);
+    } else {
+        state.presence.clear();
+    }
+    Ok(())
 }
 
 /// Parameters and options of a run's last step.

@@ -28,10 +28,13 @@ impl ProbeFiles {
     pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<Self, Faults> {
         let options = &scene.options;
         let open = |probe: &Probe| {
-            // Forces are means over the steps of a row, other quantities those of its last step.
+            // Forces are means over the steps of a row, flows sums, other quantities those of its last step.
             let kind = match probe.quantity {
                 ProbeQuantity::Force { .. } => ColumnKind::Mean,
                 ProbeQuantity::Motion { .. } | ProbeQuantity::Energy { .. } => ColumnKind::Last,
+                ProbeQuantity::Crossing { .. } | ProbeQuantity::Removed { .. } | ProbeQuantity::Entered { .. } => {
+                    ColumnKind::Sum
+                }
             };
             let mut columns: Vec<Column> =
                 vec![("step", ColumnKind::Last), ("time", ColumnKind::Last), (STEP_LENGTH, ColumnKind::Sum)];

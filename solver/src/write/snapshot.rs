@@ -4,13 +4,13 @@ use cd_formats::compute::{Adaptive, SweepPrecision};
 use cd_formats::law_table::{LawParameter, law_parameters};
 use cd_formats::snapshot::{
     AttractionArrays, BodyArrays, ContactArrays, FORMAT_VERSION, GravityArrays, IntervalArrays, LawArrays, LawName,
-    MemoryArrays, RunParameters, SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK,
-    ShapeArrays, Snapshot, SnapshotMeta,
+    MemoryArrays, PRESENCE_GONE, PRESENCE_PRESENT, PRESENCE_WAITING, PresenceArrays, RunParameters, SHAPE_PARTS,
+    SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, ShapeArrays, Snapshot, SnapshotMeta,
 };
 
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::Vec3;
-use crate::scene::{BodyPart, BodyShape, RigidBody, Scene};
+use crate::scene::{BodyPart, BodyPresence, BodyShape, RigidBody, Scene};
 use crate::state::{ContactId, ContactStatus, LawMemory, SolvedContact, State};
 
 /// Returns all of the state, with the scene data that its reader needs.
@@ -25,6 +25,7 @@ pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
         laws: state.laws.iter().any(ContactLaw::has_law_memory).then(|| law_arrays(state)),
         attractions: has_attractions.then(|| AttractionArrays { contact_attraction: state.pair_attractions.clone() }),
         gravity: gravity_arrays(scene, state),
+        presence: scene.roster.is_some().then(|| presence_arrays(state)),
         shapes: scene.is_general().then(|| shape_arrays(scene, state)),
         interval: Some(interval_arrays(state)),
     }
@@ -162,6 +163,15 @@ fn interval_arrays(state: &State) -> IntervalArrays {
         interval_body: exchanges.iter().map(|exchange| exchange.bodies.map(|body| body.0)).collect(),
         interval_virial: exchanges.iter().map(|exchange| exchange.virial).collect(),
     }
+}
+
+fn presence_arrays(state: &State) -> PresenceArrays {
+    let value = |presence: &BodyPresence| match presence {
+        BodyPresence::Waiting => PRESENCE_WAITING,
+        BodyPresence::Present => PRESENCE_PRESENT,
+        BodyPresence::Gone => PRESENCE_GONE,
+    };
+    PresenceArrays { body_presence: state.presence.iter().map(value).collect() }
 }
 
 fn gravity_arrays(scene: &Scene, state: &State) -> Option<GravityArrays> {

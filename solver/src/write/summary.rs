@@ -22,6 +22,8 @@ pub struct RunStatistics {
     pub steps: u64,
     /// Condition that has ended the run before its last step.
     pub met_condition: Option<String>,
+    /// Numbers of bodies that have left and are still to enter, if the run has sinks or sources.
+    pub presence: Option<String>,
     /// Total length of the steps in units of `dt`.
     pub dt_count: u64,
     /// Longest step, s.
@@ -135,6 +137,9 @@ fn add_steps(summary: &mut SummaryLines, scene: &Scene, state: &State, statistic
     );
     if let Some(condition) = &statistics.met_condition {
         summary.add("ended by", condition);
+    }
+    if let Some(presence) = &statistics.presence {
+        summary.add("bodies", presence);
     }
     let dt = scene.options.dt;
     if scene.options.adaptive().is_on() {

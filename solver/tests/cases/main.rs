@@ -17,6 +17,7 @@ mod first_gaps;
 mod flight;
 mod forms;
 mod gravity;
+mod growth;
 mod guided;
 mod held_energies;
 mod invariants;

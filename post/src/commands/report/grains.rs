@@ -25,6 +25,8 @@ pub struct PageState {
     /// Centre of the view, m: the centre of mass of all grains, or the origin if there are walls or borders, to show how
     /// the grains pass them.
     centre: Vec3,
+    /// Numbers of the grains, which rise.
+    ids: Vec<u64>,
     /// Positions of the grains, m.
     positions: Vec<Vec3>,
     /// Quaternions of the grains, scalar part last, if a grain is no sphere about its centre; empty otherwise.
@@ -57,6 +59,7 @@ impl PageState {
             } else {
                 Vec3::zeros()
             },
+            ids: grains.iter().map(|grain| grain.id).collect(),
             positions: grains.iter().map(|grain| grain.x).collect(),
             rotations: grains.iter().filter(|_| turning).flat_map(grain_rotation).collect(),
             values: [
@@ -69,6 +72,32 @@ impl PageState {
     }
 }
 
+/// The state with exactly these `grains`: those that it does not have are at infinity.
+fn with_grains(state: &PageState, grains: &[Grain]) -> PageState {
+    let rows: Vec<Option<usize>> = grains.iter().map(|grain| state.ids.binary_search(&grain.id).ok()).collect();
+    let value = |values: &Vec<f64>, row: &Option<usize>| {
+        // Of a grain that is not seen, one within the range of the others.
+        row.or((!values.is_empty()).then_some(0)).map_or(0.0, |row| values[row])
+    };
+    let turning = grains.iter().any(|grain| grain.solid.is_some());
+    let rotation = |row: &Option<usize>| match row.map(|row| state.rotations.get(4 * row..4 * row + 4)) {
+        Some(Some(turn)) => [turn[0], turn[1], turn[2], turn[3]],
+        _ => [0.0, 0.0, 0.0, 1.0],
+    };
+    PageState {
+        step: state.step,
+        time: state.time,
+        centre: state.centre,
+        ids: grains.iter().map(|grain| grain.id).collect(),
+        positions: rows.iter().map(|row| row.map_or(Vec3::repeat(f64::INFINITY), |row| state.positions[row])).collect(),
+        rotations: rows.iter().filter(|_| turning).flat_map(rotation).collect(),
+        values: state.values.each_ref().map(|values| rows.iter().map(|row| value(values, row)).collect()),
+    }
+}
+
+/// Distance of a grain that is not in a state, in distances of the farthest grain that is: outside of every view.
+const HIDDEN_REACHES: f64 = 1e4;
+
 fn grain_rotation(grain: &Grain) -> [f32; 4] {
     grain.rotation.coords.map(|component| component as f32).into()
 }
@@ -80,6 +109,13 @@ fn grain_rotation(grain: &Grain) -> [f32; 4] {
 /// all states.
 pub fn page_json(states: &[PageState], last: &Frame) -> String {
     let grains = &last.grains;
+    let hidden: Vec<PageState>;
+    let states = if states.iter().all(|state| state.ids.iter().copied().eq(grains.iter().map(|grain| grain.id))) {
+        states
+    } else {
+        hidden = states.iter().map(|state| with_grains(state, grains)).collect();
+        &hidden
+    };
     let (mut balls, mut ball_owners) = (Vec::new(), Vec::new());
     let (mut corners, mut corner_owners) = (Vec::new(), Vec::new());
     for (k, grain) in grains.iter().enumerate() {
@@ -117,7 +153,8 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
     };
     let relative_positions: Vec<Vec<Vec3>> = states.iter().map(relative_positions).collect();
     let farthest = |places: &Vec<Vec3>| {
-        places.iter().zip(grains).map(|(x, grain)| x.norm() + 2.0 * grain.bounding_radius()).fold(radius, f64::max)
+        let reaches = places.iter().zip(grains).map(|(x, grain)| x.norm() + 2.0 * grain.bounding_radius());
+        reaches.filter(|reach| reach.is_finite()).fold(radius, f64::max)
     };
     let reach = relative_positions.iter().map(farthest).fold(radius, f64::max);
 
@@ -132,8 +169,9 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
         (("number", "1"), grain_values(&|grain| grain.id as f64)),
     ];
     let constant = constant.iter().map(|(name, values)| quantity_json(*name, &[values]));
+    let distance = |x: &Vec3| if x.x.is_finite() { x.norm() } else { 0.0 };
     let distances: Vec<Vec<f64>> =
-        relative_positions.iter().map(|places| places.iter().map(|x| x.norm()).collect()).collect();
+        relative_positions.iter().map(|places| places.iter().map(distance).collect()).collect();
     let distances: Vec<&[f64]> = distances.iter().map(|values| &values[..]).collect();
     let from_centre = quantity_json(("distance from the centre", "m"), &distances);
     let quantities: Vec<Value> = time_dependent.chain([from_centre]).chain(constant).collect();
@@ -141,7 +179,8 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
         .iter()
         .zip(&relative_positions)
         .map(|(state, places)| {
-            let places = places.iter().flat_map(|x| [x.x, x.y, x.z]);
+            let hidden = HIDDEN_REACHES * reach;
+            let places = places.iter().flat_map(|x| [x.x, x.y, x.z]).map(|x| if x.is_finite() { x } else { hidden });
             json!({ "step": state.step, "time": state.time, "places": base64_of_f64(places), "turns": base64_of_f32(&state.rotations) })
         })
         .collect();

@@ -1,0 +1,165 @@
+//! Sinks and sources of a run: bodies that leave, and bodies that enter.
+
+use serde::{Deserialize, Serialize};
+
+use crate::names::is_file_name;
+use crate::probe::BodySelection;
+use crate::report::FaultReport;
+
+/// Part of space from which free bodies leave the run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sink {
+    /// Letters, digits, `-` and `_`.
+    pub name: String,
+    pub region: SinkRegion,
+}
+
+/// Region of a sink: a body leaves when its centre of mass is inside.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum SinkRegion {
+    /// Farther than `radius` (m) from `centre` (m).
+    Beyond { centre: [f64; 3], radius: f64 },
+    /// On the side of the plane through `point` (m) from which `normal` points away.
+    Below { point: [f64; 3], normal: [f64; 3] },
+    /// Nearer than `radius` (m) to `centre` (m).
+    Ball { centre: [f64; 3], radius: f64 },
+    /// Between two opposite corners (m), along the fixed axes.
+    Box { lower: [f64; 3], upper: [f64; 3] },
+    /// Within `radius` (m) of the segment from `start` to `end` (m), and between the planes through its ends.
+    Cylinder { start: [f64; 3], end: [f64; 3], radius: f64 },
+}
+
+/// Bodies that enter the run one after the other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// Letters, digits, `-` and `_`.
+    pub name: String,
+    /// Bodies that enter, in the order of their numbers.
+    pub bodies: BodySelection,
+    /// Time of the first, s.
+    #[serde(default)]
+    pub from: f64,
+    /// Number of bodies per second.
+    pub rate: f64,
+}
+
+impl SinkRegion {
+    /// Whether the region has the position `x` (m).
+    pub fn contains(&self, x: &[f64; 3]) -> bool {
+        let from = |origin: &[f64; 3]| difference(x, origin);
+        match self {
+            SinkRegion::Beyond { centre, radius } => square(&from(centre)) > radius * radius,
+            SinkRegion::Below { point, normal } => dot(&from(point), normal) < 0.0,
+            SinkRegion::Ball { centre, radius } => square(&from(centre)) < radius * radius,
+            SinkRegion::Box { lower, upper } => (0..3).all(|k| lower[k] < x[k] && x[k] < upper[k]),
+            SinkRegion::Cylinder { start, end, radius } => {
+                let (axis, arm) = (difference(end, start), from(start));
+                let (length_squared, along) = (square(&axis), dot(&arm, &axis));
+                let off_axis: [f64; 3] = std::array::from_fn(|k| arm[k] - axis[k] * (along / length_squared));
+                0.0 < along && along < length_squared && square(&off_axis) < radius * radius
+            }
+        }
+    }
+
+    /// Requirement that the numbers do not meet.
+    fn invalid_value(&self) -> Option<&'static str> {
+        let finite = |vectors: &[&[f64; 3]]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        match self {
+            SinkRegion::Beyond { centre, radius } | SinkRegion::Ball { centre, radius } => {
+                (!(finite(&[centre]) && positive(*radius))).then_some("a finite centre and a radius > 0 m")
+            }
+            SinkRegion::Below { point, normal } => {
+                let sound = finite(&[point, normal]) && positive(square(normal));
+                (!sound).then_some("a finite point and a normal other than 0")
+            }
+            SinkRegion::Box { lower, upper } => {
+                let sound = finite(&[lower, upper]) && (0..3).all(|k| lower[k] < upper[k]);
+                (!sound).then_some("finite corners, each coordinate of lower less than that of upper")
+            }
+            SinkRegion::Cylinder { start, end, radius } => {
+                let sound = finite(&[start, end]) && positive(square(&difference(end, start))) && positive(*radius);
+                (!sound).then_some("two finite ends that differ, and a radius > 0 m")
+            }
+        }
+    }
+}
+
+impl Source {
+    /// Time at which body `k` of the source, from 0, enters, s.
+    pub fn entry_time(&self, k: usize) -> f64 {
+        self.from + k as f64 / self.rate
+    }
+}
+
+/// Selections of the sources, with the paths of their values in COMPUTE.RON.
+pub fn source_bodies(sources: &[Source]) -> impl Iterator<Item = (String, &BodySelection)> {
+    sources.iter().enumerate().map(|(k, source)| (format!("sources.{k}.bodies"), &source.bodies))
+}
+
+/// Reports the values of sinks and sources that no run could use; `at` is the prefix of their paths.
+pub fn check_growth(sinks: &[Sink], sources: &[Source], at: &str, report: &mut FaultReport) {
+    let mut known: Vec<&str> = Vec::new();
+    let names = sinks.iter().map(|sink| &sink.name).enumerate().map(|(k, name)| (format!("{at}sinks.{k}.name"), name));
+    let of_sources = sources.iter().map(|source| &source.name).enumerate();
+    for (path, name) in names.chain(of_sources.map(|(k, name)| (format!("{at}sources.{k}.name"), name))) {
+        let sound = is_file_name(name) && !known.contains(&name.as_str());
+        report.require(sound, &path, format!("'{name}'"), "a name of its own, of letters, digits, - and _");
+        known.push(name);
+    }
+    for (k, sink) in sinks.iter().enumerate() {
+        if let Some(expected) = sink.region.invalid_value() {
+            let path = format!("{at}sinks.{k}.region");
+            let found = report.shown_text_or(&path, || format!("{:?}", sink.region));
+            report.add_fault(&path, found, expected);
+        }
+    }
+    for (k, Source { from, rate, .. }) in sources.iter().enumerate() {
+        let path = format!("{at}sources.{k}");
+        report.require_number(from.is_finite(), &format!("{path}.from"), *from, "a finite time (s)");
+        let sound = rate.is_finite() && *rate > 0.0;
+        report.require_number(sound, &format!("{path}.rate"), *rate, "a finite number > 0 of bodies per second");
+    }
+}
+
+fn difference(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn square(v: &[f64; 3]) -> f64 {
+    dot(v, v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn regions_are_open_sets() {
+        let origin = [0.0; 3];
+        let beyond = SinkRegion::Beyond { centre: [1.0, 0.0, 0.0], radius: 2.0 };
+        assert_eq!([-1.0, -1.5, 3.0, 3.5].map(|x| beyond.contains(&[x, 0.0, 0.0])), [false, true, false, true]);
+        let ball = SinkRegion::Ball { centre: origin, radius: 2.0 };
+        assert_eq!([0.0, 1.5, 2.0, 2.5].map(|x| ball.contains(&[x, 0.0, 0.0])), [true, true, false, false]);
+        let below = SinkRegion::Below { point: [0.0, 0.0, 1.0], normal: [0.0, 0.0, 3.0] };
+        assert_eq!([0.5, 1.0, 1.5].map(|z| below.contains(&[9.0, 9.0, z])), [true, false, false]);
+        let cuboid = SinkRegion::Box { lower: origin, upper: [1.0, 2.0, 3.0] };
+        assert!(cuboid.contains(&[0.5, 1.5, 2.5]) && !cuboid.contains(&[0.5, 1.5, 3.0]));
+        let cylinder = SinkRegion::Cylinder { start: origin, end: [0.0, 4.0, 0.0], radius: 1.0 };
+        let at = |x: f64, y: f64| cylinder.contains(&[x, y, 0.0]);
+        assert!(at(0.5, 1.0) && at(-0.9, 3.9) && !at(1.0, 1.0) && !at(0.5, 4.0) && !at(0.5, 0.0));
+    }
+
+    #[test]
+    fn bodies_enter_at_equal_intervals() {
+        let source = Source { name: "rain".into(), bodies: BodySelection::Free, from: 3.0, rate: 4.0 };
+        assert_eq!([0, 1, 6].map(|k| source.entry_time(k)), [3.0, 3.25, 4.5]);
+    }
+}
