@@ -1,10 +1,10 @@
-//! Presets of accuracy.
+//! Presets of accuracy, and the option `adaptive` of COMPUTE.RON; [`crate::presets`] has the values of the presets.
 
 use serde::{Deserialize, Serialize};
 
 use crate::ron_file::option_from_flag;
 
-/// How accurate a run is to be.
+/// Preset of the options that trade speed for accuracy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Accuracy {
@@ -45,15 +45,15 @@ impl std::fmt::Display for Accuracy {
     }
 }
 
-/// Steps of several times `dt` where little happens.
+/// Option `adaptive`: limits of steps that are several times `dt` where little happens.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Adaptive {
     /// Longest step over `dt`; 1: all steps are `dt`.
     pub max_multiple: u64,
-    /// Relative displacement of two neighbours in a step, over the smaller radius; separation counts half.
+    /// Largest relative displacement of two neighbours in a step, over the smaller radius; separation counts half.
     pub travel: f64,
-    /// Penetration that a step may cause, over the smaller radius.
+    /// Largest penetration that a step may cause, over the smaller radius.
     pub penetration: f64,
 }
 

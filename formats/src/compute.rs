@@ -47,11 +47,11 @@ impl Event {
         Event { time, every: None, until: None, action }
     }
 
-    /// Number of repetitions up to `end` (s) after the first time.
+    /// Number of repetitions up to `end` (s); the first occurrence does not count.
     fn repeat_count(&self, end: f64) -> f64 {
         let every = self.every.unwrap_or(f64::INFINITY);
         let until = self.until.unwrap_or(f64::INFINITY).min(end);
-        // Far from time 0 the digits of times are coarser.
+        // The rounding of a time is proportional to it: far from time 0 it is a larger share of an interval.
         let rounding = RELATIVE_ROUNDING.max(SAME_TIME_TOLERANCE * until.abs() / every);
         ((until - self.time) / every + rounding).floor().max(0.0)
     }
@@ -63,31 +63,33 @@ const RELATIVE_ROUNDING: f64 = 1e-9;
 /// Largest relative difference of equal times: the rounding of a sum and a product.
 const SAME_TIME_TOLERANCE: f64 = 4.0 * f64::EPSILON;
 
-/// Largest number of steps of a run: each larger number of steps is not an f64, from which times are computed.
+/// Largest number of steps of a run. Times are computed from the number as an f64, which holds integers up to
+/// 2^53 = 9.007e15 exactly.
 const MAX_STEPS: f64 = 9e15;
 
 /// Largest number of occurrences of an event, since each is stored; a larger one is probably a mistake.
 pub const MAX_EVENTS: f64 = 1e6;
 
-/// Events with more occurrences up to `end` (s) than [`MAX_EVENTS`], with the number of occurrences.
-pub fn too_frequent(events: &[Event], end: f64) -> impl Iterator<Item = (usize, f64)> {
+/// Events that repeat more than [`MAX_EVENTS`] times up to `end` (s): index in the list, and number of repetitions.
+pub fn too_frequent_events(events: &[Event], end: f64) -> impl Iterator<Item = (usize, f64)> {
     events.iter().map(move |event| event.repeat_count(end)).enumerate().filter(|(_, repeats)| *repeats > MAX_EVENTS)
 }
 
 /// All occurrences as single events, repetitions up to `end`, s. They are in the order of their times and, at equal times
 /// to rounding, in the order of the list. A later end only appends events.
 pub fn event_schedule(events: &[Event], end: f64) -> Vec<Event> {
-    let mut all = Vec::new();
-    for (place, event) in events.iter().enumerate() {
-        let time = |k: u64| event.time + event.every.map_or(0.0, |every| every * k as f64);
-        all.extend(
-            (0..=event.repeat_count(end) as u64).map(|k| (place, Event::at_time(time(k), event.action.clone()))),
-        );
+    // Each occurrence with the index of its event in the list.
+    let mut occurrences = Vec::new();
+    for (index, event) in events.iter().enumerate() {
+        let time = |repeat: u64| event.time + event.every.map_or(0.0, |every| every * repeat as f64);
+        let repeats = 0..=event.repeat_count(end) as u64;
+        occurrences.extend(repeats.map(|repeat| (index, Event::at_time(time(repeat), event.action.clone()))));
     }
-    all.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
-    let same = |(_, a): &(usize, Event), (_, b): &(usize, Event)| b.time - a.time <= SAME_TIME_TOLERANCE * b.time.abs();
-    all.chunk_by_mut(same).for_each(|at_one_time| at_one_time.sort_by_key(|(k, _)| *k));
-    all.into_iter().map(|(_, event)| event).collect()
+    occurrences.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
+    let is_same_time =
+        |(_, a): &(usize, Event), (_, b): &(usize, Event)| b.time - a.time <= SAME_TIME_TOLERANCE * b.time.abs();
+    occurrences.chunk_by_mut(is_same_time).for_each(|simultaneous| simultaneous.sort_by_key(|(index, _)| *index));
+    occurrences.into_iter().map(|(_, event)| event).collect()
 }
 
 /// Change that an event makes.
@@ -167,34 +169,35 @@ fn unit_scale() -> f64 {
 }
 
 impl ExternalField {
-    /// Fault of the values of a field for G = `constant` (m^3 kg^-1 s^-2), if there is one: expected values.
-    fn invalid_value(&self, constant: f64) -> Option<&'static str> {
+    /// Values that are expected in place of those of the field, if these cannot be used; `gravity_constant`: G in
+    /// m^3 kg^-1 s^-2.
+    fn invalid_value(&self, gravity_constant: f64) -> Option<&'static str> {
         let finite = |vectors: &[&[f64; 3]]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
         let positive = |x: f64| x.is_finite() && x > 0.0;
-        let values = "finite values, mass and radius > 0, an axis other than 0";
-        let motion = |mass: f64, position: &Option<[f64; 3]>, orbit: &Option<OrbitSpec>| match (position, orbit) {
-            (Some(position), None) => (!finite(&[position])).then_some(values),
-            (None, Some(orbit)) => orbit.invalid_value(constant * mass),
+        let expected = "finite values, mass and radius > 0, an axis other than 0";
+        let path_fault = |mass: f64, position: &Option<[f64; 3]>, orbit: &Option<OrbitSpec>| match (position, orbit) {
+            (Some(position), None) => (!finite(&[position])).then_some(expected),
+            (None, Some(orbit)) => orbit.invalid_value(gravity_constant * mass),
             _ => Some("either position or orbit"),
         };
         match self {
             ExternalField::PointMass { mass, position, orbit } => {
                 if positive(*mass) {
-                    motion(*mass, position, orbit)
+                    path_fault(*mass, position, orbit)
                 } else {
-                    Some(values)
+                    Some(expected)
                 }
             }
             ExternalField::Oblate { mass, position, orbit, radius, j2, axis } => {
-                let length = axis.iter().map(|x| x * x).sum::<f64>();
-                let sound = positive(*mass) && positive(*radius) && j2.is_finite() && positive(length);
-                if sound { motion(*mass, position, orbit) } else { Some(values) }
+                let squared_length = axis.iter().map(|x| x * x).sum::<f64>();
+                let sound = positive(*mass) && positive(*radius) && j2.is_finite() && positive(squared_length);
+                if sound { path_fault(*mass, position, orbit) } else { Some(expected) }
             }
             ExternalField::Polyhedron { surface, scale, density, position, rate } => {
                 let sound = positive(*scale) && positive(*density) && finite(&[position, rate]) && !surface.is_empty();
                 (!sound).then_some("the name of a file, scale and density > 0, finite position and rate")
             }
-            ExternalField::RotatingFrame { rate, centre } => (!finite(&[rate, centre])).then_some(values),
+            ExternalField::RotatingFrame { rate, centre } => (!finite(&[rate, centre])).then_some(expected),
         }
     }
 
@@ -287,6 +290,9 @@ impl std::fmt::Display for ContactSolver {
 
 /// Smallest RMS relative error that the fast multipole method supports.
 pub const MIN_FMM_ERROR: f64 = 1e-6;
+
+/// Smallest `gravity_error`: sums over all pairs in f64 are not more accurate.
+const MIN_GRAVITY_ERROR: f64 = 1e-14;
 
 macro_rules! options {
     ($($(#[doc = $help:literal])+ $name:ident : $type:ty = $default:expr, $flag:ty, [$($arg:tt)*];)+) => {
@@ -523,8 +529,9 @@ impl Compute {
         }
         let constant = self.gravity_constant;
         number(constant.is_finite() && constant >= 0.0, "gravity_constant", constant, "a finite number >= 0");
-        let error = self.gravity_error();
-        number(positive(error) && error >= 1e-14, "gravity_error", error, "at least 1e-14");
+        let gravity_error = self.gravity_error();
+        let holds = positive(gravity_error) && gravity_error >= MIN_GRAVITY_ERROR;
+        number(holds, "gravity_error", gravity_error, "at least 1e-14");
         if let Some(opening) = self.gravity_opening {
             number(opening > 0.0 && opening < 1.0, "gravity_opening", opening, "more than 0 and less than 1");
         }
@@ -564,10 +571,11 @@ impl Compute {
         );
         expect(self.max_sweeps() > 0, "max_sweeps", format!("{}", self.max_sweeps()), "at least 1");
         expect(self.check_every != Some(0), "check_every", to_ron(&self.check_every), "at least 1");
+        let is_reported = gravity_error.is_nan() || gravity_error < MIN_GRAVITY_ERROR;
         expect(
-            self.gravity != GravityMethod::Fmm || error >= MIN_FMM_ERROR || error.is_nan() || error < 1e-14,
+            self.gravity != GravityMethod::Fmm || gravity_error >= MIN_FMM_ERROR || is_reported,
             "gravity_error",
-            format!("{} with gravity: fmm", number_text(error)),
+            format!("{} with gravity: fmm", number_text(gravity_error)),
             "at least 1e-6, or gravity: direct",
         );
         let order = self.gravity_order;
@@ -651,16 +659,16 @@ impl Compute {
     /// Whether a rotation about `axis` leaves the periodic scene invariant: it has no period, or a period along this axis
     /// only.
     pub fn allows_rotation_about(&self, axis: &[f64; 3]) -> bool {
-        let [x, y, z] = axis.map(|component| component == 0.0);
-        (self.xperiode.is_none() || y && z) && (self.yperiode.is_none() || x && z)
+        let [no_x, no_y, no_z] = axis.map(|component| component == 0.0);
+        (self.xperiode.is_none() || no_y && no_z) && (self.yperiode.is_none() || no_x && no_z)
     }
 
-    /// Step to end with: `steps` after step `first`, that of DATBOX, or by `end_time` for a run continued from a step and
-    /// time (s); none when neither is given.
+    /// Number of the last step: `steps` after `first`, the step of DATBOX, or the first step not before `end_time` if all
+    /// steps from `step` at `time` (s) on are dt; `None` without either option.
     pub fn last_step(&self, first: u64, (step, time): (u64, f64)) -> Option<u64> {
         // A thousandth of a step of slack: end_time / dt seldom divides exactly.
-        let until = |end: f64| step.saturating_add(((end - time) / self.dt - 1e-3).ceil().max(0.0) as u64);
-        self.steps.map(|steps| first.saturating_add(steps)).or(self.end_time.map(until))
+        let step_at = |end: f64| step.saturating_add(((end - time) / self.dt - 1e-3).ceil().max(0.0) as u64);
+        self.steps.map(|steps| first.saturating_add(steps)).or(self.end_time.map(step_at))
     }
 }
 
@@ -717,9 +725,9 @@ mod tests {
         assert_eq!(flagged.adaptive(), Adaptive { max_multiple: 3, ..Adaptive::default() });
         let again: Compute = from_ron(path, &flagged.to_text(), "options").unwrap();
         assert_eq!(again, flagged);
-        let alone = |knob: &&(&str, String, bool)| knob.2;
-        let alone: Vec<&str> = flagged.accuracy_options().iter().filter(alone).map(|knob| knob.0).collect();
-        assert_eq!(alone, ["adaptive", "tol", "gravity_refresh"]);
+        let options = flagged.accuracy_options();
+        let set_names: Vec<&str> = options.iter().filter(|option| option.is_set).map(|option| option.name).collect();
+        assert_eq!(set_names, ["adaptive", "tol", "gravity_refresh"]);
         for max_multiple in [0, u64::MAX] {
             let adaptive = Some(Adaptive { max_multiple, ..Adaptive::default() });
             assert_eq!(Compute { adaptive, ..Compute::default() }.check(path).unwrap_err().0.len(), 1);

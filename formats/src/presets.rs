@@ -1,7 +1,20 @@
-//! Values of the presets of accuracy: defaults of the options that trade speed for accuracy.
+//! Values of the presets of accuracy: defaults of the options of COMPUTE.RON that trade speed for accuracy.
+//!
+//! The values were chosen by errors and run times of the scenes in `examples/accuracy-study`, which
+//! `docs/explanation/accuracy.md` shows.
 
 use crate::accuracy::Adaptive;
 use crate::compute::{Compute, NarrowPhase};
+
+/// Option that a preset of accuracy decides unless it is set itself.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PresetOption {
+    pub name: &'static str,
+    /// Value in force, in RON.
+    pub value: String,
+    /// Whether the option itself is set.
+    pub is_set: bool,
+}
 
 macro_rules! knobs {
     ($($name:ident: $type:ty = [$none:expr, $draft:expr, $standard:expr, $fine:expr, $reference:expr];)+) => {
@@ -15,25 +28,28 @@ macro_rules! knobs {
                 }
             )+
 
-            /// Name and value in force of every option that `accuracy` decides, and whether the option itself is set.
-            pub fn accuracy_options(&self) -> Vec<(&'static str, String, bool)> {
-                let text = |value: Result<String, ron::Error>| value.unwrap_or_default();
-                vec![$((stringify!($name), text(ron::to_string(&self.$name())), self.$name.is_some()),)+]
+            /// Every option that `accuracy` decides.
+            pub fn accuracy_options(&self) -> Vec<PresetOption> {
+                vec![$(PresetOption {
+                    name: stringify!($name),
+                    value: ron::to_string(&self.$name()).unwrap_or_default(),
+                    is_set: self.$name.is_some(),
+                },)+]
             }
         }
     };
 }
 
-/// Adaptive steps of up to `max_multiple` times `dt`.
-const fn up_to(max_multiple: u64, travel: f64, penetration: f64) -> Adaptive {
-    Adaptive { max_multiple, travel, penetration }
-}
-
-const FIXED_STEP: Adaptive = up_to(1, 0.1, 1e-3);
+/// All steps are `dt`.
+const FIXED_STEP: Adaptive = Adaptive { max_multiple: 1, travel: 0.1, penetration: 1e-3 };
+/// Adaptive steps of `standard`.
+const STANDARD_STEP: Adaptive = Adaptive { max_multiple: 4, travel: 0.1, penetration: 1e-3 };
+/// Adaptive steps of `draft`.
+const DRAFT_STEP: Adaptive = Adaptive { max_multiple: 16, travel: 0.17, penetration: 3e-3 };
 
 knobs! {
     // none, draft, standard, fine, reference
-    adaptive: Adaptive = [FIXED_STEP, up_to(16, 0.17, 3e-3), up_to(4, 0.1, 1e-3), FIXED_STEP, FIXED_STEP];
+    adaptive: Adaptive = [FIXED_STEP, DRAFT_STEP, STANDARD_STEP, FIXED_STEP, FIXED_STEP];
     tol: f64 = [1e-2, 2e-2, 5e-3, 1e-3, 1e-4];
     penetration_tol: f64 = [5e-4, 1e-2, 5e-4, 2e-4, 1e-4];
     max_sweeps: u64 = [20_000, 500, 20_000, 20_000, 20_000];

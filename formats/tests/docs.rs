@@ -74,8 +74,8 @@ fn presets_are_those_of_accuracy() {
     let [draft, standard, fine, reference] = Accuracy::ALL.map(|accuracy| of(Some(accuracy)));
     let presets = [of(None), draft, standard, fine, reference];
     for (k, row) in documented.iter().enumerate() {
-        let expected = [0, 1, 2, 3, 4].map(|preset| presets[preset][k].1.clone());
-        assert_eq!((row[0].clone(), &row[1..]), (format!("`{}`", presets[0][k].0), &expected[..]));
+        let expected = [0, 1, 2, 3, 4].map(|preset| presets[preset][k].value.clone());
+        assert_eq!((row[0].clone(), &row[1..]), (format!("`{}`", presets[0][k].name), &expected[..]));
     }
     assert_eq!(documented.len(), presets[0].len());
 }

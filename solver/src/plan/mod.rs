@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
 use cd_formats::names::{count_text, ratio_text, rounded_number, short_number};
+use cd_formats::presets::PresetOption;
 
 use crate::integrate::{fastest_spin, shortest_orbit};
 use crate::math::Vec3;
@@ -277,7 +278,7 @@ fn memory_estimate() -> String {
 
 /// Preset of the run, and the options that it sets.
 fn accuracy_text(scene: &Scene) -> String {
-    let option_text = |(name, value, is_set): (&str, String, bool)| {
+    let option_text = |PresetOption { name, value, is_set }: PresetOption| {
         let value = if name == "gravity_refresh" { scene.gravity_refresh().to_string() } else { value };
         format!("{name} {value}{}", if is_set { " (set)" } else { "" })
     };

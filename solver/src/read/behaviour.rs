@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use cd_formats::bodies::Bodies;
-use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent};
+use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent_events};
 use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::law_table::{
@@ -492,7 +492,7 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, event_report: 
 
 /// Rejects events that repeat too often up to the end of the run.
 pub fn check_event_counts(scene: &Scene, report: &mut FaultReport) {
-    for (k, repeats) in too_frequent(&scene.options.events, scene.end_time()) {
+    for (k, repeats) in too_frequent_events(&scene.options.events, scene.end_time()) {
         let found = format!("happens {} times up to the end of the run", rounded_number(repeats));
         report.add_fault(&format!("events.{k}"), found, format!("at most {MAX_EVENTS:.0}"));
     }
