@@ -9,7 +9,7 @@ use cd_formats::field::FieldShapes;
 use cd_formats::ids::BodyId;
 use cd_formats::index_types;
 use cd_formats::law_table::LawModel;
-use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SHAPE_PLANE, Snapshot, SnapshotMeta, are_walls};
+use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SHAPE_PLANE, Snapshot, SnapshotMeta, WallCriteria, are_walls};
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::math::{Mat3, Vec3};
@@ -397,7 +397,8 @@ impl PeriodicCell {
 /// Whether each body is a wall, as in the solver's energies.
 fn wall_rows(bodies: &BodyArrays) -> Vec<bool> {
     let rows = bodies.body_driven.iter().zip(&bodies.body_shape);
-    are_walls(&rows.map(|(driven, shape)| (*driven, *shape == SHAPE_PLANE)).collect::<Vec<_>>())
+    let criteria = rows.map(|(&driven, &shape)| WallCriteria { driven, is_plane: shape == SHAPE_PLANE });
+    are_walls(&criteria.collect::<Vec<_>>())
 }
 
 fn body_rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {

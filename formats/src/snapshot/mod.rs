@@ -44,20 +44,29 @@ pub const DRIVEN_ALL: u8 = 0b11_1111;
 /// Components of the translation in [`BodyArrays::body_driven`].
 pub const DRIVEN_TRANSLATION: u8 = 0b00_0111;
 
-/// Whether each body is a wall, from its imposed components, as in [`BodyArrays::body_driven`], and whether it is a plane.
+/// Properties of a body that decide whether it is a wall.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WallCriteria {
+    /// Imposed components of its velocity, as in [`BodyArrays::body_driven`].
+    pub driven: u8,
+    pub is_plane: bool,
+}
+
+/// Whether each body is a wall.
 ///
 /// A wall has some imposed translation; a plane is also a wall if any component is imposed. All other bodies are grains.
-/// Without any grain, as in a plane problem of grains that cannot leave their plane, bodies but planes that are free along
-/// two axes at least are grains.
-pub fn are_walls(bodies: &[(u8, bool)]) -> Vec<bool> {
-    let with_free_axes = |fewest: u32| -> Vec<bool> {
-        let is_wall = |&(driven, is_plane): &(u8, bool)| {
-            (driven & DRIVEN_TRANSLATION).count_ones() > 3 - fewest || is_plane && driven != 0
+/// Where this leaves no grain, as in a plane problem of grains that cannot leave their plane, bodies other than planes
+/// are grains if they are free along two axes at least.
+pub fn are_walls(bodies: &[WallCriteria]) -> Vec<bool> {
+    let walls_if_grains_have = |min_free_axes: u32| -> Vec<bool> {
+        let is_wall = |body: &WallCriteria| {
+            let free_axes = 3 - (body.driven & DRIVEN_TRANSLATION).count_ones();
+            free_axes < min_free_axes || body.is_plane && body.driven != 0
         };
         bodies.iter().map(is_wall).collect()
     };
-    let walls = with_free_axes(3);
-    if walls.contains(&false) { walls } else { with_free_axes(2) }
+    let walls = walls_if_grains_have(3);
+    if walls.contains(&false) { walls } else { walls_if_grains_have(2) }
 }
 
 /// Value of [`ContactArrays::contact_status`] of a contact that carries no force.
@@ -97,7 +106,7 @@ pub struct ShapeArrays {
     pub pairs: PairArrays,
 }
 
-/// The JSON text `meta`.
+/// Content of the JSON text `meta`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SnapshotMeta {
     /// [`FORMAT_VERSION`]
@@ -116,10 +125,11 @@ pub struct SnapshotMeta {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interval_start: Option<f64>,
     pub parameters: RunParameters,
-    /// Names that `body_colour`, `body_material`, `contact_law` are indices of.
+    /// Colours, which `body_colour` indexes.
     pub colours: Vec<String>,
+    /// Materials, which `body_material` indexes.
     pub materials: Vec<MaterialName>,
-    /// Laws in force, as events have set them.
+    /// Laws in force, as events have set them, which `contact_law` indexes.
     pub laws: Vec<LawName>,
     /// Laws of TACT_BEHAV.DAT, if events have changed them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -134,7 +144,7 @@ pub struct SnapshotMeta {
     /// Only if POSTPRO.DAT requests such sums.
     #[serde(default, skip_serializing_if = "PostproSums::is_zero")]
     pub postpro: PostproSums,
-    /// Time since when all bodies have been at rest, s; only if a condition at rest ends the run.
+    /// Time since when all bodies have been at rest, s; only if a condition `AtRest` ends the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest_since: Option<f64>,
     /// Options of the run as in COMPUTE.RON, flags included; see [`crate::compute::Compute::result_options`]. Empty in
@@ -146,7 +156,7 @@ pub struct SnapshotMeta {
     pub parts: Vec<SnapshotPart>,
 }
 
-/// The last two evaluations of self-gravity, from which it is extrapolated; the accelerations are arrays.
+/// The last two evaluations of self-gravity, from which it is extrapolated; the accelerations are in [`GravityArrays`].
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct GravityEvaluations {
     /// Steps since the last evaluation.
@@ -155,9 +165,9 @@ pub struct GravityEvaluations {
     pub times: [f64; 2],
     /// Potential energies at `times`, J.
     pub potentials: [f64; 2],
-    /// Upper bound of the displacement of a body since, relative to the centre of mass, m.
+    /// Upper bound of the displacement of a body since the last evaluation, relative to the centre of mass, m.
     pub moved: f64,
-    /// Attraction removed in the last evaluation, see steps.csv.
+    /// Column `gravity_removed` of steps.csv at the last evaluation.
     pub removed: f64,
     /// RMS relative error of the extrapolation to the last evaluation.
     pub extrapolation_error: f64,
@@ -216,7 +226,7 @@ impl LawName {
     }
 }
 
-/// [`Adaptive`](crate::compute::Adaptive) under the names of format 1.
+/// [`Adaptive`](crate::compute::Adaptive) under the names that it has in snapshots.
 mod adaptive_fields {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -232,7 +242,7 @@ mod adaptive_fields {
     /// Writes the option with the names of fields that snapshots have.
     pub fn serialize<S: Serializer>(adaptive: &Option<Adaptive>, serializer: S) -> Result<S::Ok, S::Error> {
         let fields =
-            |Adaptive { max_multiple: most, travel, penetration }| AdaptiveFields { most, travel, penetration };
+            |Adaptive { max_multiple, travel, penetration }| AdaptiveFields { most: max_multiple, travel, penetration };
         adaptive.map(fields).serialize(serializer)
     }
 
@@ -402,6 +412,7 @@ macro_rules! arrays {
                 Ok(())
             }
 
+            /// Reads the arrays; the first one fixes the number of rows of the others.
             fn read(entries: &mut NpzReader) -> Self {
                 let rows = None;
                 $(let $name = entries.read_array(stringify!($name), rows); let rows = rows.or($name.as_ref().map(Vec::len));)+
@@ -413,7 +424,7 @@ macro_rules! arrays {
 }
 
 arrays! {
-    /// One row a body; walls are bodies.
+    /// One row for each body; walls are bodies.
     BodyArrays {
         /// Number of the body in BODIES.DAT, from 1
         body_id: u64,
@@ -447,7 +458,7 @@ arrays! {
 }
 
 arrays! {
-    /// One row a contact listed in the last step, in the configuration where it was detected.
+    /// One row for each contact listed in the last step, in the configuration where it was detected.
     ContactArrays {
         /// Row of the candidate and of the antagonist in the body arrays
         contact_body: [u32; 2],
@@ -505,17 +516,17 @@ arrays! {
 }
 
 arrays! {
-    /// One row a body; there only where self-gravity is not evaluated at every step.
+    /// One row for each body; there only where self-gravity is not evaluated at every step.
     GravityArrays {
         /// Acceleration by self-gravity when it was last evaluated, m/s^2
         gravity_last: [f64; 3],
-        /// The same at the evaluation before, m/s^2
+        /// Acceleration by self-gravity at the evaluation before that, m/s^2
         gravity_before: [f64; 3],
     }
 }
 
 arrays! {
-    /// One row a body; there only if the run has sinks or sources.
+    /// One row for each body; there only if the run has sinks or sources.
     PresenceArrays {
         /// 0 not yet entered, 1 in the run, 2 left
         body_presence: u8,
@@ -530,7 +541,7 @@ pub const PRESENCE_PRESENT: u8 = 1;
 pub const PRESENCE_GONE: u8 = 2;
 
 arrays! {
-    /// One row a free body of unequal moments of inertia.
+    /// One row for each free body of unequal moments of inertia.
     TurningArrays {
         /// Row in the body arrays
         turning_body: u32,
@@ -540,11 +551,11 @@ arrays! {
 }
 
 arrays! {
-    /// One row a contact, as in the contact arrays.
+    /// One row for each contact, as in the contact arrays.
     ContactPartArrays {
         /// Position of the contactor among those of the candidate, and of the antagonist, from 0
         contact_rank: [u32; 2],
-        /// Its share of the area in which faces meet, m^2
+        /// Share of the contact in the area in which faces meet, m^2
         contact_area: f64,
     }
 }
@@ -562,7 +573,7 @@ arrays! {
 }
 
 arrays! {
-    /// One row a pair of bodies of which a contact has carried force in a step since the snapshot before.
+    /// One row for each pair of bodies of which a contact has carried force in a step since the snapshot before.
     IntervalArrays {
         /// Rows of the two bodies in the body arrays, the candidate first
         interval_body: [u32; 2],
@@ -593,10 +604,11 @@ impl ShapeArrays {
         }
     }
 
-    /// Whether all indices are those of existing rows.
-    fn are_in_range(&self, bodies: usize, contacts: usize) -> bool {
-        let named = [&self.turning.turning_body[..], self.pairs.pair_body.as_flattened()];
-        named.into_iter().flatten().all(|&b| (b as usize) < bodies) && self.contacts.contact_rank.len() == contacts
+    /// Whether all body indices are below `body_count`, and the contact arrays have `contact_count` rows.
+    fn are_in_range(&self, body_count: usize, contact_count: usize) -> bool {
+        let body_indices = [&self.turning.turning_body[..], self.pairs.pair_body.as_flattened()];
+        body_indices.into_iter().flatten().all(|&body| (body as usize) < body_count)
+            && self.contacts.contact_rank.len() == contact_count
     }
 }
 
@@ -613,22 +625,37 @@ impl Snapshot {
 
     /// Writes the file, or a part with these rows, to an empty target.
     fn write_archive<W: Write + Seek>(&self, target: W, rows: Option<&PartRows>) -> zip::result::ZipResult<W> {
-        let mut whole = NpzWriter::new(target);
-        let archive = &mut whole;
-        let (body_rows, contact_rows) = (rows.map(|rows| &rows.bodies), rows.map(|rows| &rows.contacts));
-        rows.map_or_else(|| self.write_meta(archive), |_| Ok(()))?;
-        self.bodies.write(archive, body_rows)?;
-        self.contacts.write(archive, contact_rows)?;
-        self.memory.as_ref().map_or(Ok(()), |memory| memory.write(archive, contact_rows))?;
-        self.laws.as_ref().map_or(Ok(()), |laws| laws.write(archive, contact_rows))?;
-        let attractions = self.attractions.as_ref();
-        attractions.map_or(Ok(()), |attractions| attractions.write(archive, contact_rows))?;
-        self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(archive, body_rows))?;
-        self.presence.as_ref().map_or(Ok(()), |presence| presence.write(archive, body_rows))?;
-        self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(archive, rows))?;
+        let mut archive = NpzWriter::new(target);
+        let body_rows = rows.map(|rows| &rows.bodies);
+        let contact_rows = rows.map(|rows| &rows.contacts);
         let interval_rows = rows.map(|rows| &rows.interval);
-        self.interval.as_ref().map_or(Ok(()), |interval| interval.write(archive, interval_rows))?;
-        whole.finish()
+        if rows.is_none() {
+            self.write_meta(&mut archive)?;
+        }
+        self.bodies.write(&mut archive, body_rows)?;
+        self.contacts.write(&mut archive, contact_rows)?;
+        if let Some(memory) = &self.memory {
+            memory.write(&mut archive, contact_rows)?;
+        }
+        if let Some(laws) = &self.laws {
+            laws.write(&mut archive, contact_rows)?;
+        }
+        if let Some(attractions) = &self.attractions {
+            attractions.write(&mut archive, contact_rows)?;
+        }
+        if let Some(gravity) = &self.gravity {
+            gravity.write(&mut archive, body_rows)?;
+        }
+        if let Some(presence) = &self.presence {
+            presence.write(&mut archive, body_rows)?;
+        }
+        if let Some(shapes) = &self.shapes {
+            shapes.write(&mut archive, rows)?;
+        }
+        if let Some(interval) = &self.interval {
+            interval.write(&mut archive, interval_rows)?;
+        }
+        archive.finish()
     }
 
     /// Bytes of the index of a snapshot in parts: `meta` alone.
@@ -653,7 +680,8 @@ impl Snapshot {
         })
     }
 
-    /// Writes the snapshot in parts of `bodies_per_part` bodies, and the index last; in one file if it has no more bodies.
+    /// Writes the snapshot in parts of `bodies_per_part` bodies, and the index last; in one file if one part holds all
+    /// bodies.
     ///
     /// The bytes depend on the snapshot and `bodies_per_part` alone. If the program ends meanwhile, parts remain, but no
     /// index.
@@ -663,7 +691,7 @@ impl Snapshot {
             return self.write(path);
         }
         let (shapes, interval) = (self.shapes.as_ref(), self.interval.as_ref());
-        let lists = FirstBodies {
+        let first_bodies = FirstBodies {
             contacts: &self.contacts.contact_body,
             turning: shapes.map_or(&[], |shapes| &shapes.turning.turning_body),
             pairs: shapes.map_or(&[], |shapes| &shapes.pairs.pair_body),
@@ -672,7 +700,7 @@ impl Snapshot {
         let (mut parts, mut rows) = (Vec::new(), PartRows::default());
         for (number, first) in (0..bodies).step_by(bodies_per_part).enumerate() {
             let end = bodies.min(first.saturating_add(bodies_per_part));
-            rows = rows.next_part(first..end, end == bodies, lists);
+            rows = rows.next_part(first..end, end == bodies, first_bodies);
             let bytes = self.archive_bytes(Some(&rows));
             atomic::write(&part_path(path, number), &bytes)?;
             parts.push(SnapshotPart::new(rows.bodies.len(), &bytes));
@@ -795,24 +823,25 @@ impl Snapshot {
     /// Checks that arrays of the same rows have equal lengths and that indices are those of existing rows.
     fn check_indices(&self) -> Result<(), IndexError> {
         let Snapshot { meta, bodies, contacts, memory, laws, attractions, gravity, presence, shapes, interval } = self;
-        let bodies_count = bodies.body_id.len();
-        let rows = memory.iter().map(|memory| memory.contact_bonded.len());
-        let rows = rows.chain(laws.iter().map(|laws| laws.contact_reference_gap.len()));
-        let rows = rows.chain(attractions.iter().map(|attractions| attractions.contact_attraction.len()));
-        if rows.into_iter().any(|rows| rows != contacts.contact_body.len()) {
+        let (body_count, contact_count) = (bodies.body_id.len(), contacts.contact_body.len());
+        let contact_rows = [
+            memory.as_ref().map(|memory| memory.contact_bonded.len()),
+            laws.as_ref().map(|laws| laws.contact_reference_gap.len()),
+            attractions.as_ref().map(|attractions| attractions.contact_attraction.len()),
+        ];
+        if contact_rows.into_iter().flatten().any(|rows| rows != contact_count) {
             return Err(IndexError::ContactRows);
         }
-        let in_shapes = |shapes: &ShapeArrays| shapes.are_in_range(bodies_count, contacts.contact_body.len());
-        let exchanged = interval.iter().flat_map(|interval| &interval.interval_body);
-        let in_range = shapes.as_ref().is_none_or(in_shapes)
-            && contacts.contact_body.iter().chain(exchanged).flatten().all(|&b| (b as usize) < bodies_count)
-            && contacts.contact_law.iter().all(|&l| (l as usize) < meta.laws.len())
-            && bodies.body_colour.iter().all(|&c| (c as usize) < meta.colours.len())
-            && bodies.body_material.iter().all(|&m| (m as usize) < meta.materials.len())
-            && gravity.as_ref().is_none_or(|gravity| gravity.gravity_last.len() == bodies_count)
-            && presence.as_ref().is_none_or(|presence| presence.body_presence.len() == bodies_count);
-        let exchanged = interval.iter().flat_map(|interval| &interval.interval_body);
-        let named = contacts.contact_body.iter().chain(exchanged).flatten();
+        let interval_bodies = interval.iter().flat_map(|interval| &interval.interval_body);
+        let in_range = shapes.as_ref().is_none_or(|shapes| shapes.are_in_range(body_count, contact_count))
+            && contacts.contact_body.iter().chain(interval_bodies).flatten().all(|&body| (body as usize) < body_count)
+            && contacts.contact_law.iter().all(|&law| (law as usize) < meta.laws.len())
+            && bodies.body_colour.iter().all(|&colour| (colour as usize) < meta.colours.len())
+            && bodies.body_material.iter().all(|&material| (material as usize) < meta.materials.len())
+            && gravity.as_ref().is_none_or(|gravity| gravity.gravity_last.len() == body_count)
+            && presence.as_ref().is_none_or(|presence| presence.body_presence.len() == body_count);
+        let interval_bodies = interval.iter().flat_map(|interval| &interval.interval_body);
+        let named = contacts.contact_body.iter().chain(interval_bodies).flatten();
         if in_range && named.into_iter().any(|&body| !self.is_present(body as usize)) {
             return Err(IndexError::AbsentBody);
         }

@@ -1,4 +1,6 @@
-//! Archives of npy arrays.
+//! Writer and reader of archives of npy arrays (`.npz`), the container of a snapshot.
+//!
+//! An archive is an uncompressed zip file with one file `NAME.npy` for each array, as `numpy.savez` writes it.
 
 use std::fmt;
 use std::io::{Cursor, Read, Seek, SeekFrom, Write};
@@ -35,11 +37,16 @@ elements! {
     u8 = "|u1", [];
 }
 
-/// Writer of an archive.
+/// First bytes of an npy file: the magic string and version 1.0 of the format.
+const MAGIC_AND_VERSION: &[u8; 8] = b"\x93NUMPY\x01\x00";
+/// Number of bytes before the header of an npy file: magic string, version, and length of the header in two bytes.
+const PREFIX_LENGTH: usize = MAGIC_AND_VERSION.len() + 2;
+
+/// Writer of an archive, array by array.
 pub struct NpzWriter<W: Write + Seek>(ZipWriter<ArchiveTarget<W>>);
 
-/// Target of an archive. It keeps its first error and counts bytes after it as written, since an archive that cannot be
-/// finished prints an error of its own.
+/// Target of an archive that keeps its first error and accepts all bytes after it, until [`NpzWriter::finish`] returns the
+/// error: a [`ZipWriter`] that is dropped after an error would print it to stderr.
 struct ArchiveTarget<W> {
     target: W,
     position: u64,
@@ -48,6 +55,7 @@ struct ArchiveTarget<W> {
 }
 
 impl<W> ArchiveTarget<W> {
+    /// Performs an operation on the target unless an earlier one has failed.
     fn attempt(&mut self, operation: impl FnOnce(&mut W) -> std::io::Result<()>) {
         if self.error.is_none() {
             self.error = operation(&mut self.target).err();
@@ -102,15 +110,15 @@ impl<W: Write + Seek> NpzWriter<W> {
         let shape: String =
             std::iter::once(rows.len()).chain(T::ROW.iter().copied()).map(|n| format!("{n}, ")).collect();
         let mut header = format!("{{'descr': '{}', 'fortran_order': False, 'shape': ({shape}), }}", T::DESCR);
-        // Magic, version and length take 10 bytes; the data start on a multiple of 64.
-        let padded = (10 + header.len() + 1).div_ceil(64) * 64 - 10;
-        header.extend(std::iter::repeat_n(' ', padded - 1 - header.len()));
+        // The format requires that the data start at a multiple of 64 bytes, behind a line break.
+        let header_length = (PREFIX_LENGTH + header.len() + 1).next_multiple_of(64) - PREFIX_LENGTH;
+        header.extend(std::iter::repeat_n(' ', header_length - 1 - header.len()));
         header.push('\n');
         // The default date of an entry is the first of the format, 1 January 1980.
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true);
         self.0.start_file(format!("{name}.npy"), options)?;
-        self.0.write_all(b"\x93NUMPY\x01\x00")?;
-        self.0.write_all(&(padded as u16).to_le_bytes())?;
+        self.0.write_all(MAGIC_AND_VERSION)?;
+        self.0.write_all(&(header_length as u16).to_le_bytes())?;
         self.0.write_all(header.as_bytes())?;
         self.0.write_all(bytemuck::cast_slice(rows))?;
         Ok(())
@@ -172,9 +180,9 @@ impl<'a> NpzReader<'a> {
     /// Reader of the `bytes` of the file at `path`. Errors: bytes that are no archive.
     pub fn new(path: &'a Path, bytes: Vec<u8>) -> Result<Self, NpzError> {
         // The directory of the archive is at its end: without it, the file is incomplete.
-        let starts = bytes.starts_with(b"PK");
+        let begins_as_zip = bytes.starts_with(b"PK");
         let archive = ZipArchive::new(Cursor::new(bytes))
-            .map_err(|_| if starts { NpzError::TruncatedFile } else { NpzError::NoArchive })?;
+            .map_err(|_| if begins_as_zip { NpzError::TruncatedFile } else { NpzError::NoArchive })?;
         Ok(NpzReader { path, archive, faults: Faults::default() })
     }
 
@@ -186,20 +194,21 @@ impl<'a> NpzReader<'a> {
     /// Reads the array `name`, of `rows` rows if that is known; `None` and a fault if it is missing or malformed. Rows
     /// with a number that is not finite are faults too.
     pub fn read_array<T: ArrayElement>(&mut self, name: &str, rows: Option<usize>) -> Option<Vec<T>> {
-        let taken = self.read_entry(name).and_then(|bytes| npy_rows::<T>(&bytes)).and_then(|array| match rows {
+        let array = self.read_entry(name).and_then(|bytes| npy_rows::<T>(&bytes)).and_then(|array| match rows {
             Some(others) if others != array.len() => Err(NpzError::RowCount { rows: array.len(), others }),
             _ => Ok(array),
         });
-        taken
+        array
             .map_err(|error| {
                 let expected = format!("expected an npy array of type {} with rows of shape {:?}", T::DESCR, T::ROW);
                 self.faults.push(Fault::new(self.path, None, format!("array {name}"), error.to_string(), expected));
             })
             .ok()
-            .inspect(|array| self.expect_finite(name, array))
+            .inspect(|array| self.check_finite(name, array))
     }
 
-    fn expect_finite<T: ArrayElement>(&mut self, name: &str, array: &[T]) {
+    /// Adds a fault for each row of an array with a number that is not finite.
+    fn check_finite<T: ArrayElement>(&mut self, name: &str, array: &[T]) {
         if T::DESCR != <f64 as ArrayElement>::DESCR {
             return;
         }
@@ -212,6 +221,7 @@ impl<'a> NpzReader<'a> {
         }
     }
 
+    /// Returns the bytes of the npy file of an array.
     fn read_entry(&mut self, name: &str) -> Result<Vec<u8>, NpzError> {
         use zip::result::ZipError;
         let mut entry = self.archive.by_name(&format!("{name}.npy")).map_err(|error| match error {
@@ -228,14 +238,11 @@ impl<'a> NpzReader<'a> {
 
 /// Rows of an npy file of format version 1, C order.
 fn npy_rows<T: ArrayElement>(bytes: &[u8]) -> Result<Vec<T>, NpzError> {
-    if bytes.get(..8) != Some(b"\x93NUMPY\x01\x00") {
-        return Err(NpzError::OtherVersion);
-    }
-    let &[low, high] = bytes.get(8..10).and_then(|two| two.first_chunk()).ok_or(NpzError::TruncatedArray)?;
-    let length = u16::from_le_bytes([low, high]) as usize;
-    let header = std::str::from_utf8(bytes.get(10..10 + length).ok_or(NpzError::TruncatedArray)?)
-        .map_err(|_| NpzError::BinaryHeader)?;
-    let data = &bytes[10 + length..];
+    let rest = bytes.strip_prefix(MAGIC_AND_VERSION).ok_or(NpzError::OtherVersion)?;
+    let (header_length, rest) = rest.split_first_chunk().ok_or(NpzError::TruncatedArray)?;
+    let header_length = u16::from_le_bytes(*header_length) as usize;
+    let (header, data) = rest.split_at_checked(header_length).ok_or(NpzError::TruncatedArray)?;
+    let header = std::str::from_utf8(header).map_err(|_| NpzError::BinaryHeader)?;
     if !header.contains(&format!("'descr': '{}'", T::DESCR)) || !header.contains("'fortran_order': False") {
         return Err(NpzError::OtherHeader(header.trim().to_string()));
     }

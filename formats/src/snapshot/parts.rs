@@ -32,7 +32,8 @@ pub(super) struct PartRows {
     pub interval: Range<usize>,
 }
 
-/// Bodies of the rows of each group.
+/// First body of each row of each group of arrays, in the order of the rows. Those of `contacts`, `turning`, `pairs` and
+/// `interval` do not decrease.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct FirstBodies<'a> {
     pub contacts: &'a [[u32; 2]],
@@ -97,19 +98,19 @@ pub(super) fn other_part(path: &Path, index: &Path, found: String) -> Faults {
 }
 
 impl PartRows {
-    /// Rows of the part with the `bodies`, the next after this one. The lists have the first body of each row; the last
-    /// part has all that remain.
-    pub fn next_part(&self, bodies: Range<usize>, is_last: bool, lists: FirstBodies) -> PartRows {
-        let next = |before: &Range<usize>, first_body: &mut dyn Iterator<Item = u32>| {
+    /// Rows of the part with the `bodies`, the next after this one; the last part has all rows that remain.
+    pub fn next_part(&self, bodies: Range<usize>, is_last: bool, first_bodies: FirstBodies) -> PartRows {
+        let next = |before: &Range<usize>, bodies_of_rows: &mut dyn Iterator<Item = u32>| {
             let belongs = |body: &u32| is_last || (*body as usize) < bodies.end;
-            before.end..before.end + first_body.skip(before.end).take_while(belongs).count()
+            before.end..before.end + bodies_of_rows.skip(before.end).take_while(belongs).count()
         };
-        let pairs = |before: &Range<usize>, list: &[[u32; 2]]| next(before, &mut list.iter().map(|pair| pair[0]));
+        let next_pairs =
+            |before: &Range<usize>, pairs: &[[u32; 2]]| next(before, &mut pairs.iter().map(|pair| pair[0]));
         PartRows {
-            contacts: pairs(&self.contacts, lists.contacts),
-            turning: next(&self.turning, &mut lists.turning.iter().copied()),
-            pairs: pairs(&self.pairs, lists.pairs),
-            interval: pairs(&self.interval, lists.interval),
+            contacts: next_pairs(&self.contacts, first_bodies.contacts),
+            turning: next(&self.turning, &mut first_bodies.turning.iter().copied()),
+            pairs: next_pairs(&self.pairs, first_bodies.pairs),
+            interval: next_pairs(&self.interval, first_bodies.interval),
             bodies,
         }
     }

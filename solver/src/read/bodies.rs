@@ -13,7 +13,7 @@ use cd_formats::mass::EXPECTED_CONVEX;
 use cd_formats::names::{count_text, number_text, rounded_number};
 use cd_formats::principal::AxesMatch;
 use cd_formats::rotation::nearest_rotation;
-use cd_formats::snapshot::{MaterialName, are_walls};
+use cd_formats::snapshot::{MaterialName, WallCriteria, are_walls};
 use nalgebra::{Matrix3, UnitQuaternion};
 
 use crate::math::{Quat, Twist, Vec3};
@@ -69,8 +69,8 @@ pub fn scene_without_laws(
     };
     let free = indices(&|body| !body.driven);
     let is_plane = |body: &RigidBody| matches!(body.shape, BodyShape::Plane { .. });
-    let kinds: Vec<(u8, bool)> = bodies.iter().map(|body| (body.imposed_components(), is_plane(body))).collect();
-    let walls = are_walls(&kinds);
+    let wall_criteria = |body: &RigidBody| WallCriteria { driven: body.imposed_components(), is_plane: is_plane(body) };
+    let walls = are_walls(&bodies.iter().map(wall_criteria).collect::<Vec<_>>());
     let held_grains = indices(&RigidBody::is_driven_in_part).into_iter().filter(|i| !walls[i.index()]).collect();
     let spheres = indices(&RigidBody::is_sphere);
     let planes = indices(&is_plane);
