@@ -26,7 +26,7 @@ use crate::names::number_text;
 use crate::ron_text::nearest_name;
 
 pub use error::LawError;
-pub use interface::{DamageLaw, InterfaceParameter, LawInterface, ModePair};
+pub use interface::{DamageLaw, InterfaceFault, InterfaceMode, InterfaceParameter, LawInterface, ModePair};
 pub use pair::{PairCohesion, PairStrength, SpherePacking};
 pub use refused::refusal_reason;
 
@@ -138,7 +138,7 @@ law_parameters! {
     StaticFriction: "stfr", "static_friction", "μ static", Friction, NonNegative, NonNegative;
     /// Newton's coefficient of restitution along the normal.
     NormalRestitution: "rstn", "normal_restitution", "e_n", Number, ZeroToOne, NonNegative;
-    /// The same in the tangent plane.
+    /// Newton's coefficient of restitution in the tangent plane.
     TangentialRestitution: "rstt", "tangential_restitution", "e_t", Number, ZeroToOne, Finite;
     /// Attraction at each point of contact.
     LiquidCohesion: "cohn", "cohesion", "cohesion", Force, NonNegative, NonNegative;
@@ -272,28 +272,30 @@ pub enum LawCohesion {
     Bond { normal: f64, tangential: f64 },
 }
 
-/// Moments of a contact: at most `rolling` R r̂_n in the tangent plane, opposite to the rolling, and `spinning` R r̂_n along
-/// the normal, opposite to the spinning; 1/R = 1/R_a + 1/R_b.
+/// Coefficients of the moments of a contact. They multiply R r̂_n, where 1/R = 1/R_a + 1/R_b for bodies of the radii R_a and
+/// R_b, and r̂_n is the normal force plus the attraction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RollingFriction {
+    /// Largest moment in the tangent plane, opposite to the rolling.
     pub rolling: f64,
+    /// Largest moment along the normal, opposite to the spinning.
     pub spinning: f64,
 }
 
 /// State of a contact that a step hands to the next, besides its impulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ContactMemory {
-    /// Whether it slid, for the choice of the coefficient of friction.
+    /// Whether the contact slid, for the choice of the coefficient of friction.
     Sliding,
-    /// Whether its liquid bridge holds.
+    /// Whether the liquid bridge holds.
     LiquidBridge,
-    /// Whether its bond holds, and the gap of the bond.
+    /// Whether the bond holds, and its gap.
     Bond,
     /// Angular impulse of rolling and spinning friction, for the warm start.
     Moment,
-    /// Gap from which its law counts: that of the start.
+    /// Gap from which the law counts: that of the start.
     ReferenceGap,
-    /// Damage of its interface, and how far it has slid.
+    /// Damage of the interface, and the sliding of the contact.
     Damage,
 }
 
@@ -367,15 +369,15 @@ pub const INTERFACE_INTERNALS: usize = 7;
 pub fn reference_gap_position(label: &str) -> Option<usize> {
     match label {
         "IQS_CLB_g0" => Some(0),
-        // Behind the size of the contact.
+        // The internal variable 0 of this law is the size of the contact.
         "GAP_SGR_CLB_g0" => Some(1),
         "ELASTIC_REPELL_CLB_g0" => Some(0),
         _ => None,
     }
 }
 
-/// Names of the laws that the programs compute with, in a list that gives those of points apart: each is rejected where the
-/// others act.
+/// Names of the laws that the programs compute with, as a text; those of points `PT3Dx` come last, since each is rejected
+/// where the others act.
 pub fn computed_list() -> String {
     let (point_laws, others): (Vec<&str>, Vec<&str>) = computed_labels().partition(|label| is_law_of_points(label));
     format!("{}; between PT3Dx {}", others.join(", "), point_laws.join(", "))
@@ -403,7 +405,20 @@ impl std::fmt::Display for ParameterFault {
 
 impl std::error::Error for ParameterFault {}
 
-/// Error of a law by its name and the number of parameters.
+impl From<InterfaceFault> for ParameterFault {
+    fn from(InterfaceFault { parameter, found, expected }: InterfaceFault) -> ParameterFault {
+        let parameter = match parameter {
+            InterfaceParameter::Energy(InterfaceMode::Opening) => LawParameter::NormalEnergy,
+            InterfaceParameter::Energy(InterfaceMode::Sliding) => LawParameter::TangentialEnergy,
+            InterfaceParameter::Plateau(InterfaceMode::Opening) => LawParameter::NormalPlateau,
+            InterfaceParameter::Plateau(InterfaceMode::Sliding) => LawParameter::TangentialPlateau,
+            InterfaceParameter::Rest => LawParameter::RestShare,
+        };
+        ParameterFault { parameter, found, expected }
+    }
+}
+
+/// Error of a law that the programs do not compute, or that does not have `count` parameters.
 fn law_error(label: &str, count: usize) -> LawError {
     let (found, expected) = match (law_entry(label), refusal_reason(label)) {
         (_, Some(reason)) => {
@@ -514,7 +529,7 @@ macro_rules! contact_laws {
                 match *self { $(LawModel::$law { $($($field,)*)* } => None$(.or(Some($interface)))?,)+ }
             }
 
-            /// State of a contact that the row of the law names.
+            /// State of a contact that the row of the law names in `remembers`.
             fn named_memory(&self) -> Option<ContactMemory> {
                 match self { $(LawModel::$law { .. } => None$(.or(Some(ContactMemory::$memory)))?,)+ }
             }
@@ -830,7 +845,8 @@ impl LawModel {
     }
 
     /// Largest tangential force, N, of a contact that does not slide yet: μ f_n, with a liquid μ (f_n + cohesion) while it
-    /// attracts, with cohesion per pair μ (f_n + attraction), of a bond (c_t/c_n) (f_n + c_n S), next to an elastic interface (1 - β) μ f_n.
+    /// attracts, with cohesion per pair μ (f_n + attraction), of a bond on the area S (c_t/c_n) (f_n + c_n S), next to an
+    /// elastic interface of the soundness β (1 - β) μ f_n.
     ///
     /// Next to an interface both forces are those of the contact alone, without that of the interface.
     ///
@@ -844,14 +860,14 @@ impl LawModel {
     pub fn friction_limit(&self, load: &ContactLoad) -> f64 {
         let &ContactLoad { gap, normal_force, area, bonded, soundness, attraction } = load;
         let broken_share = if self.interface().is_some() { 1.0 - soundness } else { 1.0 };
-        let plain = self.friction().static_friction * broken_share * normal_force;
+        let coulomb_limit = self.friction().static_friction * broken_share * normal_force;
         match self.cohesion() {
-            None => plain,
+            None => coulomb_limit,
             Some(LawCohesion::Liquid { force, range, remembers }) => {
                 if gap <= range && (bonded || !remembers) {
                     self.friction().static_friction * (normal_force + force)
                 } else {
-                    plain
+                    coulomb_limit
                 }
             }
             Some(LawCohesion::Pair(_)) => self.friction().static_friction * (normal_force + attraction),
@@ -859,7 +875,7 @@ impl LawModel {
                 if bonded {
                     tangential / normal * (normal_force + normal * area)
                 } else {
-                    plain
+                    coulomb_limit
                 }
             }
         }
@@ -956,17 +972,7 @@ impl LawModel {
             None | Some(LawCohesion::Liquid { .. } | LawCohesion::Pair(_) | LawCohesion::Bond { .. }) => {}
         }
         let contradictions = self.interface().map(|interface| interface.contradictions()).unwrap_or_default();
-        faults.extend(contradictions.into_iter().map(|(parameter, found, expected)| ParameterFault {
-            parameter: match parameter {
-                InterfaceParameter::Energy { sliding: false } => LawParameter::NormalEnergy,
-                InterfaceParameter::Energy { sliding: true } => LawParameter::TangentialEnergy,
-                InterfaceParameter::Plateau { sliding: false } => LawParameter::NormalPlateau,
-                InterfaceParameter::Plateau { sliding: true } => LawParameter::TangentialPlateau,
-                InterfaceParameter::Rest => LawParameter::RestShare,
-            },
-            found,
-            expected,
-        }));
+        faults.extend(contradictions.into_iter().map(ParameterFault::from));
         faults
     }
 }

@@ -1,4 +1,4 @@
-//! Probes of a run, which follow chosen quantities step by step, and conditions that end it.
+//! Options `probes` and `until` of COMPUTE.RON: probes follow chosen quantities of a run step by step, conditions end it.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,34 +13,36 @@ pub struct Probe {
     /// Letters, digits, `-` and `_`.
     pub name: String,
     /// Number of steps between two rows.
-    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[serde(default = "every_step", skip_serializing_if = "is_every_step")]
     pub every: u64,
     pub quantity: ProbeQuantity,
 }
 
-fn one() -> u64 {
+/// Default of [`Probe::every`].
+fn every_step() -> u64 {
     1
 }
 
-fn is_one(every: &u64) -> bool {
-    *every == 1
+fn is_every_step(every: &u64) -> bool {
+    *every == every_step()
 }
 
 /// Quantity of a probe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ProbeQuantity {
-    /// Force (N) by which other bodies push these at contacts, and its torque (N m) about the point `about` (m), by default
-    /// their centre of mass.
+    /// Force (N) of other bodies on the bodies `on` at contacts, and its torque (N m) about the point `about` (m), by
+    /// default the centre of mass of these bodies.
     Force {
         on: BodySelection,
         #[serde(default, skip_serializing_if = "Option::is_none")]
         about: Option<[f64; 3]>,
     },
     /// Position of the centre of mass (m), its velocity (m/s), and the angular velocity (rad/s) of a rigid body with the
-    /// angular momentum and inertia of these.
+    /// angular momentum and inertia of the bodies `of`.
     Motion { of: BodySelection },
-    /// Kinetic energy of translation and of rotation (J), largest speed of a point of a body (m/s), and mass (kg) of these.
+    /// Kinetic energy of translation and of rotation (J), largest speed of a point of a body (m/s), and mass (kg) of the
+    /// bodies `of`.
     Energy { of: BodySelection },
     /// Number, mass (kg), momentum (kg m/s) and kinetic energy (J) of these bodies whose centres of mass pass through a
     /// surface in the steps of a row, less those that pass through it in the other direction.
@@ -117,7 +119,7 @@ pub enum EndCondition {
     WallTime(f64),
 }
 
-/// Name, unit and meaning of every column of the files of probes.
+/// Name, unit and meaning of every column of the files of probes. A component y or z has the meaning of its x.
 pub const PROBE_COLUMNS: [(&str, &str, &str); 28] = [
     ("step", "1", "number of the last step of the row"),
     ("time", "s", ""),
@@ -125,13 +127,13 @@ pub const PROBE_COLUMNS: [(&str, &str, &str); 28] = [
     ("force_x", "N", "force of contacts with other bodies, mean over the row"),
     ("force_y", "N", ""),
     ("force_z", "N", ""),
-    ("torque_x", "N m", "its torque"),
+    ("torque_x", "N m", "torque of contacts with other bodies, mean over the row"),
     ("torque_y", "N m", ""),
     ("torque_z", "N m", ""),
     ("x", "m", "centre of mass"),
     ("y", "m", ""),
     ("z", "m", ""),
-    ("v_x", "m/s", "its velocity"),
+    ("v_x", "m/s", "velocity of the centre of mass"),
     ("v_y", "m/s", ""),
     ("v_z", "m/s", ""),
     ("angular_x", "rad/s", "angular velocity as one rigid body"),
@@ -206,10 +208,10 @@ pub fn named_bodies<'a>(
     probes: &'a [Probe],
     until: &'a [EndCondition],
 ) -> impl Iterator<Item = (String, &'a BodySelection)> {
-    let of_probes = probes.iter().enumerate().filter_map(|(k, probe)| {
+    let probe_bodies = probes.iter().enumerate().filter_map(|(k, probe)| {
         Some((format!("probes.{k}.quantity.{}", probe.quantity.bodies_field()), probe.quantity.bodies()?))
     });
-    let of_conditions = until.iter().enumerate().flat_map(|(k, condition)| {
+    let condition_bodies = until.iter().enumerate().flat_map(|(k, condition)| {
         let bodies = match condition {
             EndCondition::Separation { between: (a, b), .. } => vec![a, b],
             EndCondition::AtRest { .. }
@@ -219,7 +221,7 @@ pub fn named_bodies<'a>(
         };
         bodies.into_iter().enumerate().map(move |(side, bodies)| (format!("until.{k}.between.{side}"), bodies))
     });
-    of_probes.chain(of_conditions)
+    probe_bodies.chain(condition_bodies)
 }
 
 /// Names of the sinks and sources of a run.
@@ -233,10 +235,9 @@ pub struct FlowNames<'a> {
 pub fn check_probes(probes: &[Probe], until: &[EndCondition], flows: FlowNames, at: &str, report: &mut FaultReport) {
     for (k, Probe { name, every, quantity }) in probes.iter().enumerate() {
         let path = format!("{at}probes.{k}");
-        let is_other = probes[..k].iter().all(|other| other.name != *name);
-        let sound = is_file_name(name) && is_other;
+        let is_unique = probes[..k].iter().all(|other| other.name != *name);
         let expected = "a name of its own, of letters, digits, - and _";
-        report.require(sound, &format!("{path}.name"), format!("'{name}'"), expected);
+        report.require(is_file_name(name) && is_unique, &format!("{path}.name"), format!("'{name}'"), expected);
         report.require(*every > 0, &format!("{path}.every"), every.to_string(), "at least 1 step");
         let mut require_name = |field: &str, kind: &str, name: &String, known: &[&str]| {
             if !known.contains(&name.as_str()) {

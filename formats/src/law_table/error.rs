@@ -1,4 +1,4 @@
-//! Fault of a contact law.
+//! Error of a contact law that a file or a scene names, but the table of laws does not have.
 
 use std::fmt;
 

@@ -1,4 +1,5 @@
-//! Attraction of two bodies by a force that depends on their size.
+//! Cohesion per pair: attraction of two bodies by a force that depends on their size, and the strength of a packing of such
+//! bodies.
 
 use std::f64::consts::PI;
 

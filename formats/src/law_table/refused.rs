@@ -1,4 +1,4 @@
-//! Laws of LMGC90 that the programs neither compute nor exchange, with the reason.
+//! Laws of LMGC90 that the programs do not compute, with the reason, which an error names.
 
 /// Reasons, and the names of the laws in TACT_BEHAV.DAT to which each applies.
 const REFUSED_LAWS: &[(&str, &[&str])] = &[
