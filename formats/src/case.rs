@@ -1,4 +1,5 @@
-//! Case folders on a command line, and mistakes in them.
+//! Command lines of the programs: their reading, and messages about mistakes in their arguments and in the folders of cases
+//! that they name.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -9,7 +10,7 @@ use clap::{ArgMatches, Command, Parser};
 
 use crate::atomic;
 use crate::error::Fault;
-use crate::messages::{print_error, usage};
+use crate::messages::{print_error, print_usage};
 use crate::ron_text::nearest_name;
 
 /// Folder of a case that a program reads.
@@ -33,50 +34,26 @@ impl CaseFolder {
     }
 }
 
-/// Fault of a path that is not a case with this folder; None if it is one. `program` is the one that reads it.
-pub fn no_case(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
-    let box_name = inner(path);
-    if path.join(part.name()).is_dir() && (part != CaseFolder::Any || box_name.is_none()) {
+/// Fault of a path that is not a case with the folder `part`; `None` if it is one. `program` is the program that reads it.
+pub fn case_fault(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
+    let own_part = part_name(path);
+    if path.join(part.name()).is_dir() && (part != CaseFolder::Any || own_part.is_none()) {
         return None;
     }
-    let parent = |path: &Path| match path.parent() {
-        Some(parent) if parent != Path::new("") => parent.display().to_string(),
-        _ => ".".into(),
-    };
-    let scene = path.join("scene.ron");
-    let with = match part {
-        CaseFolder::Any => "expected the folder of a case".into(),
-        part => format!("expected the folder of a case, with {} in it", part.name()),
-    };
-    let fault = |object: &str, found: String, expected: String| Some(Fault::new(path, None, object, found, expected));
     if path.is_file() {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let folder = parent(path);
-        if name.ends_with(".ron") {
-            let expected = match part {
-                CaseFolder::Datbox => format!("run cd-pre {} first, then {program} {folder}", path.display()),
-                _ if Path::new(&folder).join("OUTBOX").is_dir() => format!("did you mean {folder}?"),
-                _ if Path::new(&folder).join("DATBOX").is_dir() => format!("run cd-solve {folder} first"),
-                _ => format!("run cd-pre {} and cd-solve {folder} first", path.display()),
-            };
-            return fault("file", "is a scene, not a case".into(), expected);
-        }
-        if name.starts_with("snapshot-") && name.ends_with(".npz") {
-            let is_outbox = Path::new(&folder).file_name().is_some_and(|name| name == "OUTBOX");
-            let expected = if is_outbox { format!("did you mean {}?", parent(Path::new(&folder))) } else { with };
-            return fault("file", "is a snapshot, not a case".into(), expected);
-        }
-        return fault("file", "is not a folder".into(), with);
+        return Some(file_fault(path, part, program));
     }
     // "scene.ron/" is no file, but means one.
     let without_slash: PathBuf = path.components().collect();
     if without_slash.is_file() {
-        return no_case(&without_slash, part, program);
+        return case_fault(&without_slash, part, program);
     }
+    let scene = path.join("scene.ron");
+    let fault = |object: &str, found: String, expected: String| Some(Fault::new(path, None, object, found, expected));
     if !path.exists() {
-        return fault("folder", "there is no such folder".into(), with);
+        return fault("folder", "there is no such folder".into(), expected_case(part));
     }
-    if let Some(name) = box_name {
+    if let Some(name) = own_part {
         let article = if name == "OUTBOX" { "an" } else { "a" };
         return fault("folder", format!("is {article} {name}"), "expected the folder that it is in".into());
     }
@@ -101,8 +78,43 @@ pub fn no_case(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
     }
 }
 
-/// Part of a case that the folder itself is.
-fn inner(path: &Path) -> Option<&'static str> {
+/// Fault of a file in place of a case with the folder `part`.
+fn file_fault(path: &Path, part: CaseFolder, program: &str) -> Fault {
+    let parent_text = |path: &Path| match path.parent() {
+        Some(parent) if parent != Path::new("") => parent.display().to_string(),
+        _ => ".".into(),
+    };
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let folder = parent_text(path);
+    let (found, expected) = if name.ends_with(".ron") {
+        let expected = match part {
+            CaseFolder::Datbox => format!("run cd-pre {} first, then {program} {folder}", path.display()),
+            _ if Path::new(&folder).join("OUTBOX").is_dir() => format!("did you mean {folder}?"),
+            _ if Path::new(&folder).join("DATBOX").is_dir() => format!("run cd-solve {folder} first"),
+            _ => format!("run cd-pre {} and cd-solve {folder} first", path.display()),
+        };
+        ("is a scene, not a case", expected)
+    } else if name.starts_with("snapshot-") && name.ends_with(".npz") {
+        let folder = Path::new(&folder);
+        let is_outbox = folder.file_name().is_some_and(|name| name == "OUTBOX");
+        let expected = if is_outbox { format!("did you mean {}?", parent_text(folder)) } else { expected_case(part) };
+        ("is a snapshot, not a case", expected)
+    } else {
+        ("is not a folder", expected_case(part))
+    };
+    Fault::new(path, None, "file", found, expected)
+}
+
+/// Expectation of a case with the folder `part`, in words.
+fn expected_case(part: CaseFolder) -> String {
+    match part {
+        CaseFolder::Any => "expected the folder of a case".into(),
+        part => format!("expected the folder of a case, with {} in it", part.name()),
+    }
+}
+
+/// Name of the part of a case that the folder itself is; `None` if it is none.
+fn part_name(path: &Path) -> Option<&'static str> {
     let holds_snapshots = || {
         let entries = atomic::folder_entries(path).unwrap_or_default();
         let names = entries.iter().filter_map(|entry| entry.file_name()?.to_str());
@@ -137,46 +149,43 @@ pub fn parse_arguments<T: Parser>(args: &[OsString]) -> Result<T, i32> {
     };
     let read = |matches: ArgMatches| T::from_arg_matches(&matches).map_err(|error| error.format(&mut program.clone()));
     program.clone().try_get_matches_from(args).and_then(read).map_err(|error| {
-        let mistake = unknown_option(&program, &error, args, "--")
-            .or_else(|| misplaced(&program, args))
-            .or_else(|| unknown_option(&program, &error, args, "-"))
-            .or_else(|| surplus(&program, &error, args))
-            .or_else(|| missing_argument(&program, &error));
+        let mistake = unknown_option_message(&program, &error, args, "--")
+            .or_else(|| misplaced_word_message(&program, args))
+            .or_else(|| unknown_option_message(&program, &error, args, "-"))
+            .or_else(|| surplus_word_message(&program, &error, args))
+            .or_else(|| missing_argument_message(&program, &error));
         match mistake.filter(|_| error.use_stderr()) {
             Some(mistake) => {
                 print_error(format_args!("{}: {mistake}", program.get_name()));
                 error.exit_code()
             }
-            None => usage(program.get_name(), &error),
+            None => print_usage(program.get_name(), &error),
         }
     })
 }
 
-/// Message about an option that the command does not have; `dashes` with which it begins.
-fn unknown_option(program: &Command, error: &clap::Error, args: &[OsString], dashes: &str) -> Option<String> {
+/// Message about an option that the command does not have, if it begins with `dashes`. It suggests the nearest option of the
+/// command, or else one of another command of the program.
+fn unknown_option_message(program: &Command, error: &clap::Error, args: &[OsString], dashes: &str) -> Option<String> {
     let word = unknown_word(error).filter(|word| word.starts_with(dashes))?;
     let bare = word.trim_start_matches('-');
-    let longs = |command: &Command| -> Vec<String> {
-        command.get_arguments().filter_map(|option| option.get_long()).map(str::to_string).collect()
-    };
-    let near = |options: &[String]| {
-        let options: Vec<&str> = options.iter().map(String::as_str).collect();
+    let question = |command: &Command| {
+        let options: Vec<&str> = command.get_arguments().filter_map(|option| option.get_long()).collect();
         nearest_name(bare, &options).filter(|_| bare.len() > 1).map(|near| format!("did you mean --{near}"))
     };
     let name = program.get_name();
-    let used = command_in_use(program, args);
-    let title = used.map_or(name.to_string(), |command| format!("{name} {}", command.get_name()));
-    let own = near(&longs(used.unwrap_or(program))).map(|question| format!("{question}?"));
-    let advice = own.or_else(|| {
+    let title = |command: &Command| {
+        if command.get_name() == name { name.to_string() } else { format!("{name} {}", command.get_name()) }
+    };
+    let command = command_in_use(program, args).unwrap_or(program);
+    let own_advice = question(command).map(|question| format!("{question}?"));
+    let other_advice = || {
         let others = std::iter::once(program).chain(program.get_subcommands());
-        let found = others.filter_map(|other| {
-            let title =
-                if other.get_name() == name { name.to_string() } else { format!("{name} {}", other.get_name()) };
-            Some(format!("{} of {title}?", near(&longs(other))?))
-        });
-        found.into_iter().next()
-    });
-    let advice = advice.unwrap_or_else(|| format!("expected one of those that {title} --help lists"));
+        others.filter_map(|other| Some(format!("{} of {}?", question(other)?, title(other)))).next()
+    };
+    let title = title(command);
+    let advice =
+        own_advice.or_else(other_advice).unwrap_or_else(|| format!("expected one of those that {title} --help lists"));
     Some(format!("{word}: is no option of {title}; {advice}"))
 }
 
@@ -200,7 +209,7 @@ fn argument_name(argument: &clap::Arg) -> &str {
 }
 
 /// Message about a word beyond the arguments of a program, which clap takes for a command if there are any.
-fn surplus(program: &Command, error: &clap::Error, args: &[OsString]) -> Option<String> {
+fn surplus_word_message(program: &Command, error: &clap::Error, args: &[OsString]) -> Option<String> {
     let word = match error.get(ContextKind::InvalidSubcommand) {
         Some(ContextValue::String(word)) => word,
         _ => unknown_word(error)?,
@@ -214,22 +223,22 @@ fn surplus(program: &Command, error: &clap::Error, args: &[OsString]) -> Option<
     }
     let name = argument_name(program.get_positionals().next()?);
     let commands: Vec<&str> = program.get_subcommands().map(Command::get_name).filter(|name| *name != "help").collect();
-    let before =
+    let or_command =
         if commands.is_empty() { String::new() } else { format!(", or before it a command: {}", commands.join(", ")) };
-    Some(format!("{word}: is not expected here; expected one {name}{before}"))
+    Some(format!("{word}: is not expected here; expected one {name}{or_command}"))
 }
 
 /// Name of the option in front of a word whose value has to follow behind `=`.
 fn option_before(program: &Command, args: &[OsString], word: &str) -> Option<String> {
-    let place = args.iter().position(|arg| arg == word)?;
-    let name = args[place.checked_sub(1)?].to_str()?.strip_prefix("--")?;
+    let position = args.iter().position(|arg| arg == word)?;
+    let name = args[position.checked_sub(1)?].to_str()?.strip_prefix("--")?;
     let command = command_in_use(program, args).unwrap_or(program);
     let option = command.get_arguments().find(|option| option.get_long() == Some(name))?;
     option.is_require_equals_set().then(|| name.to_string())
 }
 
 /// Message about arguments that a command line lacks.
-fn missing_argument(program: &Command, error: &clap::Error) -> Option<String> {
+fn missing_argument_message(program: &Command, error: &clap::Error) -> Option<String> {
     let Some(ContextValue::Strings(missing)) = error.get(ContextKind::InvalidArg) else { return None };
     if error.kind() != ErrorKind::MissingRequiredArgument {
         return None;
@@ -241,30 +250,31 @@ fn missing_argument(program: &Command, error: &clap::Error) -> Option<String> {
     Some(format!("no {}; expected {usage} (see {name} --help)", missing.join(" ")))
 }
 
-/// Likely mistake in a command line that `program` has rejected: a command after its arguments, or an option without its
-/// two dashes; None if neither is found. `args` begin with the program's name.
-fn misplaced(program: &Command, args: &[OsString]) -> Option<String> {
+/// Message about the likely mistake in a command line that `program` has rejected: a command after its arguments, an option
+/// without its two dashes, or a folder without `-o`; `None` if none is found. `args` begin with the program's name.
+fn misplaced_word_message(program: &Command, args: &[OsString]) -> Option<String> {
     let words: Vec<&str> = args.iter().skip(1).map(|arg| arg.to_str()).collect::<Option<_>>()?;
     let commands: Vec<&str> = program.get_subcommands().map(Command::get_name).collect();
     let name = program.get_name();
     let first = words.first()?;
     if !first.starts_with('-')
         && !commands.contains(first)
-        && let Some(k) = words.iter().position(|word| commands.contains(word))
+        && let Some(position) = words.iter().position(|word| commands.contains(word))
     {
-        let rest = [&words[..k], &words[k + 1..]].concat().join(" ");
-        return Some(format!("{}: a command comes first; did you mean {name} {} {rest}?", words[k], words[k]));
+        let command = words[position];
+        let others = [&words[..position], &words[position + 1..]].concat().join(" ");
+        return Some(format!("{command}: a command comes first; did you mean {name} {command} {others}?"));
     }
     let command = program.get_subcommands().find(|command| command.get_name() == *first);
     let options = command.unwrap_or(program).get_arguments().filter_map(|option| option.get_long());
     let options: Vec<&str> = options.collect();
-    let dashless = |word: &&str| {
+    let option_without_dashes = |word: &&str| {
         let bare = word.strip_prefix('-').unwrap_or(word);
         let known = nearest_name(bare, &options).filter(|_| bare.len() > 2 && !bare.starts_with('-'))?;
         (word.starts_with('-') || !Path::new(word).exists()).then_some(known)
     };
-    let behind = words.iter().skip(if command.is_some() { 2 } else { 1 });
-    if let Some((word, option)) = behind.filter_map(|word| Some((word, dashless(word)?))).next() {
+    let further_words = words.iter().skip(if command.is_some() { 2 } else { 1 });
+    if let Some((word, option)) = further_words.filter_map(|word| Some((word, option_without_dashes(word)?))).next() {
         return Some(format!("{word}: is not expected here; did you mean --{option}?"));
     }
     let folder = folder_without_option(command.unwrap_or(program), &words[usize::from(command.is_some())..])?;
@@ -274,15 +284,17 @@ fn misplaced(program: &Command, args: &[OsString]) -> Option<String> {
 /// The word beyond the arguments of a command that has an option `-o DIR`, which is not given.
 fn folder_without_option<'a>(command: &Command, words: &[&'a str]) -> Option<&'a str> {
     let options: Vec<&clap::Arg> = command.get_arguments().filter(|option| !option.is_positional()).collect();
-    let is_folder = |option: &&&clap::Arg| {
-        let named = option.get_value_names().is_some_and(|names| names.iter().any(|name| name.as_str() == "DIR"));
-        option.get_short() == Some('o') && named
+    let takes_folder = |option: &&clap::Arg| {
+        let is_dir = option.get_value_names().is_some_and(|names| names.iter().any(|name| name.as_str() == "DIR"));
+        option.get_short() == Some('o') && is_dir
     };
-    options.iter().find(is_folder)?;
+    if !options.iter().any(takes_folder) {
+        return None;
+    }
     if command.get_positionals().any(|words| matches!(words.get_action(), clap::ArgAction::Append)) {
         return None; // it takes any number
     }
-    let mut beyond = Vec::new();
+    let mut positional_words = Vec::new();
     let mut words = words.iter();
     while let Some(&word) = words.next() {
         if word.starts_with("-o") || word.starts_with("--output") {
@@ -292,10 +304,10 @@ fn folder_without_option<'a>(command: &Command, words: &[&'a str]) -> Option<&'a
         match options.iter().find(|option| long.is_some() && long == option.get_long()) {
             Some(option) if option.get_action().takes_values() => drop(words.next()),
             _ if word.starts_with('-') => {}
-            _ => beyond.push(word),
+            _ => positional_words.push(word),
         }
     }
-    match beyond[command.get_positionals().count().min(beyond.len())..] {
+    match positional_words[command.get_positionals().count().min(positional_words.len())..] {
         [folder] => Some(folder),
         _ => None,
     }
@@ -314,7 +326,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let case = folder.path();
         let said = |name: &str, part: CaseFolder| {
-            let text = no_case(&case.join(name), part, "cd-x").map_or(String::new(), |fault| fault.to_string());
+            let text = case_fault(&case.join(name), part, "cd-x").map_or(String::new(), |fault| fault.to_string());
             text.replace(&case.display().to_string(), "CASE")
         };
         let outbox = |name: &str| said(name, CaseFolder::Outbox);
@@ -335,7 +347,7 @@ mod tests {
         let snapshot = "CASE/OUTBOX/snapshot-000001.npz: file: is a snapshot, not a case; did you mean CASE?";
         assert_eq!(outbox("OUTBOX/snapshot-000001.npz"), snapshot);
         for part in [CaseFolder::Datbox, CaseFolder::Outbox, CaseFolder::Any] {
-            assert_eq!(no_case(case, part, "cd-x"), None);
+            assert_eq!(case_fault(case, part, "cd-x"), None);
             assert!(said("OUTBOX", part).contains("is an OUTBOX") && said("DATBOX", part).contains("is a DATBOX"));
         }
     }
@@ -346,7 +358,7 @@ mod tests {
         let program = Command::new("cd-x").subcommand(state).arg(Arg::new("resume").long("resume"));
         let said = |line: &str| {
             let args: Vec<OsString> = format!("cd-x {line}").split(' ').map(OsString::from).collect();
-            misplaced(&program, &args).unwrap_or_default()
+            misplaced_word_message(&program, &args).unwrap_or_default()
         };
         assert_eq!(said("here state there"), "state: a command comes first; did you mean cd-x state here there?");
         assert_eq!(said(". resume"), "resume: is not expected here; did you mean --resume?");
@@ -357,13 +369,14 @@ mod tests {
         let one = program.clone().arg(Arg::new("dir").value_name("DIR")).args_conflicts_with_subcommands(true);
         let error = one.clone().try_get_matches_from(["cd-x", "a", "b"]).unwrap_err();
         let expected = "b: is not expected here; expected one DIR, or before it a command: state";
-        assert_eq!(surplus(&one, &error, &["cd-x", "a", "b"].map(OsString::from)).as_deref(), Some(expected));
+        let message = surplus_word_message(&one, &error, &["cd-x", "a", "b"].map(OsString::from));
+        assert_eq!(message.as_deref(), Some(expected));
         let output = Arg::new("output").short('o').long("output").value_name("DIR");
         let study = Command::new("study").args([Arg::new("study"), output.clone(), Arg::new("set").long("set")]);
         let program = Command::new("cd-x").args([Arg::new("scene"), output]).subcommand(study);
         let said = |line: &str| {
             let args: Vec<OsString> = format!("cd-x {line}").split(' ').map(OsString::from).collect();
-            misplaced(&program, &args).unwrap_or_default()
+            misplaced_word_message(&program, &args).unwrap_or_default()
         };
         let expected = "to: is not expected here; the folder is given by -o to";
         assert_eq!(["a.ron to", "study a.ron --set x=1 to"].map(said), [expected; 2]);

@@ -42,8 +42,8 @@ impl Fault {
         }
     }
 
-    /// Fault of a file that cannot be read or written; its expectation is empty.
-    pub fn from_io(file: &Path, doing: &str, error: &std::io::Error) -> Self {
+    /// Fault of a file that cannot be `participle`, as `read` or `written`; its expectation is empty.
+    pub fn from_io(file: &Path, participle: &str, error: &std::io::Error) -> Self {
         let why = match error.kind() {
             ErrorKind::NotFound => "there is no such file".into(),
             ErrorKind::PermissionDenied => "permission denied".into(),
@@ -53,7 +53,7 @@ impl Fault {
             // The text omits the number of the system's error.
             _ => error.to_string().split(" (os error").next().unwrap_or_default().to_string(),
         };
-        Fault::new(file, None, "file", format!("cannot be {doing}: {why}"), "")
+        Fault::new(file, None, "file", format!("cannot be {participle}: {why}"), "")
     }
 }
 
@@ -135,31 +135,32 @@ impl Faults {
     pub fn format_report(&self, program: &str) -> String {
         let mut reported = HashSet::new();
         let faults: Vec<&Fault> = self.0.iter().filter(|fault| reported.insert(fault.to_string())).collect();
-        // Faults of a file as a whole have no line and are not grouped.
-        let alike = |fault: &Fault| {
+        // Key of the faults that differ in numbers only, and the position of the fault. Faults of a file as a whole have no
+        // line and are not grouped.
+        let group_and_position = |fault: &Fault| {
             let sentence = [&fault.object, &fault.found, &fault.expected].map(|text| without_numbers(text));
             fault.line.map(|line| ((fault.file.clone(), sentence), (line, fault.column)))
         };
         let mut positions: HashMap<_, Vec<(usize, Option<usize>)>> = HashMap::new();
-        for (sentence, position) in faults.iter().filter_map(|fault| alike(fault)) {
-            let known = positions.entry(sentence).or_default();
-            if !known.contains(&position) {
-                known.push(position);
+        for (group, position) in faults.iter().filter_map(|fault| group_and_position(fault)) {
+            let group_positions = positions.entry(group).or_default();
+            if !group_positions.contains(&position) {
+                group_positions.push(position);
             }
         }
-        let mut printed = HashSet::new();
+        let mut printed_groups = HashSet::new();
         let mut text = String::new();
         for fault in faults {
-            let group = alike(fault).map(|(sentence, _)| sentence);
-            let positions = group.as_ref().map_or(&[][..], |sentence| &positions[sentence]);
-            let mut further = String::new();
+            let group = group_and_position(fault).map(|(group, _)| group);
+            let positions = group.as_ref().map_or(&[][..], |group| &positions[group]);
+            let mut others = String::new();
             if positions.len() > MAX_ALIKE_FAULTS {
-                if !printed.insert(group) {
+                if !printed_groups.insert(group) {
                     continue;
                 }
-                further = format!("; the same {}", further_positions(positions));
+                others = format!("; the same {}", further_positions(positions));
             }
-            text += &format!("{program}: {fault}{further}\n");
+            text += &format!("{program}: {fault}{others}\n");
         }
         text
     }
@@ -168,14 +169,14 @@ impl Faults {
 /// Positions after the first in words: `in 49 more lines: 10, 15, 20, ...`, or with columns if lines have several.
 fn further_positions(positions: &[(usize, Option<usize>)]) -> String {
     let lines: HashSet<usize> = positions.iter().map(|(line, _)| *line).collect();
-    let by_line = lines.len() == positions.len();
+    let are_on_own_lines = lines.len() == positions.len();
     let text = |(line, column): &(usize, Option<usize>)| match column {
-        Some(column) if !by_line => format!("{line}:{column}"),
+        Some(column) if !are_on_own_lines => format!("{line}:{column}"),
         _ => line.to_string(),
     };
     let next: Vec<String> = positions[1..=MAX_LISTED_LINES].iter().map(text).collect();
-    let (word, kind) = if by_line { ("in", "lines") } else { ("at", "positions") };
-    format!("{word} {} more {kind}: {}, ...", positions.len() - 1, next.join(", "))
+    let (preposition, noun) = if are_on_own_lines { ("in", "lines") } else { ("at", "positions") };
+    format!("{preposition} {} more {noun}: {}, ...", positions.len() - 1, next.join(", "))
 }
 
 /// Largest number of faults of one kind that are printed line by line.
@@ -186,21 +187,22 @@ const MAX_LISTED_LINES: usize = 3;
 
 /// Sentence with each number, with its sign, replaced by `#`.
 fn without_numbers(text: &str) -> String {
-    let mut plain = String::new();
-    let mut number = false;
+    let mut sentence = String::new();
+    let mut was_in_number = false;
     for letter in text.chars() {
-        let digit = letter.is_ascii_digit() || number && (letter == '.' || letter == 'e' || letter == 'E');
-        if digit && !number && (plain.ends_with(" -") || plain.ends_with("(-")) {
-            plain.pop();
+        let is_in_number =
+            letter.is_ascii_digit() || was_in_number && (letter == '.' || letter == 'e' || letter == 'E');
+        if is_in_number && !was_in_number && (sentence.ends_with(" -") || sentence.ends_with("(-")) {
+            sentence.pop();
         }
-        if digit && !number {
-            plain.push('#');
-        } else if !digit {
-            plain.push(letter);
+        if is_in_number && !was_in_number {
+            sentence.push('#');
+        } else if !is_in_number {
+            sentence.push(letter);
         }
-        number = digit;
+        was_in_number = is_in_number;
     }
-    plain
+    sentence
 }
 
 impl From<Fault> for Faults {

@@ -1,20 +1,30 @@
-//! Groups of items connected by pairwise links.
+//! Groups of bodies connected by contacts: disjoint sets, and the choice of the largest remnant among groups.
 
 /// Smallest number of members of the largest remnant, over that of the most numerous group: a planet, a lander or an impactor
 /// is not the remnant of an aggregate, however heavy.
 const MIN_REMNANT_SHARE: f64 = 0.1;
 
-/// Index of the largest remnant among groups with these masses and numbers of members: the heaviest one with at least a tenth of
-/// the members of the most numerous one, the first of equals. `None` if there is no group.
+/// Size of a group.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct GroupSize {
+    /// Mass, kg.
+    pub mass: f64,
+    /// Number of bodies.
+    pub members: usize,
+}
+
+/// Index of the largest remnant among groups: the heaviest one with at least a tenth of the members of the most numerous one,
+/// the first of equals. `None` if there is no group.
 ///
 /// ```
-/// use cd_formats::groups::largest_remnant;
-/// assert_eq!(largest_remnant(&[(5.0, 20), (90.0, 1), (6.0, 12)]), Some(2));
+/// use cd_formats::groups::{GroupSize, largest_remnant};
+/// let groups = [(5.0, 20), (90.0, 1), (6.0, 12)].map(|(mass, members)| GroupSize { mass, members });
+/// assert_eq!(largest_remnant(&groups), Some(2));
 /// ```
-pub fn largest_remnant(groups: &[(f64, usize)]) -> Option<usize> {
-    let largest = groups.iter().map(|(_, members)| *members).max()?;
-    let is_large = |k: &usize| groups[*k].1 as f64 >= MIN_REMNANT_SHARE * largest as f64;
-    (0..groups.len()).filter(is_large).reduce(|best, k| if groups[k].0 > groups[best].0 { k } else { best })
+pub fn largest_remnant(groups: &[GroupSize]) -> Option<usize> {
+    let max_members = groups.iter().map(|group| group.members).max()?;
+    let is_large = |k: &usize| groups[*k].members as f64 >= MIN_REMNANT_SHARE * max_members as f64;
+    (0..groups.len()).filter(is_large).reduce(|best, k| if groups[k].mass > groups[best].mass { k } else { best })
 }
 
 /// Disjoint sets of the numbers 0, 1, ... with halving of paths.

@@ -1,4 +1,4 @@
-//! Messages to people.
+//! Lines of text that the programs print on stdout and stderr, and the message about a command line with a wrong value.
 
 use std::error::Error;
 use std::fmt::Display;
@@ -69,8 +69,8 @@ pub fn parse_number(text: &str) -> Result<f64, Box<dyn Error + Send + Sync>> {
 }
 
 /// Prints the error in the arguments of a program, or its help or version, and returns the exit code.
-pub fn usage(program: &str, error: &clap::Error) -> i32 {
-    match wrong_number(error) {
+pub fn print_usage(program: &str, error: &clap::Error) -> i32 {
+    match wrong_number_message(error) {
         Some(message) => print_error(format_args!("{program}: {message}")),
         None if error.use_stderr() => {
             print_error(format_args!("{program}: {}; see {program} --help", first_sentence(error)))
@@ -90,7 +90,7 @@ fn first_sentence(error: &clap::Error) -> String {
 }
 
 /// Message such as `--dt: abc; expected a number (s)`, for an option whose value is not a number of its kind.
-fn wrong_number(error: &clap::Error) -> Option<String> {
+fn wrong_number_message(error: &clap::Error) -> Option<String> {
     let text = |kind| match error.get(kind) {
         Some(ContextValue::String(text)) => Some(text.as_str()),
         _ => None,
@@ -110,8 +110,9 @@ fn wrong_number(error: &clap::Error) -> Option<String> {
             _ => "an integer of 0 or more",
         }
     };
-    let (name, value) = argument.split_once(' ').unwrap_or((argument, ""));
-    let unit = match value.trim_matches(['<', '>', '[', ']', '=']) {
+    // The help shows an option with a placeholder of its value, as `--dt <S>`: S for seconds, M for metres.
+    let (name, placeholder) = argument.split_once(' ').unwrap_or((argument, ""));
+    let unit = match placeholder.trim_matches(['<', '>', '[', ']', '=']) {
         "S" => " (s)",
         "M" => " (m)",
         _ => "",
@@ -133,7 +134,7 @@ mod tests {
         let said = |flag: &str| {
             let command = ComputeFlags::augment_args(Command::new("program"));
             let error = command.try_get_matches_from(["program", flag]).unwrap_err();
-            wrong_number(&error).unwrap_or_else(|| error.to_string())
+            wrong_number_message(&error).unwrap_or_else(|| error.to_string())
         };
         assert_eq!(said("--tol=1e400"), "--tol: 1e400; expected a number below 1.8e308 in magnitude");
         assert_eq!(said("--dt=abc"), "--dt: abc; expected a number (s)");

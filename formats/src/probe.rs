@@ -287,11 +287,11 @@ pub fn check_probes(probes: &[Probe], until: &[EndCondition], flows: FlowNames, 
                     None => {
                         let names: Vec<&str> = probes.iter().map(|known| known.name.as_str()).collect();
                         let found = format!("'{probe}' is no probe");
-                        report.unknown(&format!("{path}.probe"), found, probe, &names);
+                        report.add_unknown_name(&format!("{path}.probe"), found, probe, &names);
                     }
                     Some(known) if !known.quantity.columns().contains(&column.as_str()) => {
                         let found = format!("'{column}' is no column of probe '{probe}'");
-                        report.unknown(&format!("{path}.column"), found, column, known.quantity.columns());
+                        report.add_unknown_name(&format!("{path}.column"), found, column, known.quantity.columns());
                     }
                     Some(_) => {}
                 }

@@ -52,7 +52,7 @@ impl<'a> FaultReport<'a> {
     }
 
     /// Adds a fault like [`FaultReport::add_fault`], with the whole phrase about the expected value, such as a question.
-    pub fn fault_as(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
+    pub fn add_fault_with_phrase(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
         self.faults.push(self.fault_at(path, found.into(), expected.into()));
     }
 
@@ -78,7 +78,7 @@ impl<'a> FaultReport<'a> {
     }
 
     /// Adds a fault of a name at `path` that is not in `known`, with the nearest known name.
-    pub fn unknown(&mut self, path: &str, found: impl Into<String>, name: &str, known: &[&str]) {
+    pub fn add_unknown_name(&mut self, path: &str, found: impl Into<String>, name: &str, known: &[&str]) {
         self.faults.push(self.fault_at(path, found.into(), known_names(name, known)));
     }
 

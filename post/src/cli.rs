@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-use cd_formats::case::{CaseFolder, no_case, parse_arguments};
+use cd_formats::case::{CaseFolder, case_fault, parse_arguments};
 use cd_formats::error::Faults;
 use cd_formats::messages::{print_error, print_line};
 use cd_formats::names::count_text;
@@ -230,7 +230,7 @@ impl Arguments {
             }
             _ => (Vec::from_iter(self.case_dir()), CaseFolder::Outbox),
         };
-        Faults(dirs.into_iter().filter_map(|dir| no_case(dir, part, "cd-post")).collect()).into_result(())
+        Faults(dirs.into_iter().filter_map(|dir| case_fault(dir, part, "cd-post")).collect()).into_result(())
     }
 }
 

@@ -182,7 +182,7 @@ pub(crate) fn unknown(report: &mut FaultReport, path: &str, found: String, name:
     } else if valid.is_empty() {
         report.add_fault(path, found, format!("{one}: none is defined under a valid name"));
     } else {
-        report.unknown(path, found, name, &valid);
+        report.add_unknown_name(path, found, name, &valid);
     }
 }
 

@@ -172,7 +172,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
         let Some(from) = &case.from else { continue };
         if !known.contains(&from.as_str()) && !output.join(from).join("DATBOX").is_dir() {
             let path = format!("groups.{}.from", case.group);
-            report.fault_as(&path, format!("{from} is not a case"), known_names(from, &known));
+            report.add_fault_with_phrase(&path, format!("{from} is not a case"), known_names(from, &known));
         }
     }
     if !report.faults.0.is_empty() {
@@ -232,7 +232,7 @@ fn expand_cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
             for unknown in pattern.iter().flat_map(|pattern| placeholders(pattern)).filter(|name| !names.contains(name))
             {
                 let found = format!("{{{unknown}}} is not a parameter of the group");
-                report.fault_as(&format!("{at}.{field}"), found, known_names(unknown, &names));
+                report.add_fault_with_phrase(&format!("{at}.{field}"), found, known_names(unknown, &names));
             }
         }
         if report.faults.0.len() > before {

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::PathBuf;
 
-use cd_formats::case::{CaseFolder, no_case, parse_arguments};
+use cd_formats::case::{CaseFolder, case_fault, parse_arguments};
 use cd_formats::compute::{Adaptive, ComputeFlags, MAX_THREADS};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::former_names::FormerNameUse;
@@ -162,7 +162,7 @@ struct PreparedCase {
 /// rank 0.
 fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator) -> Result<PreparedCase, RunFailure> {
     let case = &arguments.dir;
-    if let Some(fault) = no_case(case, CaseFolder::Datbox, PROGRAM) {
+    if let Some(fault) = case_fault(case, CaseFolder::Datbox, PROGRAM) {
         return Err(RunFailure::Files(fault.into()));
     }
     if arguments.step_loop && communicator.size() > 1 {

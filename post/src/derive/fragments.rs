@@ -1,6 +1,6 @@
 //! Groups of grains that touch.
 
-use cd_formats::groups::{DisjointSets, largest_remnant};
+use cd_formats::groups::{DisjointSets, GroupSize, largest_remnant};
 
 use crate::derive::motion::{AggregateSums, RotatingAxes};
 use crate::frame::{Frame, Grain, GrainId};
@@ -49,8 +49,8 @@ pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
     };
     let mut found: Vec<Fragment> = members.into_iter().map(fragment).collect();
     found.sort_by(|a, b| b.whole.mass.total_cmp(&a.whole.mass));
-    let groups: Vec<(f64, usize)> = found.iter().map(|group| (group.whole.mass, group.grains.len())).collect();
-    if let Some(remnant) = largest_remnant(&groups) {
+    let size = |fragment: &Fragment| GroupSize { mass: fragment.whole.mass, members: fragment.grains.len() };
+    if let Some(remnant) = largest_remnant(&found.iter().map(size).collect::<Vec<_>>()) {
         found[..=remnant].rotate_right(1);
     }
     found

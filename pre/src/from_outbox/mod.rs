@@ -219,7 +219,7 @@ fn select_parts<'a>(changes: &Changes, sources: &'a [SourceCase], report: &mut F
             Err(faults) => {
                 for (path, fault) in faults {
                     let path = format!("bodies.{k}.{path}");
-                    report.fault_as(path.trim_end_matches('.'), fault.found, fault.expected);
+                    report.add_fault_with_phrase(path.trim_end_matches('.'), fault.found, fault.expected);
                 }
             }
         }

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic::path_exists;
 use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::case::{CaseFolder, no_case};
+use cd_formats::case::{CaseFolder, case_fault};
 use cd_formats::compute::{Compute, Event, EventAction};
 use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults, RecordFault};
-use cd_formats::groups::{DisjointSets, largest_remnant};
+use cd_formats::groups::{DisjointSets, GroupSize, largest_remnant};
 use cd_formats::ids::BodyId;
 use cd_formats::law_table::is_law_of_points;
 use cd_formats::names::{count_text, vector_text};
@@ -81,7 +81,7 @@ impl SourceCase {
     pub fn read(case: &Path, step: Option<u64>) -> Result<SourceCase, Faults> {
         let missing = [CaseFolder::Outbox, CaseFolder::Datbox]
             .into_iter()
-            .find_map(|part| no_case(case, part, "cd-pre from-outbox"));
+            .find_map(|part| case_fault(case, part, "cd-pre from-outbox"));
         if let Some(fault) = missing {
             return Err(fault.into());
         }
@@ -349,13 +349,13 @@ impl SourceCase {
                 groups.union(a, b);
             }
         }
-        let mut sums = vec![(0.0, 0); count];
+        let mut sizes = vec![GroupSize::default(); count];
         for row in (0..count).filter(|&row| bodies.body_driven[row] == 0) {
-            let (mass, members) = &mut sums[groups.find(row)];
-            *mass += bodies.body_mass[row];
-            *members += 1;
+            let size = &mut sizes[groups.find(row)];
+            size.mass += bodies.body_mass[row];
+            size.members += 1;
         }
-        let largest = largest_remnant(&sums);
+        let largest = largest_remnant(&sizes);
         (0..count).map(|row| Some(groups.find(row)) == largest).collect()
     }
 }

@@ -423,7 +423,7 @@ pub fn check_events(scene: &Scene, report: &mut FaultReport) {
         match scene.law_names.iter().position(|law| law.nickname == *name) {
             None => {
                 let known: Vec<&str> = scene.law_names.iter().map(|law| law.nickname.as_str()).collect();
-                report.unknown(&path, format!("law '{name}' is not in use"), name, &known);
+                report.add_unknown_name(&path, format!("law '{name}' is not in use"), name, &known);
             }
             Some(law)
                 if matches!(event.action, EventAction::SetCohesion(..))
