@@ -1,4 +1,5 @@
-//! External fields: attraction of a primary, and inertial forces in rotating axes.
+//! External fields of the option `fields`: attraction of a primary, and inertial forces in rotating axes. cd-solve
+//! accelerates bodies by them, cd-post computes their energy.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -50,43 +51,36 @@ pub enum FieldModel {
 }
 
 impl FieldModel {
-    /// Models of the fields, with the shapes of the polyhedra among them, at a time (s) for the Newtonian constant
-    /// `constant`, m^3 kg^-1 s^-2; see [`primary_motions`].
-    pub fn of_fields(fields: &[ExternalField], shapes: &FieldShapes, constant: f64, time: f64) -> Vec<Self> {
+    /// Models of the fields, with the shapes of the polyhedra among them, at a time, s; `gravity_constant` in
+    /// m^3 kg^-1 s^-2; see [`primary_motions`].
+    pub fn from_fields(fields: &[ExternalField], shapes: &FieldShapes, gravity_constant: f64, time: f64) -> Vec<Self> {
         let mut shapes = shapes.0.iter();
-        let mut falling = Vec3::zeros();
-        let mut primary = |motion: Option<(Vec3, Vec3)>, mass: f64, moves: bool, oblateness: f64, axis: [f64; 3]| {
-            let centre = motion.map_or(Vec3::zeros(), |(position, _)| position);
-            let falling = moves.then(|| std::mem::replace(&mut falling, centre));
-            FieldModel::Primary {
-                strength: constant * mass,
-                centre,
-                falling,
-                oblateness,
-                axis: Vec3::from(axis).normalize(),
-            }
-        };
-        let model = |(field, motion): (&ExternalField, Option<(Vec3, Vec3)>)| match field {
-            ExternalField::PointMass { mass, orbit, .. } => {
-                primary(motion, *mass, orbit.is_some(), 0.0, [0.0, 0.0, 1.0])
-            }
-            ExternalField::Oblate { mass, orbit, radius, j2, axis, .. } => {
-                primary(motion, *mass, orbit.is_some(), j2 * radius * radius, *axis)
-            }
-            ExternalField::Polyhedron { density, position, rate, .. } => {
-                let turns = *rate != [0.0; 3];
-                FieldModel::Polyhedron {
-                    strength: constant * density,
-                    shape: Arc::clone(shapes.next().expect("FieldShapes::read has a shape for each polyhedron")),
-                    position: (*position).into(),
-                    rotation: turns.then(|| UnitQuaternion::from_scaled_axis(Vec3::from(*rate) * time)),
+        // Point that falls in the attraction of the next primary on an orbit: the origin, then the primary before.
+        let mut falling_point = Vec3::zeros();
+        let model = |(field, motion): (&ExternalField, Option<(Vec3, Vec3)>)| {
+            let (mass, oblateness, axis) = match field {
+                ExternalField::PointMass { mass, .. } => (mass, 0.0, Vec3::z()),
+                ExternalField::Oblate { mass, radius, j2, axis, .. } => {
+                    (mass, j2 * radius * radius, Vec3::from(*axis).normalize())
                 }
-            }
-            ExternalField::RotatingFrame { rate, centre } => {
-                FieldModel::Turning { rate: (*rate).into(), centre: (*centre).into() }
-            }
+                ExternalField::Polyhedron { density, position, rate, .. } => {
+                    let turns = *rate != [0.0; 3];
+                    return FieldModel::Polyhedron {
+                        strength: gravity_constant * density,
+                        shape: Arc::clone(shapes.next().expect("FieldShapes::read has a shape for each polyhedron")),
+                        position: (*position).into(),
+                        rotation: turns.then(|| UnitQuaternion::from_scaled_axis(Vec3::from(*rate) * time)),
+                    };
+                }
+                ExternalField::RotatingFrame { rate, centre } => {
+                    return FieldModel::Turning { rate: (*rate).into(), centre: (*centre).into() };
+                }
+            };
+            let centre = motion.map_or(Vec3::zeros(), |(position, _)| position);
+            let falling = field.orbit().is_some().then(|| std::mem::replace(&mut falling_point, centre));
+            FieldModel::Primary { strength: gravity_constant * mass, centre, falling, oblateness, axis }
         };
-        fields.iter().zip(primary_motions(fields, constant, time)).map(model).collect()
+        fields.iter().zip(primary_motions(fields, gravity_constant, time)).map(model).collect()
     }
 
     /// Acceleration of a body at rest in these axes, m/s^2, and its potential, J/kg. With r from the centre, s =
@@ -109,13 +103,13 @@ impl FieldModel {
                     return (Vec3::zeros(), 0.0);
                 }
                 let (s, e) = (r.dot(&axis) / distance, oblateness / (distance * distance));
-                let unit = -strength / (distance * distance * distance);
+                let factor = -strength / (distance * distance * distance);
                 let flattening = r * (1.5 * e * (1.0 - 5.0 * s * s)) + axis * (3.0 * e * s * distance);
                 if let Some(falling) = falling {
-                    return (tide(strength, &(falling - centre), &(x - falling)) + flattening * unit, 0.0);
+                    return (tide(strength, &(falling - centre), &(x - falling)) + flattening * factor, 0.0);
                 }
                 let potential = -strength / distance * (1.0 - 0.5 * e * (3.0 * s * s - 1.0));
-                ((r + flattening) * unit, potential)
+                ((r + flattening) * factor, potential)
             }
             FieldModel::Polyhedron { strength, shape, position, rotation: None } => {
                 let (attraction, potential) = shape.attraction_and_potential(&(x - position));
@@ -126,8 +120,8 @@ impl FieldModel {
                 (rotation * shape.attraction_and_potential(&point).0 * *strength, 0.0)
             }
             FieldModel::Turning { rate, centre } => {
-                let moving = rate.cross(&(x - centre));
-                (-rate.cross(&moving), -0.5 * moving.norm_squared())
+                let frame_velocity = rate.cross(&(x - centre));
+                (-rate.cross(&frame_velocity), -0.5 * frame_velocity.norm_squared())
             }
         }
     }
@@ -138,10 +132,10 @@ impl FieldModel {
     }
 
     /// Potential energy of a body beyond its mass times the potential at its centre, J. In rotating axes it is -W.(J
-    /// W)/2, due to the extent of the body, where `turns` gives J W (kg m^2/s) in fixed axes. It is 0 for a primary.
-    pub fn tidal_energy(&self, turns: impl Fn(&Vec3) -> Vec3) -> f64 {
+    /// W)/2, due to the extent of the body, where `inertia_times` gives J W (kg m^2/s) in fixed axes. It is 0 for a primary.
+    pub fn tidal_energy(&self, inertia_times: impl Fn(&Vec3) -> Vec3) -> f64 {
         match self {
-            FieldModel::Turning { rate, .. } => -0.5 * turns(rate).dot(rate),
+            FieldModel::Turning { rate, .. } => -0.5 * inertia_times(rate).dot(rate),
             FieldModel::Primary { .. } | FieldModel::Polyhedron { .. } => 0.0,
         }
     }
@@ -189,13 +183,14 @@ fn tide(strength: f64, r: &Vec3, d: &Vec3) -> Vec3 {
     (d - (r + d) * change) * (-strength / (square * square.sqrt()))
 }
 
-/// Position (m) and velocity (m/s) of the primary of each field at a time (s) for the Newtonian constant `constant`, m^3
-/// kg^-1 s^-2; `None` of turning axes.
+/// Position (m) and velocity (m/s) of the primary of each field at a time, s; `None` of turning axes. `gravity_constant` in
+/// m^3 kg^-1 s^-2.
 ///
 /// The first orbit is that of the origin about its mass, the next one that of this mass about the next mass, and so on: the
 /// axes fall freely with the origin.
-pub fn primary_motions(fields: &[ExternalField], constant: f64, time: f64) -> Vec<Option<(Vec3, Vec3)>> {
-    let mut falling = (Vec3::zeros(), Vec3::zeros());
+pub fn primary_motions(fields: &[ExternalField], gravity_constant: f64, time: f64) -> Vec<Option<(Vec3, Vec3)>> {
+    // Motion of the origin, then of the last primary on an orbit.
+    let (mut position_before, mut velocity_before) = (Vec3::zeros(), Vec3::zeros());
     let motion_of = |field: &ExternalField| {
         let (ExternalField::PointMass { mass, position, orbit } | ExternalField::Oblate { mass, position, orbit, .. }) =
             field
@@ -203,9 +198,9 @@ pub fn primary_motions(fields: &[ExternalField], constant: f64, time: f64) -> Ve
             return None;
         };
         let Some(orbit) = orbit else { return Some((position.unwrap_or_default().into(), Vec3::zeros())) };
-        let (r, v) = orbit.to_orbit(constant * mass).position_and_velocity(time);
-        falling = (falling.0 - r, falling.1 - v);
-        Some(falling)
+        let (r, v) = orbit.to_orbit(gravity_constant * mass).position_and_velocity(time);
+        (position_before, velocity_before) = (position_before - r, velocity_before - v);
+        Some((position_before, velocity_before))
     };
     fields.iter().map(motion_of).collect()
 }
@@ -284,7 +279,7 @@ mod tests {
                 FieldModel::Primary { centre, .. } => *centre,
                 other => unreachable!("{other:?} has no orbit"),
             };
-            FieldModel::of_fields(&fields, &FieldShapes::default(), 1.0, time).iter().map(centre).collect::<Vec<_>>()
+            FieldModel::from_fields(&fields, &FieldShapes::default(), 1.0, time).iter().map(centre).collect::<Vec<_>>()
         };
         // At 0 both are at their periapsis, on the x axis; after half a turn about the planet this one is on the other side.
         assert!((at(0.0)[0] - Vec3::new(-2.0, 0.0, 0.0)).norm() < 1e-14);

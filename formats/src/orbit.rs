@@ -1,4 +1,4 @@
-//! Kepler orbits: position and velocity at any time, from elements or from a state.
+//! Kepler orbits of the masses of `fields`: position and velocity at any time, from elements or from a state.
 
 use std::f64::consts::{PI, TAU};
 
@@ -66,7 +66,8 @@ pub struct KeplerOrbit {
 const MAX_NEWTON_STEPS: usize = 100;
 
 impl OrbitSpec {
-    /// Fault of the values about a mass with G M = `mu` (m^3/s^2), if there is one: expected values.
+    /// Values that are expected in place of those of the orbit about a mass with G M = `mu` (m^3/s^2), if these cannot be
+    /// used.
     pub fn invalid_value(&self, mu: f64) -> Option<&'static str> {
         if mu <= 0.0 {
             return Some("gravity_constant > 0 for an orbit");
@@ -107,8 +108,8 @@ impl OrbitSpec {
             OrbitSpec::State { position, velocity, time } => {
                 let finite = position.iter().chain(&velocity).all(|x| x.is_finite()) && time.is_finite();
                 let (r, v) = (Vec3::from(position), Vec3::from(velocity));
-                let turns = r.cross(&v).norm_squared() > 0.0;
-                let sound = finite && turns && KeplerOrbit::from_state(mu, &r, &v, time).is_finite();
+                let has_plane = r.cross(&v).norm_squared() > 0.0;
+                let sound = finite && has_plane && KeplerOrbit::from_state(mu, &r, &v, time).is_finite();
                 (!sound).then_some("finite position, velocity and time, and a velocity that is not along the position")
             }
         }
@@ -132,13 +133,15 @@ impl OrbitSpec {
                     (_, Some(a), Some(e), _) => (a * (1.0 - e), e),
                     (q, _, e, _) => (q.unwrap_or(f64::NAN), e.unwrap_or(f64::NAN)),
                 };
-                let turn = |angle: f64, [a, b]: [Vec3; 2]| {
-                    let (s, c) = (libm::sin(angle), libm::cos(angle));
-                    [a * c + b * s, b * c - a * s]
+                // Two orthogonal unit vectors, rotated in their plane from the first towards the second.
+                let rotated = |angle: f64, [a, b]: [Vec3; 2]| {
+                    let (sine, cosine) = (libm::sin(angle), libm::cos(angle));
+                    [a * cosine + b * sine, b * cosine - a * sine]
                 };
-                let [line, across] = turn(node, [Vec3::x(), Vec3::y()]);
-                let [rising, _] = turn(inclination, [across, Vec3::z()]);
-                KeplerOrbit { mu, periapsis: q, eccentricity: e, axes: turn(argument, [line, rising]), periapsis_time }
+                let [to_node, in_xy_plane] = rotated(node, [Vec3::x(), Vec3::y()]);
+                let [in_orbit_plane, _] = rotated(inclination, [in_xy_plane, Vec3::z()]);
+                let axes = rotated(argument, [to_node, in_orbit_plane]);
+                KeplerOrbit { mu, periapsis: q, eccentricity: e, axes, periapsis_time }
             }
             OrbitSpec::State { position, velocity, time } => {
                 KeplerOrbit::from_state(mu, &position.into(), &velocity.into(), time)
@@ -153,18 +156,23 @@ impl KeplerOrbit {
     ///
     /// e = v x (r x v)/mu - r/|r|, q = |r x v|^2/(mu (1 + |e|)). Source: Murray & Dermott (1999), chapter 2.
     pub fn from_state(mu: f64, r: &Vec3, v: &Vec3, time: f64) -> Self {
+        // Angular momentum per mass, and the vector e, which points to the periapsis.
         let h = r.cross(v);
-        let towards = v.cross(&h) / mu - r / r.norm();
-        let eccentricity = towards.norm();
+        let eccentricity_vector = v.cross(&h) / mu - r / r.norm();
+        let eccentricity = eccentricity_vector.norm();
         // On a circle any point may be called the periapsis.
-        let line = if eccentricity > CIRCULAR_ECCENTRICITY { towards / eccentricity } else { r / r.norm() };
-        let eccentricity = if eccentricity > CIRCULAR_ECCENTRICITY { eccentricity } else { 0.0 };
+        let (to_periapsis, eccentricity) = if eccentricity > CIRCULAR_ECCENTRICITY {
+            (eccentricity_vector / eccentricity, eccentricity)
+        } else {
+            (r / r.norm(), 0.0)
+        };
         let normal = h / h.norm();
-        let line = (line - normal * normal.dot(&line)).normalize();
+        // Rounding has left a component along the normal.
+        let to_periapsis = (to_periapsis - normal * normal.dot(&to_periapsis)).normalize();
         let periapsis = h.norm_squared() / (mu * (1.0 + eccentricity));
-        let axes = [line, normal.cross(&line)];
-        let since = time_since_periapsis(mu, periapsis, eccentricity, axes.map(|axis| axis.dot(r)));
-        KeplerOrbit { mu, periapsis, eccentricity, axes, periapsis_time: time - since }
+        let axes = [to_periapsis, normal.cross(&to_periapsis)];
+        let elapsed = time_since_periapsis(mu, periapsis, eccentricity, axes.map(|axis| axis.dot(r)));
+        KeplerOrbit { mu, periapsis, eccentricity, axes, periapsis_time: time - elapsed }
     }
 
     /// Whether all numbers of the orbit are finite.
@@ -186,7 +194,8 @@ impl KeplerOrbit {
     /// axis and q s c_1 v_q along the second, at the distance q + μ e s² c_2: for ellipses, parabolas and hyperbolas alike.
     /// Source: Danby (1992), Fundamentals of Celestial Mechanics, section 6.9.
     pub fn position_and_velocity(&self, time: f64) -> (Vec3, Vec3) {
-        let KeplerOrbit { mu, periapsis: q, eccentricity: e, axes: [line, across], periapsis_time } = *self;
+        let KeplerOrbit { mu, periapsis: q, eccentricity: e, axes: [to_periapsis, along_motion], periapsis_time } =
+            *self;
         let mut t = time - periapsis_time;
         if let Some(period) = self.period() {
             t -= period * (t / period).round_ties_even();
@@ -195,8 +204,8 @@ impl KeplerOrbit {
         let (s_c1, s2_c2) = (s * c1, s * s * c2);
         let r = q + mu * e * s2_c2;
         let speed = (mu * (1.0 + e) / q).sqrt();
-        let position = line * (q - mu * s2_c2) + across * (q * s_c1 * speed);
-        let velocity = line * (-mu * s_c1 / r) + across * ((1.0 - mu * s2_c2 / r) * speed);
+        let position = to_periapsis * (q - mu * s2_c2) + along_motion * (q * s_c1 * speed);
+        let velocity = to_periapsis * (-mu * s_c1 / r) + along_motion * ((1.0 - mu * s2_c2 / r) * speed);
         (position, velocity)
     }
 
@@ -204,21 +213,22 @@ impl KeplerOrbit {
     fn universal_anomaly(&self, t: f64) -> (f64, [f64; 4]) {
         let KeplerOrbit { mu, periapsis: q, eccentricity: e, .. } = *self;
         let alpha = mu * (1.0 - e) / q;
-        let (size, root) = (t.abs(), alpha.abs().sqrt());
-        // Bounds from above, from which Newton's method descends, as the time grows faster than in proportion: by either term
-        // alone, and half a turn of an ellipse or e sinh x - x >= (e - 1) sinh x on a hyperbola.
+        let (duration, root) = (t.abs(), alpha.abs().sqrt());
+        // The iteration starts at an upper bound of s, from which Newton's method descends, since t is convex in s for s >= 0.
+        // Bounds are the solutions with the term q s alone, with the other term alone and the least c_3, and half an
+        // orbit of an ellipse, or on a hyperbola that of e sinh x - x >= (e - 1) sinh x.
         let least_c3 = if alpha > 0.0 { 1.0 / (PI * PI) } else { 1.0 / 6.0 };
-        let last = if alpha > 0.0 {
+        let conic_bound = if alpha > 0.0 {
             PI / root
         } else if alpha < 0.0 {
-            libm::asinh(size * root / q) / root
+            libm::asinh(duration * root / q) / root
         } else {
             f64::INFINITY
         };
-        let mut s = (size / q).min(libm::cbrt(size / (mu * e * least_c3))).min(last);
+        let mut s = (duration / q).min(libm::cbrt(duration / (mu * e * least_c3))).min(conic_bound);
         for _ in 0..MAX_NEWTON_STEPS {
             let [_, _, c2, c3] = stumpff(alpha * s * s);
-            let change = (q * s + mu * e * s * s * s * c3 - size) / (q + mu * e * s * s * c2);
+            let change = (q * s + mu * e * s * s * s * c3 - duration) / (q + mu * e * s * s * c2);
             s -= change;
             if change.abs() <= f64::EPSILON * s {
                 break;

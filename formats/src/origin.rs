@@ -1,4 +1,5 @@
-//! Files that a DATBOX is made from, recorded as comments in COMPUTE.RON. cd-solve detects by them that one has changed.
+//! Files that a DATBOX is made from, which cd-pre records with checksums in comments of COMPUTE.RON, so that cd-solve can
+//! warn if one has changed since.
 
 use std::fs;
 use std::path::Path;
@@ -35,51 +36,75 @@ pub enum Command {
 /// not tracked, since they may be moved separately.
 const SCENE_FOLDERS: [&str; 3] = ["", "..", "../.."];
 
-const HEADER_PREFIX: &str = "// Made from ";
-const WITH: &str = "// Made with ";
-const BY: &str = "// Made by from-outbox ";
+/// Start of the comment that names the scene.
+const SCENE_PREFIX: &str = "// Made from ";
+/// Start of a comment that names another input.
+const INPUT_PREFIX: &str = "// Made with ";
+/// Start of the comment that names the case of `cd-pre from-outbox`.
+const FROM_OUTBOX_PREFIX: &str = "// Made by from-outbox ";
+/// Text before the checksum of an input.
 const CHECKSUM_PREFIX: &str = ", checksum ";
-const CHANGES: &str = ", --changes ";
+/// Text before the file of changes.
+const CHANGES_PREFIX: &str = ", --changes ";
+/// Text before each setting.
 const SETTING_PREFIX: &str = ", --set ";
 
-/// Path of a file or folder relative to the folder `case`; none if it lies elsewhere, see [`SCENE_FOLDERS`].
-fn near(path: &Path, case: &Path) -> Option<String> {
-    let whole = |path: &Path| fs::canonicalize(if path == Path::new("") { Path::new(".") } else { path }).ok();
+/// Path of a file or folder relative to the folder `case`; `None` if it lies elsewhere, see [`SCENE_FOLDERS`].
+fn tracked_path(path: &Path, case: &Path) -> Option<String> {
+    let absolute = |path: &Path| fs::canonicalize(if path == Path::new("") { Path::new(".") } else { path }).ok();
+    // A link to a file counts as the file of its own name.
     let target = match path.file_name() {
-        Some(name) => whole(path.parent()?)?.join(name),
-        None => whole(path)?,
+        Some(name) => absolute(path.parent()?)?.join(name),
+        None => absolute(path)?,
     };
-    let path_below = |above: &str| {
-        let base = whole(&case.join(above)).filter(|base| base.parent().is_some())?;
-        Some(Path::new(above).join(target.strip_prefix(base).ok()?).to_str()?.to_string())
+    let path_below = |folder: &str| {
+        let base = absolute(&case.join(folder)).filter(|base| base.parent().is_some())?;
+        Some(Path::new(folder).join(target.strip_prefix(base).ok()?).to_str()?.to_string())
     };
     SCENE_FOLDERS.into_iter().find_map(path_below).filter(|path| !path.contains(['\n', '\r']))
 }
 
-fn plain(settings: &[String]) -> Vec<String> {
+/// Settings without line breaks, so that each fits into a comment.
+fn one_line_settings(settings: &[String]) -> Vec<String> {
     settings.iter().map(|setting| setting.replace(['\n', '\r'], " ")).collect()
+}
+
+/// Splits the settings off the rest of a comment.
+fn split_settings(comment: &str) -> (&str, Vec<String>) {
+    let mut parts = comment.split(SETTING_PREFIX);
+    (parts.next().unwrap_or_default(), parts.map(str::to_string).collect())
+}
+
+impl Input {
+    /// Input in a comment, behind its prefix, and the settings there.
+    fn from_comment(comment: &str) -> Option<(Input, Vec<String>)> {
+        let (path, rest) = comment.split_once(CHECKSUM_PREFIX)?;
+        let (checksum, settings) = split_settings(rest);
+        let checksum = u64::from_str_radix(checksum.trim(), 16).ok()?;
+        Some((Input { path: path.to_string(), checksum }, settings))
+    }
 }
 
 impl SceneOrigin {
     /// Origin of a DATBOX in the folder `case` made from a scene; none if the scene lies elsewhere.
     pub fn from_scene(scene: &Path, text: &[u8], settings: &[String], case: &Path) -> Option<SceneOrigin> {
-        let path = near(scene, case)?;
+        let path = tracked_path(scene, case)?;
         let folder = Path::new(&path).parent()?.to_str()?;
         let input = Input { path: SCENE_FOLDERS.contains(&folder).then_some(path)?, checksum: checksum(text) };
-        Some(SceneOrigin { command: Command::Scene, inputs: vec![input], settings: plain(settings) })
+        Some(SceneOrigin { command: Command::Scene, inputs: vec![input], settings: one_line_settings(settings) })
     }
 
     /// Origin of a DATBOX in the folder `case` made from the results of the case `source`.
     pub fn from_outbox(source: &Path, changes: Option<&Path>, settings: &[String], case: &Path) -> SceneOrigin {
-        let changes = changes.and_then(|changes| near(changes, case));
-        let command = Command::FromOutbox { case: near(source, case).unwrap_or_default(), changes };
-        SceneOrigin { command, inputs: Vec::new(), settings: plain(settings) }
+        let changes = changes.and_then(|changes| tracked_path(changes, case));
+        let command = Command::FromOutbox { case: tracked_path(source, case).unwrap_or_default(), changes };
+        SceneOrigin { command, inputs: Vec::new(), settings: one_line_settings(settings) }
     }
 
     /// Adds a file, unless it is already listed, lies elsewhere or cannot be read; `case` as in
     /// [`SceneOrigin::from_scene`].
     pub fn add(&mut self, file: &Path, case: &Path) {
-        if let (Some(path), Ok(bytes)) = (near(file, case), fs::read(file))
+        if let (Some(path), Ok(bytes)) = (tracked_path(file, case), fs::read(file))
             && self.inputs.iter().all(|known| known.path != path)
         {
             self.inputs.push(Input { path, checksum: checksum(&bytes) });
@@ -91,44 +116,35 @@ impl SceneOrigin {
         let settings: String = self.settings.iter().map(|setting| format!("{SETTING_PREFIX}{setting}")).collect();
         let mut lines = String::new();
         if let Command::FromOutbox { case, changes } = &self.command {
-            let changes = changes.as_ref().map_or(String::new(), |changes| format!("{CHANGES}{changes}"));
-            lines += &format!("{BY}{case}{changes}{settings}\n");
+            let changes = changes.as_ref().map_or(String::new(), |changes| format!("{CHANGES_PREFIX}{changes}"));
+            lines += &format!("{FROM_OUTBOX_PREFIX}{case}{changes}{settings}\n");
         }
         for (k, Input { path, checksum }) in self.inputs.iter().enumerate() {
-            let scene = k == 0 && self.command == Command::Scene;
-            let (begin, settings) = if scene { (HEADER_PREFIX, settings.as_str()) } else { (WITH, "") };
-            lines += &format!("{begin}{path}{CHECKSUM_PREFIX}{checksum:016x}{settings}\n");
+            let is_scene = k == 0 && self.command == Command::Scene;
+            let (prefix, settings) = if is_scene { (SCENE_PREFIX, settings.as_str()) } else { (INPUT_PREFIX, "") };
+            lines += &format!("{prefix}{path}{CHECKSUM_PREFIX}{checksum:016x}{settings}\n");
         }
         lines
     }
 
     /// Origin that a COMPUTE.RON names, if any.
     pub fn from_compute_text(text: &str) -> Option<SceneOrigin> {
-        let input = |line: &str| -> Option<(Input, Vec<String>)> {
-            let (path, rest) = line.split_once(CHECKSUM_PREFIX)?;
-            let mut rest = rest.split(SETTING_PREFIX);
-            let checksum = u64::from_str_radix(rest.next()?.trim(), 16).ok()?;
-            Some((Input { path: path.to_string(), checksum }, rest.map(str::to_string).collect()))
-        };
         let mut lines = text.lines();
         let mut origin = lines.find_map(|line| {
-            if let Some(line) = line.strip_prefix(BY) {
-                let mut parts = line.split(SETTING_PREFIX);
-                let (case, changes) = parts.next()?.split_once(CHANGES).map_or_else(
-                    || (line.split(SETTING_PREFIX).next().unwrap_or_default(), None),
-                    |(case, changes)| (case, Some(changes.to_string())),
-                );
+            if let Some(comment) = line.strip_prefix(FROM_OUTBOX_PREFIX) {
+                let (paths, settings) = split_settings(comment);
+                let (case, changes) = match paths.split_once(CHANGES_PREFIX) {
+                    Some((case, changes)) => (case, Some(changes.to_string())),
+                    None => (paths, None),
+                };
                 let command = Command::FromOutbox { case: case.to_string(), changes };
-                return Some(SceneOrigin {
-                    command,
-                    inputs: Vec::new(),
-                    settings: parts.map(str::to_string).collect(),
-                });
+                return Some(SceneOrigin { command, inputs: Vec::new(), settings });
             }
-            let (scene, settings) = input(line.strip_prefix(HEADER_PREFIX)?)?;
+            let (scene, settings) = Input::from_comment(line.strip_prefix(SCENE_PREFIX)?)?;
             Some(SceneOrigin { command: Command::Scene, inputs: vec![scene], settings })
         })?;
-        origin.inputs.extend(lines.map_while(|line| Some(input(line.strip_prefix(WITH)?)?.0)));
+        let further = lines.map_while(|line| Input::from_comment(line.strip_prefix(INPUT_PREFIX)?));
+        origin.inputs.extend(further.map(|(input, _)| input));
         Some(origin)
     }
 

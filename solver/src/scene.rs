@@ -789,7 +789,7 @@ impl Scene {
 
     /// External fields at a time, s.
     pub fn external_fields(&self, time: f64) -> Vec<FieldModel> {
-        FieldModel::of_fields(&self.options.fields, &self.field_shapes, self.options.gravity_constant, time)
+        FieldModel::from_fields(&self.options.fields, &self.field_shapes, self.options.gravity_constant, time)
     }
 
     /// Angular velocity of the frame of reference, rad/s.

@@ -31,7 +31,7 @@ pub fn self_gravity_constant(frame: &Frame) -> Option<f64> {
 /// Fields that act from outside, except uniform gravity.
 pub fn external_fields(frame: &Frame) -> Vec<FieldModel> {
     let parameters = &frame.meta.parameters;
-    FieldModel::of_fields(&parameters.fields, &frame.field_shapes, parameters.gravity_constant, frame.meta.time)
+    FieldModel::from_fields(&parameters.fields, &frame.field_shapes, parameters.gravity_constant, frame.meta.time)
 }
 
 /// Potential energy in external fields, J: sum m_i phi(x_i), [`FieldModel::acceleration_and_potential`], and the
