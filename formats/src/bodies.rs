@@ -1,4 +1,4 @@
-//! `BODIES.DAT`: rigid bodies with their contactors.
+//! `DATBOX/BODIES.DAT`: rigid bodies with their contactors. cd-pre and LMGC90 write it, cd-solve reads it.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -146,12 +146,13 @@ impl Bodies {
         Ok((Bodies(bodies), notices))
     }
 
-    /// Position, from 1, of the body with a number in the file `path` that is not that of another position.
+    /// Position, from 1, of the first body in the file `path` that has this number there; `None` if no body has it, or the
+    /// file cannot be read.
     pub fn position_of_number(path: &Path, number: usize) -> Option<usize> {
         let text = AsciiText::read_file(path).ok()?;
         let numbers =
             text.lines().filter(|line| line.keyword() == "RBDY3").map(|line| line.columns(7, 15).trim().parse());
-        Some(numbers.into_iter().position(|written| written == Ok(number))? + 1)
+        Some(numbers.into_iter().position(|found| found == Ok(number))? + 1)
     }
 
     /// Line of the material of a body of the file `path`; that of the body if it cannot be found.
@@ -181,9 +182,11 @@ impl Bodies {
     }
 }
 
-/// Reads bodies up to the end of the text; `position` of them come before.
-fn read_bodies(scan: &mut LineScanner, mut position: usize) -> Vec<Body> {
+/// Reads bodies up to the end of the text, before which there are `bodies_before` bodies.
+fn read_bodies(scan: &mut LineScanner, bodies_before: usize) -> Vec<Body> {
     let mut bodies = Vec::new();
+    // Position of the present body in the file, from 1.
+    let mut position = bodies_before;
     loop {
         scan.skip_to_keyword("bdyty");
         let Some(begin) = scan.peek_line() else { break };
@@ -205,15 +208,16 @@ fn read_bodies(scan: &mut LineScanner, mut position: usize) -> Vec<Body> {
     bodies
 }
 
-/// Reads the record after `$bdyty`; `None` after a fault that leaves the scan inside the record.
-fn read_body(scan: &mut LineScanner, begin: usize, number: u64) -> Option<Body> {
+/// Reads the record after `$bdyty` on the line `begin`; `None` after a fault that leaves the scan inside the record.
+/// `position`: that of the body in the file, from 1.
+fn read_body(scan: &mut LineScanner, begin: usize, position: u64) -> Option<Body> {
     let line = scan.expect_line("expected RBDY3 and the number of the body", TextLine::is_data)?;
     if !scan.expect_rigid_body(line, 2) {
         return None;
     }
     // LMGC90 ignores the number, and writes stars for bodies above 99 999.
     match line.columns(7, 15).replace(' ', "").parse::<u64>() {
-        Ok(written) if written == number => {}
+        Ok(number) if number == position => {}
         Ok(_) => scan.add_form(LenientForm::BodyNumber, line.number),
         Err(_) => scan.add_form(LenientForm::BodyWithoutNumber, line.number),
     }
@@ -229,32 +233,32 @@ fn read_body(scan: &mut LineScanner, begin: usize, number: u64) -> Option<Body> 
 
     scan.expect_keyword("nodty")?;
     let node = scan.expect_line("expected NO6xx", |line| line.keyword() == "NO6xx")?;
-    let position = scan.read_grid(node, COORDINATE_LABELS);
+    let coordinates = scan.read_grid(node, COORDINATE_LABELS);
     // The angles are read as numbers, but LMGC90 sets them to zero.
     let angles = scan.expect_continuation("coo4 coo5 coo6")?;
     scan.read_grid(angles, ["coo4", "coo5", "coo6"]);
 
     let tacty = scan.expect_keyword("tacty")?;
     let mut contactors = Vec::with_capacity(1);
-    let mut all_read = true;
+    let mut are_all_read = true;
     for k in 1.. {
-        scan.set_object(format_args!("body {number}"));
+        scan.set_object(format_args!("body {position}"));
         if scan.next_line_if(|line| line.keyword() == "$$$$$").is_some() {
             break;
         }
         let line = scan.expect_line("expected a contactor or $$$$$$", TextLine::is_data)?;
-        scan.set_object(format_args!("body {number}, contactor {} {k}", line.keyword().trim()));
+        scan.set_object(format_args!("body {position}, contactor {} {k}", line.keyword().trim()));
         let contactor = read_contactor(scan, line);
-        all_read &= contactor.is_some();
+        are_all_read &= contactor.is_some();
         contactors.extend(contactor);
         // LMGC90 skips lines that belong to no contactor; those of a faulty contactor are already reported.
-        if all_read && scan.peek_line().is_some_and(TextLine::is_continuation) {
+        if are_all_read && scan.peek_line().is_some_and(TextLine::is_continuation) {
             scan.unexpected_line("expected a contactor or $$$$$$");
         }
         while scan.next_line_if(TextLine::is_continuation).is_some() {}
     }
     match contactors.as_slice() {
-        [] if all_read => scan.add_fault(tacty.number, "no contactor", "expected one or more"),
+        [] if are_all_read => scan.add_fault(tacty.number, "no contactor", "expected one or more"),
         // LMGC90 takes the mass from avrd but the inertia from the contactor.
         [Contactor { shape: ShapeRecord::Sphere { radius }, .. }]
             if *radius > 0.0
@@ -270,13 +274,13 @@ fn read_body(scan: &mut LineScanner, begin: usize, number: u64) -> Option<Body> 
         }
         _ => {}
     }
-    Some(Body { line: begin, material, equivalent_radius, inertia, position, contactors })
+    Some(Body { line: begin, material, equivalent_radius, inertia, position: coordinates, contactors })
 }
 
 /// Reads the contactor that begins on `line`; `None` after a fault in its structure.
 fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
     let colour = scan.read_name5(line, 23, "colour");
-    let half_lengths = ["axe1", "axe2", "axe3"];
+    let half_length_names = ["axe1", "axe2", "axe3"];
     let shape = match line.keyword() {
         "SPHER" => ShapeRecord::Sphere { radius: scan.read_positive(line, 35, "radius") },
         "SPHEb" => {
@@ -285,7 +289,7 @@ fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
             ShapeRecord::OffsetSphere { radius, offset: scan.read_grid(offset, COORDINATE_LABELS) }
         }
         "PLANx" => ShapeRecord::Plane {
-            half_lengths: [0, 1, 2].map(|k| scan.read_positive(line, GRID_COLUMNS[k], half_lengths[k])),
+            half_lengths: [0, 1, 2].map(|k| scan.read_positive(line, GRID_COLUMNS[k], half_length_names[k])),
         },
         "CYLND" | "DNLYC" => ShapeRecord::Cylinder {
             half_height: scan.read_positive(line, 35, "half height"),
@@ -331,9 +335,10 @@ fn read_local_frame(scan: &mut LineScanner) -> Option<Option<Box<LocalFrame>>> {
 const LOCAL_FRAME_LABELS: [[&str; 3]; 4] =
     [["alp1", "alp2", "alp3"], ["bet1", "bet2", "bet3"], ["gam1", "gam2", "gam3"], COORDINATE_LABELS];
 
+/// Reads a POLYR: its vertices, then its triangles; `None` after a fault.
 fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord> {
     let counts = read_counts(scan, line)?;
-    // All lines are taken first, so that a missing line does not make every later line look wrong.
+    // All lines are read first, so that a missing line does not make every later line look wrong.
     let lines: Vec<_> = std::iter::from_fn(|| scan.next_line_if(TextLine::is_continuation)).collect();
     if counts.iter().try_fold(0u64, |sum, count| sum.checked_add(*count)) != Some(lines.len() as u64) {
         report_counts(scan, line, counts, &lines);
@@ -353,9 +358,9 @@ fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord
         None => (vertices, triangles),
     };
     let (vertices, triangles) = match without_unused_vertices(&vertices, &triangles, FLATNESS_OF_FILES) {
-        Some((kept, renumbered, count)) => {
+        Some((used, renumbered, count)) => {
             (0..count).for_each(|_| scan.add_form(LenientForm::UnusedVertex, line.number));
-            (kept, renumbered)
+            (used, renumbered)
         }
         None => (vertices, triangles),
     };
@@ -370,12 +375,12 @@ fn read_patches(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord> {
     while let Some((head, rest)) = unread.split_first() {
         let counts = read_counts(scan, *head)?;
         let end = counts[0].saturating_add(counts[1]).try_into().unwrap_or(usize::MAX);
-        let Some((own, next)) = rest.split_at_checked(end) else {
+        let Some((patch_lines, rest)) = rest.split_at_checked(end) else {
             report_counts(scan, *head, counts, rest);
             return None;
         };
-        patches.push(read_mesh(scan, counts[0], own));
-        unread = next;
+        patches.push(read_mesh(scan, counts[0], patch_lines));
+        unread = rest;
     }
     if patches.len() as u64 != patch_count {
         let found = format!("patches {} follow", patches.len());
@@ -392,20 +397,20 @@ type Mesh = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
 /// Surface of patches: vertices of different patches that are equal up to the digits of files become one.
 fn join_patches(patches: &[Mesh]) -> Mesh {
-    let all = || patches.iter().flat_map(|(vertices, _)| vertices);
     let extent = |k: usize| {
-        let of = |start: f64, choose: fn(f64, f64) -> f64| all().map(|v| v[k]).fold(start, choose);
-        of(f64::NEG_INFINITY, f64::max) - of(f64::INFINITY, f64::min)
+        let coordinates = || patches.iter().flat_map(|(vertices, _)| vertices).map(|vertex| vertex[k]);
+        coordinates().fold(f64::NEG_INFINITY, f64::max) - coordinates().fold(f64::INFINITY, f64::min)
     };
-    let near = FLATNESS_OF_FILES * (0..3).map(extent).fold(0.0, f64::max);
+    let tolerance = FLATNESS_OF_FILES * (0..3).map(extent).fold(0.0, f64::max);
+    let is_same = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
     let (mut vertices, mut triangles): Mesh = Default::default();
     for (patch_vertices, patch_triangles) in patches {
-        let earlier = vertices.len();
-        let is_same = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= near);
+        // Vertices of one patch are different ones, however near.
+        let vertices_before = vertices.len();
         let numbers: Vec<u32> = patch_vertices
             .iter()
             .map(|vertex| {
-                let known = vertices[..earlier].iter().position(|other| is_same(other, vertex));
+                let known = vertices[..vertices_before].iter().position(|other| is_same(other, vertex));
                 known.unwrap_or_else(|| {
                     vertices.push(*vertex);
                     vertices.len() - 1
@@ -462,10 +467,12 @@ fn read_mesh(scan: &mut LineScanner, vertex_count: u64, lines: &[TextLine]) -> M
     (vertices, triangles)
 }
 
+/// Appends the record of a body with its number, from 1; numbers are formatted by `real`, or with all digits if the body has
+/// a polyhedron.
 fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> RealText) {
-    let coordinates = ["coo1=", "coo2=", "coo3="];
-    let polyhedral = body.contactors.iter().any(|contactor| matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
-    let real = if polyhedral { format_long14 } else { real };
+    let coordinate_labels = ["coo1=", "coo2=", "coo3="];
+    let is_polyhedron = |contactor: &Contactor| matches!(contactor.shape, ShapeRecord::Polyhedron { .. });
+    let real = if body.contactors.iter().any(is_polyhedron) { format_long14 } else { real };
     let _ = write!(out, "$bdyty\n RBDY3  {number:5}\n$blmty\n");
     let head = format!(" PLAIN      1  behav  {:<5}", body.material);
     put_grid(out, &head, &["avrd="], &[body.equivalent_radius], real);
@@ -473,7 +480,7 @@ fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> Rea
         put_grid(out, "", &["I1  =", "I2  =", "I3  ="], inertia, real);
     }
     out.push_str("$nodty\n");
-    put_grid(out, " NO6xx      1", &coordinates, &body.position, real);
+    put_grid(out, " NO6xx      1", &coordinate_labels, &body.position, real);
     put_grid(out, "", &["coo4=", "coo5=", "coo6="], &[0.0; 3], real);
     out.push_str("$tacty\n");
     for (number, Contactor { colour, shape, local_frame }) in (1..).zip(&body.contactors) {
@@ -482,7 +489,7 @@ fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> Rea
             ShapeRecord::Sphere { radius } => put_grid(out, &head, &["byrd="], &[*radius], real),
             ShapeRecord::OffsetSphere { radius, offset } => {
                 put_grid(out, &head, &["byrd="], &[*radius], real);
-                put_grid(out, "", &coordinates, offset, real);
+                put_grid(out, "", &coordinate_labels, offset, real);
             }
             ShapeRecord::Plane { half_lengths } => {
                 put_grid(out, &head, &["axe1=", "axe2=", "axe3="], half_lengths, real)
@@ -494,7 +501,7 @@ fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> Rea
                 let (vertex_count, triangle_count) = (vertices.len(), triangles.len());
                 let _ = writeln!(out, "{head}  nb_vertex={vertex_count:7}    nb_faces={triangle_count:7}");
                 for vertex in vertices {
-                    put_grid(out, "", &coordinates, vertex, real);
+                    put_grid(out, "", &coordinate_labels, vertex, real);
                 }
                 for triangle in triangles {
                     for (k, column) in GRID_COLUMNS.iter().enumerate() {
@@ -503,7 +510,7 @@ fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> Rea
                     out.push('\n');
                 }
             }
-            ShapeRecord::Point { offset } => put_grid(out, &head, &coordinates, offset, real),
+            ShapeRecord::Point { offset } => put_grid(out, &head, &coordinate_labels, offset, real),
         }
         if let Some(LocalFrame { axes: [a, b, c], offset }) = local_frame.as_deref() {
             put_text(out, 30, "localframe\n");

@@ -1,4 +1,4 @@
-//! `BULK_BEHAV.DAT`: uniform gravity and the materials' densities.
+//! `DATBOX/BULK_BEHAV.DAT`: uniform gravity and the densities of the materials.
 
 use std::fmt::Write;
 use std::path::Path;

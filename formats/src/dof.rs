@@ -68,15 +68,15 @@ impl Dof {
 
     /// Joins the parts of a file, of which the first has the head.
     fn from_parts(path: &Path, (parts, notices): (Vec<DofPart>, Vec<String>)) -> Result<(Self, Vec<String>), Faults> {
-        let (step, time) = parts[0].0.expect("the first part has the head");
-        let mut bodies = Vec::with_capacity(parts.iter().map(|(_, bodies)| bodies.len()).sum());
-        parts.into_iter().for_each(|(_, part_bodies)| bodies.extend(part_bodies));
+        let (step, time) = parts[0].step_and_time.expect("the first part has the head");
+        let mut bodies = Vec::with_capacity(parts.iter().map(|part| part.bodies.len()).sum());
+        parts.into_iter().for_each(|part| bodies.extend(part.bodies));
         let (mut faults, mut lines) = (Faults::default(), HashMap::new());
         // In rising order, as all programs write them, no body is repeated.
         if !bodies.is_sorted_by(|a, b| a.body < b.body) {
             for body in &bodies {
                 if let Some(found) = repetition(&mut lines, body) {
-                    faults.push(Fault::new(path, Some(body.line), object_name(body.body), found, ONCE));
+                    faults.push(Fault::new(path, Some(body.line), object_name(body.body), found, EXPECTED_ONCE));
                 }
             }
         }
@@ -98,11 +98,13 @@ impl Dof {
 fn write_record(out: &mut String, BodyDof { body, displacement, velocity, axes, .. }: &BodyDof) {
     let number = format_integer(body + 1, 7);
     let _ = write!(out, "$bdyty\n RBDY3  {number}\n$nodty\n");
-    let [x, v] = [displacement, velocity].map(|six| six.split_at(3));
-    let [a, b, g] = axes.each_ref().map(|axis| axis.as_slice());
-    for (k, values) in [x.0, x.1, v.0, v.1, a, b, g].into_iter().enumerate() {
-        let real = if k < 4 { format_d14 } else { format_axis };
-        put_grid(out, if k == 0 { " NO6xx      1" } else { "" }, &LINE_LABELS[k], values, real);
+    let (motion_labels, axis_labels) = LINE_LABELS.split_at(4);
+    let motion_lines = displacement.chunks(3).chain(velocity.chunks(3));
+    for (k, (values, labels)) in motion_lines.zip(motion_labels).enumerate() {
+        put_grid(out, if k == 0 { " NO6xx      1" } else { "" }, labels, values, format_d14);
+    }
+    for (axis, labels) in axes.iter().zip(axis_labels) {
+        put_grid(out, "", labels, axis, format_axis);
     }
     out.push_str("$$$$$$\n      \n");
 }
@@ -113,20 +115,24 @@ fn format_axis(x: f64) -> RealText {
     if fortran_real(&short) == Ok(x) { short } else { format_long14(x) }
 }
 
-/// Step and time (s) of the head, if it is in the part, and the bodies of the part.
-type DofPart = (Option<(u64, f64)>, Vec<BodyDof>);
-
-/// Reads a part of a file; `before` records come before.
-fn read_part(scan: &mut LineScanner, before: usize) -> DofPart {
-    let head = (before == 0).then(|| scan.read_steps());
-    (head, read_bodies(scan, before))
+/// Content of a part of a long file.
+struct DofPart {
+    /// Step and time (s) of the head, which the first part has.
+    step_and_time: Option<(u64, f64)>,
+    bodies: Vec<BodyDof>,
 }
 
-/// Reads bodies up to the end of the text; `before` records come before.
-fn read_bodies(scan: &mut LineScanner, before: usize) -> Vec<BodyDof> {
+/// Reads a part of a file, before which there are `records_before` records.
+fn read_part(scan: &mut LineScanner, records_before: usize) -> DofPart {
+    let step_and_time = (records_before == 0).then(|| scan.read_steps());
+    DofPart { step_and_time, bodies: read_bodies(scan, records_before) }
+}
+
+/// Reads bodies up to the end of the text, before which there are `records_before` records.
+fn read_bodies(scan: &mut LineScanner, records_before: usize) -> Vec<BodyDof> {
     let mut bodies = Vec::new();
     let mut lines = HashMap::new();
-    for record in before + 1.. {
+    for record in records_before + 1.. {
         scan.set_object(format!("record {record}"));
         scan.skip_to_keyword("bdyty");
         if scan.peek_line().is_none() {
@@ -137,16 +143,17 @@ fn read_bodies(scan: &mut LineScanner, before: usize) -> Vec<BodyDof> {
             continue;
         };
         if let Some(found) = repetition(&mut lines, &body) {
-            scan.add_fault(body.line, found, ONCE);
+            scan.add_fault(body.line, found, EXPECTED_ONCE);
         }
         bodies.push(body);
     }
     bodies
 }
 
-const ONCE: &str = "expected each body once";
+/// Expectation in faults of bodies that are repeated.
+const EXPECTED_ONCE: &str = "expected each body once";
 
-/// Returns the fault of a body that is on one of the `lines`, by body, already, and adds its line to them.
+/// Adds the line of a body to `lines`, the lines by bodies; returns the fault if the body has one there already.
 fn repetition(lines: &mut HashMap<usize, usize>, body: &BodyDof) -> Option<String> {
     lines.insert(body.body, body.line).map(|earlier| format!("the body is on line {earlier}, too"))
 }
@@ -172,9 +179,9 @@ fn read_record(scan: &mut LineScanner) -> Option<BodyDof> {
             _ => scan.expect_continuation(&labels.join(" "))?,
         };
         // LMGC90 reads by position, whatever the label: lines in another order would be read as others.
-        let shown = line.columns(30, 34);
-        if shown != labels[0] && LINE_LABELS.iter().any(|row| row[0] == shown) {
-            scan.add_fault(line.number, format!("'{shown}' is in columns 30 to 34"), format!("expected {}", labels[0]));
+        let label = line.first_label();
+        if label != labels[0] && LINE_LABELS.iter().any(|row| row[0] == label) {
+            scan.add_fault(line.number, format!("'{label}' is in columns 30 to 34"), format!("expected {}", labels[0]));
         }
         *row = scan.read_grid(line, labels.map(|label| label.trim_end_matches('=')));
     }

@@ -1,4 +1,4 @@
-//! `DRV_DOF.DAT`: imposed velocities and forces.
+//! `DATBOX/DRV_DOF.DAT`: velocities and forces that are imposed on bodies, as functions of time.
 
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -54,7 +54,9 @@ impl Evolution {
     pub fn is_constant(&self) -> bool {
         match self {
             &Evolution::Harmonic { amplitude, omega, ramp_start, ramp_rate, .. } => {
-                (amplitude == 0.0 || omega == 0.0) && (ramp_rate == 0.0 || (ramp_rate > 0.0 && ramp_start >= 1.0))
+                let is_steady = amplitude == 0.0 || omega == 0.0;
+                let has_constant_ramp = ramp_rate == 0.0 || (ramp_rate > 0.0 && ramp_start >= 1.0);
+                is_steady && has_constant_ramp
             }
             Evolution::Table { points, .. } => points.iter().all(|point| point[1] == points[0][1]),
         }
@@ -70,11 +72,11 @@ impl Evolution {
     pub fn constant_until(&self, time: f64) -> f64 {
         match self {
             _ if self.is_constant() => f64::INFINITY,
-            // Only the ramp can end.
+            // Of a function that changes only the ramp can end.
             &Evolution::Harmonic { amplitude, omega, ramp_start, ramp_rate, .. } => {
-                let still = amplitude == 0.0 || omega == 0.0;
-                let full = ramp_rate > 0.0 && ramp_start + ramp_rate * time >= 1.0;
-                if still && full { f64::INFINITY } else { time }
+                let is_steady = amplitude == 0.0 || omega == 0.0;
+                let has_ramp_ended = ramp_rate > 0.0 && ramp_start + ramp_rate * time >= 1.0;
+                if is_steady && has_ramp_ended { f64::INFINITY } else { time }
             }
             Evolution::Table { points, .. } => {
                 let Some(last) = points.len().checked_sub(1).filter(|last| *last > 0) else { return f64::INFINITY };
@@ -128,10 +130,12 @@ impl Evolution {
 
 /// First columns of the six reals: constant, amplitude, omega, phase, start and rate of the ramp.
 const HARMONIC_COLUMNS: [usize; 6] = [15, 30, 45, 60, 75, 90];
+/// Names of the six reals in the titles.
 const HARMONIC_NAMES: [&str; 6] = ["CT", "AMP", "OMEGA", "PHI", "RAMPI", "RAMP"];
-/// Columns of the name of a table.
+/// First and last column of the name of a table.
 const TABLE_NAME_COLUMNS: (usize, usize) = (25, 64);
-const TABLE_HEADER: &str =
+/// Line of titles over the components of a body.
+const TITLES: &str =
     "$dofty  numbr [CT......+......AMP..*..cos.(..OMEGA.*.time.+.PHI..)]...*...[RAMPI.....+.....RAMP.*.time]\n";
 
 impl DrvDof {
@@ -150,19 +154,19 @@ impl DrvDof {
     pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let scan = &mut LineScanner::new(path, text);
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mut all = Vec::new();
-        let mut records = HashMap::new();
+        let mut components = Vec::new();
+        let mut lines_of_bodies = HashMap::new();
         for record in 1.. {
             scan.set_object(format!("record {record}"));
             scan.skip_to_keyword("bdyty");
             if scan.peek_line().is_none() {
                 break;
             }
-            if read_record(scan, folder, &mut all, &mut records).is_none() {
+            if read_record(scan, folder, &mut components, &mut lines_of_bodies).is_none() {
                 scan.skip_record();
             }
         }
-        scan.finish_with_notices(DrvDof(all))
+        scan.finish_with_notices(DrvDof(components))
     }
 
     /// Text of the file, numbers with eight digits; tables are files of their own, see [`table_text`].
@@ -178,13 +182,14 @@ impl DrvDof {
     fn text_with(&self, real: fn(f64) -> RealText) -> String {
         let mut out = String::new();
         // One record a body, as LMGC90 uses the last one alone.
-        let mut all: Vec<&DrivenComponent> = self.0.iter().collect();
-        all.sort_by_key(|driven| driven.body);
-        for driven in all.chunk_by(|a, b| a.body == b.body) {
-            // Columns 7-15 are read; up to 13 are written, as pre does, while they suffice.
+        let mut by_body: Vec<&DrivenComponent> = self.0.iter().collect();
+        by_body.sort_by_key(|driven| driven.body);
+        for driven in by_body.chunk_by(|a, b| a.body == b.body) {
+            // Readers use columns 7 to 15. LMGC90's preprocessor writes numbers up to column 13, as is done here while five
+            // digits suffice.
             let number = driven[0].body + 1;
             let number = if number > 99_999 { format_integer(number, 9) } else { format_integer(number, 7) };
-            let _ = write!(out, "$bdyty\n RBDY3{number}\n$nodty\n NO6xx      1\n{TABLE_HEADER}");
+            let _ = write!(out, "$bdyty\n RBDY3{number}\n$nodty\n NO6xx      1\n{TITLES}");
             for DrivenComponent { component, kind, evolution, .. } in driven {
                 let word = match kind {
                     DrivenKind::Velocity => "vlocy",
@@ -211,13 +216,13 @@ impl DrvDof {
     }
 }
 
-/// Reads one body with all its driven components; `None` after a fault that leaves the scan inside the record. `records`:
-/// lines of the bodies before.
+/// Reads one body and appends its driven components to `components`; `None` after a fault that leaves the scan inside the
+/// record. `lines_of_bodies`: lines of the bodies so far.
 fn read_record(
     scan: &mut LineScanner,
     folder: &Path,
-    all: &mut Vec<DrivenComponent>,
-    records: &mut HashMap<usize, usize>,
+    components: &mut Vec<DrivenComponent>,
+    lines_of_bodies: &mut HashMap<usize, usize>,
 ) -> Option<()> {
     scan.expect_keyword("bdyty")?;
     let line = scan.expect_line("expected RBDY3 and the number of the body", TextLine::is_data)?;
@@ -226,11 +231,11 @@ fn read_record(
     }
     let body = scan.read_index(line, (7, 15), "number")?;
     scan.set_object(format!("body {}", body + 1));
-    if let Some(earlier) = records.insert(body, line.number) {
+    if let Some(earlier) = lines_of_bodies.insert(body, line.number) {
         let found = format!("has another record in line {earlier}");
         scan.add_fault(line.number, found, "expected one with all components: LMGC90 uses the last one alone");
     }
-    let mut lines = HashMap::new();
+    let mut lines_of_components = HashMap::new();
     scan.expect_keyword("nodty")?;
     let node = scan.expect_line("expected NO6xx", |line| line.keyword() == "NO6xx")?;
     if let Some(number) = scan.read_integer(node, (9, 13), "number of the node").filter(|&number| number != 1) {
@@ -255,16 +260,17 @@ fn read_record(
             scan.add_fault(line.number, format!("component is {component}"), "expected 1 to 6");
             continue;
         }
-        if let Some(earlier) = lines.insert(component, line.number) {
+        if let Some(earlier) = lines_of_components.insert(component, line.number) {
             let found = format!("component {component} is driven already by line {earlier}");
             scan.add_fault(line.number, found, "expected each component once");
         }
         let component = component as usize - 1;
-        all.push(DrivenComponent { line: line.number, body, component, kind, evolution });
+        components.push(DrivenComponent { line: line.number, body, component, kind, evolution });
     }
     Some(())
 }
 
+/// Reads the function of time of a component, with its table, a file in `folder`; `None` after a fault.
 fn read_evolution(scan: &mut LineScanner, line: TextLine, folder: &Path) -> Option<Evolution> {
     if line.columns(15, 23) != "evolution" {
         let values: [f64; 6] = std::array::from_fn(|k| scan.read_real(line, HARMONIC_COLUMNS[k], HARMONIC_NAMES[k]));
@@ -283,7 +289,7 @@ fn read_evolution(scan: &mut LineScanner, line: TextLine, folder: &Path) -> Opti
     Some(Evolution::Table { name, points })
 }
 
-/// Points (time, value) of a table, sorted by time: two numbers a line, in any columns.
+/// Reads the points (time, value) of a table, two numbers a line in any columns; returns them by increasing time.
 fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
     let text = AsciiText::read_file(path)?;
     let scan = &mut LineScanner::new(path, &text);
@@ -304,9 +310,9 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
     }
     points.sort_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]));
     for pair in points.windows(2) {
-        if pair[0].1[0] == pair[1].1[0] {
-            let found = format!("time {} is on line {}, too", pair[1].1[0], pair[0].0);
-            scan.add_fault(pair[1].0, found, "expected each time once");
+        let [(earlier_line, [earlier_time, _]), (line, [time, _])] = [pair[0], pair[1]];
+        if earlier_time == time {
+            scan.add_fault(line, format!("time {time} is on line {earlier_line}, too"), "expected each time once");
         }
     }
     if points.len() < 2 {

@@ -1,7 +1,8 @@
-//! `.fc3d`: one step's contact problem with friction as plain text, for solvers of any origin.
+//! `NAME.fc3d`: the contact problem with friction of one step as plain text, which cd-solve writes for other solvers and for
+//! its own tests.
 //!
 //! Given W, q and mu, find the impulses r and the relative velocities u = W r + q that satisfy
-//! Signorini's condition and Coulomb's law. Words are parted by white space; lines that begin with `#`
+//! Signorini's condition and Coulomb's law. Words are separated by white space; lines that begin with `#`
 //! are comments, and the first ones name the source:
 //!
 //! ```text

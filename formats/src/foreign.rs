@@ -9,16 +9,20 @@ use crate::words::FOREIGN_BODIES;
 
 /// Fault of a BODIES.DAT with 2D or deformable bodies, one for all of them; `path` is for the message.
 pub fn foreign_bodies(path: &Path, text: &AsciiText) -> Option<Fault> {
-    let mut found: Option<(usize, usize, &str, &str)> = None;
-    let mut is_begun = false;
+    let mut count = 0;
+    // Line, type and kind of the first such body.
+    let mut first = None;
+    // Whether the next line that is no comment has the type of a body.
+    let mut begins_body = false;
     for line in text.lines() {
-        let kind = FOREIGN_BODIES.iter().find(|(word, _)| is_begun && line.keyword() == *word);
-        if let Some((word, kind)) = kind {
-            found.get_or_insert((line.number, 0, word, kind)).1 += 1;
+        let foreign = FOREIGN_BODIES.iter().find(|(word, _)| begins_body && line.keyword() == *word);
+        if let Some((word, kind)) = foreign {
+            count += 1;
+            first.get_or_insert((line.number, word, kind));
         }
-        is_begun = line.keyword() == "bdyty" || (is_begun && line.text().trim_start().starts_with(['!', '#']));
+        begins_body = line.keyword() == "bdyty" || (begins_body && line.text().trim_start().starts_with(['!', '#']));
     }
-    let (line, count, word, kind) = found?;
+    let (line, word, kind) = first?;
     let found = format!("{} of type {word}: {kind}", count_text(count, "body"));
     Some(Fault::new(path, Some(line), "file", found, "expected RBDY3 only: rigid bodies in 3D are computed"))
 }

@@ -1,4 +1,4 @@
-//! `POSTPRO.DAT`: commands that request files with a row every few steps.
+//! `DATBOX/POSTPRO.DAT`: commands of LMGC90 that request files with a row every few steps, which cd-solve writes.
 
 use std::path::Path;
 
@@ -6,14 +6,14 @@ use crate::error::Faults;
 use crate::ron_text::known_names;
 use crate::scan::{AsciiText, LineScanner, TextLine};
 
-/// Requests of a file, and notices about those that are left out.
+/// Commands of a file, and notices about those that are left out.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Postpro {
     pub commands: Vec<PostproCommand>,
     pub notices: Vec<String>,
 }
 
-/// One request.
+/// Request of one file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PostproCommand {
     /// Line of the command, 1-based.
@@ -93,22 +93,24 @@ const OMITTED_COMMANDS: [&str; 28] = [
     "DOUBLETS TORQUE EVOLUTION",
 ];
 
-/// Columns of a name of a command.
+/// First and last column of the name of a command.
 const NAME_COLUMNS: (usize, usize) = (1, 30);
+/// First and last column of the period, behind `STEP`.
+const PERIOD_COLUMNS: (usize, usize) = (5, 30);
 /// Number of columns of a count or of the number of a body.
 const NUMBER_WIDTH: usize = 7;
 
 impl Postpro {
-    /// Reads the file; reports all its faults at once. `bodies`: number of bodies of the scene.
+    /// Reads the file; reports all its faults at once. `body_count`: number of bodies of the scene.
     ///
     /// A command of LMGC90 that is not computed is left out with a notice; any other name is a fault. A file without `END`
     /// is read to its end, with a notice.
-    pub fn read(path: &Path, bodies: usize) -> Result<Self, Faults> {
-        Self::parse(path, &AsciiText::read_file(path)?, bodies)
+    pub fn read(path: &Path, body_count: usize) -> Result<Self, Faults> {
+        Self::parse(path, &AsciiText::read_file(path)?, body_count)
     }
 
     /// Reads the text of a file; `path` is for messages.
-    pub fn parse(path: &Path, text: &AsciiText, bodies: usize) -> Result<Self, Faults> {
+    pub fn parse(path: &Path, text: &AsciiText, body_count: usize) -> Result<Self, Faults> {
         let scan = &mut LineScanner::new(path, text);
         let mut postpro = Postpro::default();
         let mut ended = scan.peek_line().is_none();
@@ -120,7 +122,7 @@ impl Postpro {
                 break;
             }
             if let Some(command) = computed_command(name) {
-                let command = read_command(scan, line, command, bodies);
+                let command = read_command(scan, line, command, body_count);
                 if command.is_none() {
                     skip_data(scan);
                 }
@@ -158,11 +160,11 @@ fn computed_command(name: &str) -> Option<ComputedCommand> {
 
 /// Skips the period and the data of a command.
 fn skip_data(scan: &mut LineScanner) {
-    let ends = |line: TextLine| {
+    let is_command = |line: TextLine| {
         let name = command_name(line);
         name.starts_with("END") || computed_command(name).is_some() || OMITTED_COMMANDS.contains(&name)
     };
-    while scan.next_line_if(|line| !ends(line)).is_some() {}
+    while scan.next_line_if(|line| !is_command(line)).is_some() {}
 }
 
 /// Reads the lines after the name of a command; `None` after a fault.
@@ -170,15 +172,12 @@ fn read_command(
     scan: &mut LineScanner,
     line: TextLine,
     command: ComputedCommand,
-    bodies: usize,
+    body_count: usize,
 ) -> Option<PostproCommand> {
     let step = scan.expect_line("expected STEP and a number of steps", |line| line.text().starts_with("STEP"))?;
-    let Ok(period) = step.columns(5, 30).trim().parse() else {
-        scan.add_fault(
-            step.number,
-            format!("the period is '{}'", step.columns(5, 30).trim()),
-            "expected a number of steps",
-        );
+    let period = step.columns(PERIOD_COLUMNS.0, PERIOD_COLUMNS.1).trim();
+    let Ok(period) = period.parse() else {
+        scan.add_fault(step.number, format!("the period is '{period}'"), "expected a number of steps");
         return None;
     };
     let kind = match command {
@@ -187,49 +186,49 @@ fn read_command(
         ComputedCommand::KineticEnergy => PostproKind::KineticEnergy,
         ComputedCommand::DissipatedEnergy => PostproKind::DissipatedEnergy,
         ComputedCommand::CoordinationNumber => PostproKind::CoordinationNumber,
-        ComputedCommand::BodyTracking => PostproKind::BodyTracking(read_bodies(scan, bodies)?),
-        ComputedCommand::TorqueEvolution => PostproKind::TorqueEvolution(read_bodies(scan, bodies)?),
+        ComputedCommand::BodyTracking => PostproKind::BodyTracking(read_bodies(scan, body_count)?),
+        ComputedCommand::TorqueEvolution => PostproKind::TorqueEvolution(read_bodies(scan, body_count)?),
         ComputedCommand::NewRigidSets => {
             let count = read_number(scan, "number of sets")?;
-            PostproKind::NewRigidSets((0..count).map(|_| read_bodies(scan, bodies)).collect::<Option<_>>()?)
+            PostproKind::NewRigidSets((0..count).map(|_| read_bodies(scan, body_count)).collect::<Option<_>>()?)
         }
     };
     Some(PostproCommand { line: line.number, period, kind })
 }
 
-/// Reads a count and as many numbers of bodies.
-fn read_bodies(scan: &mut LineScanner, bodies: usize) -> Option<Vec<usize>> {
+/// Reads a count and as many numbers of bodies; `None` after a fault.
+fn read_bodies(scan: &mut LineScanner, body_count: usize) -> Option<Vec<usize>> {
     let count = read_number(scan, "number of bodies")?;
-    (0..count).map(|_| read_body(scan, bodies)).collect()
+    (0..count).map(|_| read_body(scan, body_count)).collect()
 }
 
 /// Reads the number of a body; returns it counted from 0, or `None` after a fault.
-fn read_body(scan: &mut LineScanner, bodies: usize) -> Option<usize> {
-    let number = scan.peek_line().map(|line| line.number);
+fn read_body(scan: &mut LineScanner, body_count: usize) -> Option<usize> {
+    let line_number = scan.peek_line().map(|line| line.number);
     let body = read_number(scan, "body")?;
-    if !(1..=bodies as u64).contains(&body) {
-        let expected = format!("expected 1 to {bodies}");
-        scan.add_fault(number.unwrap_or_default(), format!("body {body} does not exist"), expected);
+    if !(1..=body_count as u64).contains(&body) {
+        let expected = format!("expected 1 to {body_count}");
+        scan.add_fault(line_number.unwrap_or_default(), format!("body {body} does not exist"), expected);
         return None;
     }
     Some(body as usize - 1)
 }
 
-/// Reads a line with one integer of 0 or more; `None` after a fault.
-fn read_number(scan: &mut LineScanner, what: &str) -> Option<u64> {
-    let numeric = |line: TextLine| line.text().trim_start().starts_with(|c: char| c.is_ascii_digit());
-    let line = scan.expect_line(&format!("expected the {what}"), numeric)?;
+/// Reads a line with one integer of 0 or more, which faults name `quantity`; `None` after a fault.
+fn read_number(scan: &mut LineScanner, quantity: &str) -> Option<u64> {
+    let begins_with_digit = |line: TextLine| line.text().trim_start().starts_with(|c: char| c.is_ascii_digit());
+    let line = scan.expect_line(&format!("expected the {quantity}"), begins_with_digit)?;
     // Text behind the columns that LMGC90 reads, such as a colon, is a comment.
     let (columns, rest) = line.text().split_at_checked(NUMBER_WIDTH).unwrap_or((line.text(), ""));
     let text = columns.trim();
     if rest.starts_with(|c: char| c.is_ascii_digit()) || text.is_empty() {
-        let found = format!("the {what} '{}' ends beyond column {NUMBER_WIDTH}", line.text().trim());
+        let found = format!("the {quantity} '{}' ends beyond column {NUMBER_WIDTH}", line.text().trim());
         scan.add_fault(line.number, found, "expected it in columns 1 to 7, which LMGC90 reads");
         return None;
     }
     let number = text.parse().ok();
     if number.is_none() {
-        scan.add_fault(line.number, format!("the {what} is '{text}'"), "expected an integer");
+        scan.add_fault(line.number, format!("the {quantity} is '{text}'"), "expected an integer");
     }
     number
 }

@@ -1,4 +1,5 @@
-//! `TACT_BEHAV.DAT`: contact laws, and the table of the laws between contactors.
+//! `DATBOX/TACT_BEHAV.DAT`: contact laws with their parameters, and the visibility table, which has the law of each pair of
+//! contactors and colours.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -15,6 +16,7 @@ use crate::words::{CONTACTOR_TYPES, is_foreign_row};
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TactBehav {
     pub laws: Vec<LawRecord>,
+    /// Rows of the visibility table (`$seety`); contactors of pairs without a row do not touch.
     pub visibility: Vec<VisibilityRow>,
 }
 
@@ -70,12 +72,16 @@ pub struct VisibilitySide {
 /// First columns of the parameters of a line.
 const PARAMETER_COLUMNS: [usize; 2] = [46, 67];
 
-/// Columns of a row of the visibility table: body, contactor, colour of both sides, between them the law.
+/// First columns of body, contactor and colour of the candidate in a row of the visibility table.
 const CANDIDATE_COLUMNS: [usize; 3] = [2, 9, 16];
+/// First column of the law in a row.
 const LAW_COLUMN: usize = 23;
+/// First columns of body, contactor and colour of the antagonist in a row.
 const ANTAGONIST_COLUMNS: [usize; 3] = [30, 37, 44];
+/// First column of the alert distance in a row.
 const ALERT_COLUMN: usize = 55;
 
+/// Line of titles over a row.
 const TABLE_TITLES: &str = " cdbdy  cdtac  cdcol  behav  anbdy  antac  ancol       alert";
 
 /// Comment of a file without laws, to distinguish it from one that is empty by mistake, with which all bodies would pass
@@ -108,7 +114,8 @@ impl TactBehav {
         let scan = &mut LineScanner::new(path, text);
         let mut laws: Vec<LawRecord> = Vec::new();
         let mut rows = Vec::new();
-        let mut skipped = Vec::new();
+        // Lines like those of laws without `$behav`, which LMGC90 skips.
+        let mut skipped_laws = Vec::new();
         while let Some(begin) = scan.next_line() {
             match begin.keyword() {
                 "behav" => {
@@ -136,7 +143,7 @@ impl TactBehav {
                     );
                     rows.push(None);
                 }
-                _ if begin.is_data() && names_law(begin) => skipped.push(begin),
+                _ if begin.is_data() && names_law(begin) => skipped_laws.push(begin),
                 // Rows may have a line with a halo.
                 _ if begin.is_data() && begin.text().starts_with('+') => {}
                 _ if begin.is_data() => scan.add_form(LenientForm::OutsideLine, begin.number),
@@ -147,8 +154,8 @@ impl TactBehav {
             let expected = format!("expected a $behav for each law; a file without laws says so by a line '{NO_LAWS}'");
             scan.add_file_fault("no contact laws", expected);
         }
-        // LMGC90 skips them too, and stops at rows that name them.
-        for line in skipped {
+        // LMGC90 stops at rows that name such a law.
+        for line in skipped_laws {
             if rows.iter().flatten().any(|row| row.law == line.columns(2, 6).trim()) {
                 scan.set_object("file");
                 scan.add_fault(line.number, "a law that LMGC90 would skip", "expected $behav before it, from column 1");
@@ -260,7 +267,7 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
     scan.set_object(format!("law '{nickname}'"));
     let mut law = LawRecord { line: first.number, nickname, kind, parameters: Vec::new() };
     let Some(&LawEntry { lines, .. }) = law_entry(&law.kind) else {
-        // Refused where a contact needs it.
+        // The law is rejected where a contact needs it.
         while scan.next_line_if(|line| line.is_data() && !names_law(line)).is_some() {}
         return Some(law);
     };
@@ -279,9 +286,9 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
             };
             law.parameters.push(value);
         }
-        // LMGC90 would ignore them.
-        if let Some(&beyond) = PARAMETER_COLUMNS.get(labels.len()).filter(|&&first| has_real(line, first)) {
-            let found = format!("a parameter in columns {beyond} to {}", beyond + 13);
+        // LMGC90 would ignore further parameters.
+        if let Some(&first) = PARAMETER_COLUMNS.get(labels.len()).filter(|&&first| has_real(line, first)) {
+            let found = format!("a parameter in columns {first} to {}", first + 13);
             scan.add_fault(
                 line.number,
                 found,
@@ -303,6 +310,7 @@ fn names_law(line: TextLine) -> bool {
     !line.is_continuation() && (law_entry(kind).is_some() || refusal_reason(kind).is_some())
 }
 
+/// Whether the 14 columns from `first` have a real.
 fn has_real(line: TextLine, first: usize) -> bool {
     line.before_comment().len() >= first && fortran_real(line.columns(first, first + 13)).is_ok()
 }
@@ -327,13 +335,13 @@ fn read_row(scan: &mut LineScanner) -> Option<VisibilityRow> {
     if !(scan.expect_rigid_body(line, CANDIDATE_COLUMNS[0]) && scan.expect_rigid_body(line, ANTAGONIST_COLUMNS[0])) {
         return None;
     }
-    let mut side = |[body, contactor, colour]: [usize; 3], what: &str| VisibilitySide {
-        body: scan.read_name5(line, body, &format!("{what}'s body")),
-        contactor: scan.read_name5(line, contactor, &format!("{what}'s contactor")),
-        colour: scan.read_name5(line, colour, &format!("{what}'s colour")),
+    let mut read_side = |[body, contactor, colour]: [usize; 3], side_name: &str| VisibilitySide {
+        body: scan.read_name5(line, body, &format!("{side_name}'s body")),
+        contactor: scan.read_name5(line, contactor, &format!("{side_name}'s contactor")),
+        colour: scan.read_name5(line, colour, &format!("{side_name}'s colour")),
     };
-    let candidate = side(CANDIDATE_COLUMNS, "candidate");
-    let antagonist = side(ANTAGONIST_COLUMNS, "antagonist");
+    let candidate = read_side(CANDIDATE_COLUMNS, "candidate");
+    let antagonist = read_side(ANTAGONIST_COLUMNS, "antagonist");
     let law = scan.read_name5(line, LAW_COLUMN, "law");
     let alert = scan.read_length(line, ALERT_COLUMN, "alert");
     Some(VisibilityRow { line: line.number, candidate, law, antagonist, alert })
@@ -341,7 +349,8 @@ fn read_row(scan: &mut LineScanner) -> Option<VisibilityRow> {
 
 /// Rows that do not contradict an earlier row, without repetitions.
 fn check_rows(scan: &mut LineScanner, rows: Vec<Option<VisibilityRow>>) -> Vec<VisibilityRow> {
-    let mut kept: Vec<(usize, VisibilityRow)> = Vec::new();
+    // Rows with their numbers, from 1.
+    let mut distinct_rows: Vec<(usize, VisibilityRow)> = Vec::new();
     for (number, row) in (1..).zip(rows) {
         let Some(row) = row else { continue };
         scan.set_object(format!("see row {number}"));
@@ -355,7 +364,7 @@ fn check_rows(scan: &mut LineScanner, rows: Vec<Option<VisibilityRow>>) -> Vec<V
         }
         let sides = |row: &VisibilityRow| [row.candidate.clone(), row.antagonist.clone()];
         let [a, b] = sides(&row);
-        let earlier = kept.iter().find(|(_, known)| [[&a, &b], [&b, &a]].contains(&sides(known).each_ref()));
+        let earlier = distinct_rows.iter().find(|(_, known)| [[&a, &b], [&b, &a]].contains(&sides(known).each_ref()));
         match earlier {
             Some((first, known)) if known.law != row.law => {
                 let found = format!("law '{}' for the pair of see row {first}, which has '{}'", row.law, known.law);
@@ -366,10 +375,10 @@ fn check_rows(scan: &mut LineScanner, rows: Vec<Option<VisibilityRow>>) -> Vec<V
                 scan.add_fault(row.line, found, "expected one alert distance for a pair");
             }
             Some(_) => {}
-            None => kept.push((number, row)),
+            None => distinct_rows.push((number, row)),
         }
     }
-    kept.into_iter().map(|(_, row)| row).collect()
+    distinct_rows.into_iter().map(|(_, row)| row).collect()
 }
 
 #[cfg(test)]

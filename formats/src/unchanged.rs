@@ -26,8 +26,9 @@ pub struct ComputedSnapshot<'a> {
 }
 
 impl ComputedSnapshot<'_> {
-    fn expected_text(&self, what: &str) -> String {
-        format!("expected {what} as in {}", self.path.display())
+    /// Expectation of a fault: `value`, as in the snapshot.
+    fn expected_text(&self, value: &str) -> String {
+        format!("expected {value} as in {}", self.path.display())
     }
 
     /// Compares BODIES.DAT: the number of bodies, their materials, radii, masses and moments of inertia, with the
@@ -41,7 +42,7 @@ impl ComputedSnapshot<'_> {
             let (found, expected) = (count_text(bodies.0.len(), "body"), self.expected_text(&format!("{count}")));
             return Err(Fault::new(file, None, "file", found, expected).into());
         }
-        let (mut surface_faults, mut differences, mut all) = (Faults::default(), Vec::new(), Vec::new());
+        let (mut surface_faults, mut differences, mut mass_properties) = (Faults::default(), Vec::new(), Vec::new());
         for (k, body) in bodies.0.iter().enumerate() {
             let fault = |found, expected| Fault::new(file, Some(body.line), format!("body {}", k + 1), found, expected);
             let own = match body.mass_properties() {
@@ -58,30 +59,26 @@ impl ComputedSnapshot<'_> {
                 inertia: stored.body_inertia[k],
                 radius: stored.body_radius[k],
             };
-            all.push(own);
-            let same = [
+            mass_properties.push(own);
+            // In the order of `property_texts`.
+            let are_equal = [
                 body.material == material.name,
                 nearly_equal(&[computed.radius], &[recorded.radius]),
                 nearly_equal(&[computed.mass], &[recorded.mass]),
                 nearly_equal(&computed.inertia, &recorded.inertia),
             ];
-            let text = |material: &str, InertialProperties { mass, inertia, radius }: &InertialProperties| {
-                let all = [
-                    format!("material '{material}'"),
-                    format!("radius {} m", number_text(*radius)),
-                    format!("mass {} kg", number_text(*mass)),
-                    format!("moments {} kg m²", inertia.map(number_text).join(", ")),
-                ];
-                let differ = all.into_iter().zip(same).filter(|(_, same)| !same).map(|(text, _)| text);
-                differ.collect::<Vec<_>>().join(", ")
-            };
-            if same.contains(&false) {
-                differences
-                    .push(fault(text(&body.material, &computed), self.expected_text(&text(&material.name, &recorded))));
+            if are_equal.contains(&false) {
+                let differing = |texts: [String; 4]| {
+                    let texts = texts.into_iter().zip(are_equal).filter(|(_, is_equal)| !is_equal);
+                    texts.map(|(text, _)| text).collect::<Vec<_>>().join(", ")
+                };
+                let found = differing(property_texts(&body.material, &computed));
+                let expected = differing(property_texts(&material.name, &recorded));
+                differences.push(fault(found, self.expected_text(&expected)));
             }
         }
         surface_faults.0.extend(self.first_faults(file, differences));
-        surface_faults.into_result(all)
+        surface_faults.into_result(mass_properties)
     }
 
     /// First few faults of a file, and the count of the others.
@@ -121,8 +118,8 @@ impl ComputedSnapshot<'_> {
         let mut faults = Faults::default();
         let stored = self.snapshot.meta.laws_of_file();
         let text = |kind: &str, parameters: &[f64]| format!("{kind} {parameters:?}");
-        let used = |nickname: &str| tact.visibility.iter().any(|row| row.law == nickname);
-        for law in tact.laws.iter().filter(|law| used(&law.nickname)) {
+        let is_used = |nickname: &str| tact.visibility.iter().any(|row| row.law == nickname);
+        for law in tact.laws.iter().filter(|law| is_used(&law.nickname)) {
             let stored_text = stored.iter().find(|stored| stored.nickname == law.nickname);
             let stored_text = stored_text.map(|stored| text(&stored.kind, &stored.parameters));
             let text_in_file = text(&law.kind, &law.parameters);
@@ -137,7 +134,7 @@ impl ComputedSnapshot<'_> {
                 ));
             }
         }
-        for law in stored.iter().filter(|law| !used(&law.nickname)) {
+        for law in stored.iter().filter(|law| !is_used(&law.nickname)) {
             let expected = self.expected_text(&text(&law.kind, &law.parameters));
             faults.push(Fault::new(file, None, format!("law '{}'", law.nickname), "is not used by any pair", expected));
         }
@@ -147,21 +144,32 @@ impl ComputedSnapshot<'_> {
     /// Compares the components of velocities that DRV_DOF.DAT imposes; their values may change. Errors: the bodies that
     /// differ, first five, then the count of the others.
     pub fn expect_driven(&self, file: &Path, driven: &DrvDof) -> Result<(), Faults> {
-        let in_snapshot = &self.snapshot.bodies.body_driven;
-        let mut in_files = vec![0; in_snapshot.len()];
+        let snapshot_bits = &self.snapshot.bodies.body_driven;
+        let mut file_bits = vec![0; snapshot_bits.len()];
         for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
-            if let Some(body) = in_files.get_mut(row.body) {
-                *body |= 1 << row.component;
+            if let Some(bits) = file_bits.get_mut(row.body) {
+                *bits |= 1 << row.component;
             }
         }
-        let differ = (0..in_files.len()).filter(|&k| in_files[k] != in_snapshot[k]).map(|k| {
+        let differences = (0..file_bits.len()).filter(|&k| file_bits[k] != snapshot_bits[k]).map(|k| {
             let line = driven.0.iter().find(|row| row.body == k).map(|row| row.line);
-            let (found, expected) =
-                (imposed_components(in_files[k]), self.expected_text(&imposed_components(in_snapshot[k])));
+            let found = imposed_components(file_bits[k]);
+            let expected = self.expected_text(&imposed_components(snapshot_bits[k]));
             Fault::new(file, line, format!("body {}", k + 1), found, expected)
         });
-        Faults(self.first_faults(file, differ.collect())).into_result(())
+        Faults(self.first_faults(file, differences.collect())).into_result(())
     }
+}
+
+/// Properties of a body in words.
+fn property_texts(material: &str, properties: &InertialProperties) -> [String; 4] {
+    let InertialProperties { mass, inertia, radius } = properties;
+    [
+        format!("material '{material}'"),
+        format!("radius {} m", number_text(*radius)),
+        format!("mass {} kg", number_text(*mass)),
+        format!("moments {} kg m²", inertia.map(number_text).join(", ")),
+    ]
 }
 
 /// Components of the velocity in words, bit k for component k + 1.

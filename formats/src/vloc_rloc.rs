@@ -157,7 +157,7 @@ const CONTACT_KINDS: [ContactKind; 10] = [
     },
 ];
 
-/// Columns of the line that names the pair: word at its first column, number from first to last.
+/// Columns of the line that names the pair: the first one of words, the first and last of numbers.
 struct PairColumns {
     candidate: SideColumns,
     /// Column of the candidate vertex or face of a polyhedron; not kept.
@@ -167,6 +167,7 @@ struct PairColumns {
     status: usize,
 }
 
+/// Columns of one side of a pair.
 struct SideColumns {
     body: usize,
     body_number: (usize, usize),
@@ -201,6 +202,8 @@ const WIDE_COLUMNS: PairColumns = PairColumns {
 
 /// Largest number that fits into five columns.
 const MAX_FIVE_DIGITS: usize = 99_999;
+/// Last column that the titles of [`LONG_COLUMNS`] use; those of [`WIDE_COLUMNS`] use more.
+const MAX_LONG_WIDTH: usize = 80;
 
 /// Index of an axis, n t s, in the arrays of a record.
 fn axis_index(letter: char) -> usize {
@@ -323,7 +326,7 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
         return None;
     }
     let line = scan.expect_line("expected the pair in contact", TextLine::is_data)?;
-    let pair = if kind.name == "SPSPx" && title.is_some_and(|title| title.used_width() > 80) {
+    let pair = if kind.name == "SPSPx" && title.is_some_and(|title| title.used_width() > MAX_LONG_WIDTH) {
         &WIDE_COLUMNS
     } else {
         kind.pair
@@ -364,12 +367,13 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
     Some(contact)
 }
 
-fn read_side(scan: &mut LineScanner, line: TextLine, columns: &SideColumns, what: &str) -> Option<ContactSide> {
-    let rigid = scan.expect_rigid_body(line, columns.body);
-    let body = scan.read_index(line, columns.body_number, &format!("{what}'s body"));
-    let contactor = scan.read_name5(line, columns.contactor, &format!("{what}'s contactor"));
-    let number = scan.read_index(line, columns.contactor_number, &format!("{what}'s contactor number"));
-    Some(ContactSide { body: body.filter(|_| rigid)?, contactor, number: number? })
+/// Reads one side of a pair, which faults name `side_name`; `None` after a fault.
+fn read_side(scan: &mut LineScanner, line: TextLine, columns: &SideColumns, side_name: &str) -> Option<ContactSide> {
+    let is_rigid = scan.expect_rigid_body(line, columns.body);
+    let body = scan.read_index(line, columns.body_number, &format!("{side_name}'s body"));
+    let contactor = scan.read_name5(line, columns.contactor, &format!("{side_name}'s contactor"));
+    let number = scan.read_index(line, columns.contactor_number, &format!("{side_name}'s contactor number"));
+    Some(ContactSide { body: body.filter(|_| is_rigid)?, contactor, number: number? })
 }
 
 /// Reads the line of forces (`r`) or velocities (`v`), by position; a different label is a fault.
@@ -377,28 +381,30 @@ fn read_components(scan: &mut LineScanner, kind: &ContactKind, letter: char) -> 
     let labels: Vec<_> = kind.components.chars().map(|component| format!("{letter}l{component}")).collect();
     let line = scan.expect_continuation(&labels.join(" "))?;
     let mut values = [0.0; 3];
-    for ((component, label), first) in kind.components.chars().zip(&labels).zip(GRID_COLUMNS) {
-        let shown = line.columns(first - 5, first - 3);
-        if ["rl", "vl"].iter().any(|known| shown.starts_with(known)) && shown != label {
-            let found = format!("'{shown}' is in columns {} to {}", first - 5, first - 3);
+    for ((component, label), value_column) in kind.components.chars().zip(&labels).zip(GRID_COLUMNS) {
+        // The first three of the five columns of a label, as `rln` of `rln/H`.
+        let (first, last) = (value_column - 5, value_column - 3);
+        let found_label = line.columns(first, last);
+        if ["rl", "vl"].iter().any(|known| found_label.starts_with(known)) && found_label != label {
+            let found = format!("'{found_label}' is in columns {first} to {last}");
             scan.add_fault(line.number, found, format!("expected {label}, which LMGC90 reads there"));
         }
-        values[axis_index(component)] = scan.read_real(line, first, label);
+        values[axis_index(component)] = scan.read_real(line, value_column, label);
     }
     Some(values)
 }
 
-/// Reads the frame, as in the file, and the point; each line is recognized by its label.
+/// Reads the frame, as in the file, and the point, m; each line is recognized by its label.
 fn read_rows(scan: &mut LineScanner, kind: &ContactKind) -> Option<([[f64; 3]; 3], [f64; 3])> {
     let (mut frame, mut point) = ([[0.0; 3]; 3], [0.0; 3]);
     let mut missing = kind.rows.to_string();
     while !missing.is_empty() {
-        let named = |line: TextLine| missing.chars().find(|&letter| line.columns(30, 34) == row_labels(letter)[0]);
-        let line = scan.next_line_if(|line| line.is_continuation() && named(line).is_some()).or_else(|| {
+        let row_letter = |line: TextLine| missing.chars().find(|&letter| line.first_label() == row_labels(letter)[0]);
+        let line = scan.next_line_if(|line| line.is_continuation() && row_letter(line).is_some()).or_else(|| {
             let expected: Vec<_> = missing.chars().map(|letter| row_labels(letter)[0]).collect();
             scan.unexpected_line(&format!("expected a line with {} in columns 30 to 34", expected.join(" or ")))
         })?;
-        let letter = named(line)?;
+        let letter = row_letter(line)?;
         let labels = row_labels(letter);
         let row = scan.read_grid(line, labels.map(|label| label.trim_end_matches('=')));
         match letter {
@@ -412,21 +418,33 @@ fn read_rows(scan: &mut LineScanner, kind: &ContactKind) -> Option<([[f64; 3]; 3
 
 /// Reads the reals in columns 2-15, 17-30, ... up to the end of the line.
 fn read_internals(scan: &mut LineScanner, line: TextLine) -> Vec<f64> {
-    let firsts = (2..=line.used_width()).step_by(15);
-    (1..).zip(firsts).map(|(k, first)| scan.read_real(line, first, format_args!("internal {k}"))).collect()
+    let first_columns = (2..=line.used_width()).step_by(15);
+    (1..).zip(first_columns).map(|(k, first)| scan.read_real(line, first, format_args!("internal {k}"))).collect()
 }
 
+/// Appends the record of a contact; `number` counts the contacts of its kind from 1.
 fn write_contact(out: &mut String, kind: &ContactKind, pair: &PairColumns, number: usize, mut contact: ContactRecord) {
     kind.convert_s_axis(&mut contact);
     let _ = writeln!(out, "$icdan  {:<5}  {}", kind.name, format_integer(number, 7));
 
-    let titles = [["cdbdy", "numbr", "cdtac", "numbr"], ["anbdy", "numbr", "antac", "numbr"]];
-    put_pair(out, pair, titles.map(|side| side.map(String::from)), "CDVER", "behav", "sttus");
-    let sides = [&contact.candidate, &contact.antagonist].map(|side| {
-        ["RBDY3".to_string(), (side.body + 1).to_string(), side.contactor.clone(), (side.number + 1).to_string()]
-    });
-    let vertex = if kind.name.starts_with("PR") { "    0" } else { "" };
-    put_pair(out, pair, sides, vertex, &contact.law, &contact.status);
+    let side_titles =
+        |body, contactor| SideWords { body, body_number: "numbr".into(), contactor, contactor_number: "numbr".into() };
+    let titles = PairWords {
+        candidate: side_titles("cdbdy", "cdtac"),
+        vertex: "CDVER",
+        law: "behav",
+        antagonist: side_titles("anbdy", "antac"),
+        status: "sttus",
+    };
+    put_pair(out, pair, &titles);
+    let words = PairWords {
+        candidate: SideWords::new(&contact.candidate),
+        vertex: if kind.name.starts_with("PR") { "    0" } else { "" },
+        law: &contact.law,
+        antagonist: SideWords::new(&contact.antagonist),
+        status: &contact.status,
+    };
+    put_pair(out, pair, &words);
 
     for (letter, unit, values) in [('r', "/H", &contact.force), ('v', " =", &contact.velocity)] {
         let labels: Vec<_> = kind.components.chars().map(|component| format!("{letter}l{component}{unit}")).collect();
@@ -449,29 +467,51 @@ fn write_contact(out: &mut String, kind: &ContactKind, pair: &PairColumns, numbe
     out.push_str(" \n");
 }
 
-/// Writes the line of a pair: type of body, its number, type of contactor, its number, for candidate and antagonist.
-fn put_pair(out: &mut String, pair: &PairColumns, sides: [[String; 4]; 2], vertex: &str, law: &str, status: &str) {
-    let put_side = |out: &mut String, columns: &SideColumns, [body, body_number, contactor, number]: [String; 4]| {
-        put_text(out, columns.body, body);
-        put_text(
-            out,
-            columns.body_number.0,
-            format_integer(body_number, columns.body_number.1 - columns.body_number.0 + 1),
-        );
-        put_text(out, columns.contactor, contactor);
-        put_text(
-            out,
-            columns.contactor_number.0,
-            format_integer(number, columns.contactor_number.1 - columns.contactor_number.0 + 1),
-        );
-    };
-    let [candidate, antagonist] = sides;
-    put_side(out, &pair.candidate, candidate);
-    if let Some(column) = pair.vertex {
-        put_text(out, column, vertex);
+/// Words of the line of a pair, or its titles, for [`PairColumns`].
+struct PairWords<'a> {
+    candidate: SideWords<'a>,
+    vertex: &'a str,
+    law: &'a str,
+    antagonist: SideWords<'a>,
+    status: &'a str,
+}
+
+/// Words of one side of a pair: body and contactor with their numbers.
+struct SideWords<'a> {
+    body: &'a str,
+    body_number: String,
+    contactor: &'a str,
+    contactor_number: String,
+}
+
+impl<'a> SideWords<'a> {
+    fn new(side: &'a ContactSide) -> Self {
+        SideWords {
+            body: "RBDY3",
+            body_number: (side.body + 1).to_string(),
+            contactor: &side.contactor,
+            contactor_number: (side.number + 1).to_string(),
+        }
     }
-    put_text(out, pair.law, law);
-    put_side(out, &pair.antagonist, antagonist);
-    put_text(out, pair.status, status);
+}
+
+/// Appends the line of a pair.
+fn put_pair(out: &mut String, columns: &PairColumns, words: &PairWords) {
+    let put_number = |out: &mut String, (first, last): (usize, usize), number: &str| {
+        put_text(out, first, format_integer(number, last - first + 1));
+    };
+    let put_side = |out: &mut String, columns: &SideColumns, words: &SideWords| {
+        put_text(out, columns.body, words.body);
+        put_number(out, columns.body_number, &words.body_number);
+        put_text(out, columns.contactor, words.contactor);
+        put_number(out, columns.contactor_number, &words.contactor_number);
+    };
+    put_side(out, &columns.candidate, &words.candidate);
+    if let Some(column) = columns.vertex {
+        put_text(out, column, words.vertex);
+    }
+    put_text(out, columns.law, words.law);
+    put_side(out, &columns.antagonist, &words.antagonist);
+    put_text(out, columns.status, words.status);
     out.push('\n');
 }

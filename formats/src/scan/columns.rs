@@ -1,4 +1,4 @@
-//! Columns and head lines of LMGC90's text files: writing.
+//! Writing of columns and head lines of LMGC90's text files.
 
 use std::fmt::{Display, Write};
 

@@ -1,4 +1,5 @@
-//! Lines outside of records, and heads of state files whose numbers are not in their columns.
+//! Reading of lines outside of records, which are skipped, and of heads of state files whose numbers are not in their
+//! columns.
 
 use super::{LenientForm, LineScanner, NumberError, REAL_WIDTH, TextLine, fortran_real, free_real};
 use crate::words::is_data_word;
@@ -55,8 +56,9 @@ impl<'a> LineScanner<'a> {
         };
         let text = line.before_comment();
         let label = text.find("time=").unwrap_or(TIME_LABEL_START);
-        let word = |from: usize, to: usize| text.get(from..to).unwrap_or("").trim();
-        let (step, time) = (word("$steps".len(), label), word(label + "time=".len(), text.len()));
+        let word_between = |start: usize, end: usize| text.get(start..end).unwrap_or("").trim();
+        let step = word_between("$steps".len(), label);
+        let time = word_between(label + "time=".len(), text.len());
         let is_shifted = label != TIME_LABEL_START;
         let in_columns = line.columns(STEP_COLUMNS.0, STEP_COLUMNS.1).replace(' ', "");
         let step = match step.parse::<u64>() {
@@ -68,23 +70,25 @@ impl<'a> LineScanner<'a> {
             Ok(number) if is_shifted && in_columns.parse::<u64>().is_err() => number,
             _ => self.read_integer(line, STEP_COLUMNS, "step number").unwrap_or(0),
         };
-        let first = TIME_LABEL_START + "time=".len() + 1;
+        let time_column = TIME_LABEL_START + "time=".len() + 1;
         let time = match fortran_real(time) {
             Ok(value) if is_shifted => {
-                let theirs = lmgc90_real(line.columns(first, first + REAL_WIDTH - 1)).ok();
-                self.expect_same_number(line, "time", value, theirs);
+                let lmgc90_value = lmgc90_real(line.columns(time_column, time_column + REAL_WIDTH - 1)).ok();
+                self.expect_same_number(line, "time", value, lmgc90_value);
                 self.forms.add(LenientForm::ShiftedHead, line.number);
                 value
             }
-            _ => self.read_real(line, first, "time"),
+            _ => self.read_real(line, time_column, "time"),
         };
         (step, time)
     }
 
-    /// Adds a fault if LMGC90 reads another number from its columns; it reads none where it stops with an error.
-    fn expect_same_number(&mut self, line: TextLine, what: &str, value: f64, theirs: Option<f64>) {
-        if let Some(theirs) = theirs.filter(|theirs| (theirs - value).abs() > 1e-12 * value.abs()) {
-            let found = format!("{what} is {value}, but LMGC90 reads {theirs} from its columns");
+    /// Adds a fault if LMGC90 reads another number from its columns; `None` where it stops with an error.
+    fn expect_same_number(&mut self, line: TextLine, field: &str, value: f64, lmgc90_value: Option<f64>) {
+        // The two are read from the same decimals, and differ by rounding at most.
+        let differs = |lmgc90_value: &f64| (lmgc90_value - value).abs() > 1e-12 * value.abs();
+        if let Some(lmgc90_value) = lmgc90_value.filter(differs) {
+            let found = format!("{field} is {value}, but LMGC90 reads {lmgc90_value} from its columns");
             self.add_fault(
                 line.number,
                 found,

@@ -2,13 +2,14 @@
 //!
 //! Columns are 1-based and inclusive, as in `docs/reference/files/`. A reader requests a field from [`LineScanner`] by
 //! its first column and continues in any case. A faulty field is reported, and its value fails no later comparison (NaN,
-//! `None`, an empty name), so that one mistake gives one message.
+//! `None`, an empty name), so that one mistake gives one message. The parameter `field_name` of these functions is the name
+//! of the field in messages.
 //!
 //! Most lines of all files share a grid:
 //!
 //! | columns | content |
 //! |---|---|
-//! | 2-6 | keyword behind `$`, or type of what the line describes |
+//! | 2-6 | keyword behind `$`, or type of the object of the line |
 //! | 9-13, in state files 9-15 | number of the object |
 //! | 35-48, 56-69, 77-90 | reals, each behind a label of five columns that nobody reads |
 //!
@@ -125,6 +126,11 @@ impl<'a> TextLine<'a> {
         self.text.get(first - 1..end).unwrap_or("")
     }
 
+    /// Label of the first real of a grid line, in columns 30 to 34.
+    pub fn first_label(self) -> &'a str {
+        self.columns(30, 34)
+    }
+
     /// Columns 2 to 6, by which LMGC90 recognizes a line.
     pub fn keyword(self) -> &'a str {
         self.columns(2, 6)
@@ -169,9 +175,9 @@ impl<'a> TextLine<'a> {
         let before = self.columns(first - 1, first - 1);
         let digits_across = before.starts_with(|c: char| c.is_ascii_digit())
             && self.columns(first, first).starts_with(|c: char| c.is_ascii_digit() || c == '.');
-        // Without its 0 the number is the same.
-        let only_zero = before == "0" && self.columns(first, first) == "." && self.begins_in(first - 1);
-        if (digits_across && !only_zero) || ["-", "+", "."].contains(&before) {
+        // Without a 0 before its point the number is the same.
+        let is_leading_zero = before == "0" && self.columns(first, first) == "." && self.begins_in(first - 1);
+        if (digits_across && !is_leading_zero) || ["-", "+", "."].contains(&before) {
             return Err(NumberError("which begins before its columns"));
         }
         let is_comment = self.before_comment().len() <= last;
@@ -204,23 +210,27 @@ impl<'a> TextLine<'a> {
 pub struct LineScanner<'a> {
     path: &'a Path,
     lines: Vec<TextLine<'a>>,
+    /// Index of the next line.
     next: usize,
-    /// Line for faults at the end of the file.
+    /// Number of the line for faults at the end of the file.
     last: usize,
+    /// Object of the next faults.
     object: String,
     faults: Faults,
+    /// Forms that are read although they deviate.
     forms: LenientForms,
+    /// Numbers of the lines with a comment that does not begin in column 1.
     indented_comments: BTreeSet<usize>,
 }
 
 impl<'a> LineScanner<'a> {
     /// Scanner at the first line of `text`; `path` is for messages.
     pub fn new(path: &'a Path, text: &'a AsciiText<'_>) -> Self {
-        LineScanner::of_part(path, text.whole())
+        LineScanner::from_part(path, text.whole())
     }
 
     /// Scanner at the first line of a part of a text.
-    fn of_part(path: &'a Path, part: TextPart<'a>) -> Self {
+    fn from_part(path: &'a Path, part: TextPart<'a>) -> Self {
         let (comments, lines): (Vec<TextLine>, Vec<_>) =
             part.lines().filter(|line| line.first_letter().is_some()).partition(|line| line.is_comment());
         let indented = comments.iter().filter(|line| !line.text.starts_with(['!', '#'])).map(|line| line.number);
@@ -309,9 +319,9 @@ impl<'a> LineScanner<'a> {
     }
 
     /// Consumes the next line, which must continue the present object, with blank columns 2 to 6.
-    pub fn expect_continuation(&mut self, what: &str) -> Option<TextLine<'a>> {
+    pub fn expect_continuation(&mut self, content: &str) -> Option<TextLine<'a>> {
         let line = self.next_line_if(TextLine::is_continuation);
-        line.or_else(|| self.unexpected_line(&format!("expected a line with {what}")))
+        line.or_else(|| self.unexpected_line(&format!("expected a line with {content}")))
     }
 
     /// Reports that the next line, or the end of the file, is not expected here. Returns `None`, for use at the end of a
@@ -337,12 +347,12 @@ impl<'a> LineScanner<'a> {
     }
 
     /// Reads the real in the 14 columns from `first`; NaN and a fault if there is none.
-    pub fn read_real(&mut self, line: TextLine, first: usize, what: impl Display) -> f64 {
+    pub fn read_real(&mut self, line: TextLine, first: usize, field_name: impl Display) -> f64 {
         let columns = (first, first + REAL_WIDTH - 1);
         match fortran_real(line.columns(columns.0, columns.1)).and_then(|value| line.expect_isolated(columns, value)) {
             Ok(value) => value,
             Err(NumberError(fault)) => {
-                self.report_no_number(line, columns, what, fault, "expected a real such as 1.0000000E+00");
+                self.report_no_number(line, columns, field_name, fault, "expected a real such as 1.0000000E+00");
                 f64::NAN
             }
         }
@@ -361,32 +371,32 @@ impl<'a> LineScanner<'a> {
     }
 
     /// Reads a real that must not be negative.
-    pub fn read_length(&mut self, line: TextLine, first: usize, what: &str) -> f64 {
-        let value = self.read_real(line, first, what);
+    pub fn read_length(&mut self, line: TextLine, first: usize, field_name: &str) -> f64 {
+        let value = self.read_real(line, first, field_name);
         if value < 0.0 {
-            self.add_fault(line.number, format!("{what} is {}", number_text(value)), "expected 0 or more");
+            self.add_fault(line.number, format!("{field_name} is {}", number_text(value)), "expected 0 or more");
         }
         value
     }
 
     /// Reads a real that must be positive.
-    pub fn read_positive(&mut self, line: TextLine, first: usize, what: &str) -> f64 {
-        let value = self.read_real(line, first, what);
+    pub fn read_positive(&mut self, line: TextLine, first: usize, field_name: &str) -> f64 {
+        let value = self.read_real(line, first, field_name);
         if value <= 0.0 {
-            self.add_fault(line.number, format!("{what} is {}", number_text(value)), "expected more than 0");
+            self.add_fault(line.number, format!("{field_name} is {}", number_text(value)), "expected more than 0");
         }
         value
     }
 
     /// Reads the integer in columns `first` to `last`, blanks ignored; `None` and a fault if there is none.
-    pub fn read_integer(&mut self, line: TextLine, columns: (usize, usize), what: impl Display) -> Option<u64> {
+    pub fn read_integer(&mut self, line: TextLine, columns: (usize, usize), field_name: impl Display) -> Option<u64> {
         let digits = line.columns(columns.0, columns.1.min(line.before_comment().len())).replace(' ', "");
         let fault = |_| number_fault(&digits).unwrap_or(NumberError("not an integer of 0 or more"));
         let number = digits.parse().map_err(fault);
         match number.and_then(|value| line.expect_isolated(columns, value)) {
             Ok(value) => Some(value),
             Err(NumberError(fault)) => {
-                self.report_no_number(line, columns, what, fault, "expected an integer such as 12");
+                self.report_no_number(line, columns, field_name, fault, "expected an integer such as 12");
                 None
             }
         }
@@ -397,38 +407,38 @@ impl<'a> LineScanner<'a> {
         &mut self,
         line: TextLine,
         (first, last): (usize, usize),
-        what: impl Display,
+        field_name: impl Display,
         fault: &str,
         expected: &str,
     ) {
         let found = match line.columns(first, last).trim_matches(' ') {
-            "" => format!("{what} is blank"),
-            field => format!("{what} is '{}', {fault}", display_text(field)),
+            "" => format!("{field_name} is blank"),
+            field => format!("{field_name} is '{}', {fault}", display_text(field)),
         };
         self.add_fault(line.number, found, expected);
     }
 
     /// Reads a number that counts from 1 in the file; returns it counted from 0.
-    pub fn read_index(&mut self, line: TextLine, columns: (usize, usize), what: &str) -> Option<usize> {
-        let number = self.read_integer(line, columns, what)?;
+    pub fn read_index(&mut self, line: TextLine, columns: (usize, usize), field_name: &str) -> Option<usize> {
+        let number = self.read_integer(line, columns, field_name)?;
         if number == 0 {
-            self.add_fault(line.number, format!("{what} is 0"), "expected 1 or more");
+            self.add_fault(line.number, format!("{field_name} is 0"), "expected 1 or more");
             return None;
         }
         usize::try_from(number - 1).ok()
     }
 
     /// Reads the name in columns `first` to `last`, trimmed; empty and a fault if there is none.
-    pub fn read_name(&mut self, line: TextLine, (first, last): (usize, usize), what: &str) -> String {
+    pub fn read_name(&mut self, line: TextLine, (first, last): (usize, usize), field_name: &str) -> String {
         let field = line.columns(first, last);
         let field = without_comment(field);
         let shown = display_text(field.trim_matches(' '));
         let (found, expected) = if field.trim_matches(' ').is_empty() {
-            (format!("{what} is blank"), format!("expected a name in columns {first} to {last}"))
+            (format!("{field_name} is blank"), format!("expected a name in columns {first} to {last}"))
         } else if field.bytes().any(|byte| !(b' '..=b'~').contains(&byte)) {
-            (format!("{what} is '{shown}'"), "expected a name of printable ASCII characters".into())
+            (format!("{field_name} is '{shown}'"), "expected a name of printable ASCII characters".into())
         } else if line.is_joined_across(first - 1, first) || line.is_joined_across(last, last + 1) {
-            let found = format!("{what} is '{shown}', part of a longer word");
+            let found = format!("{field_name} is '{shown}', part of a longer word");
             (found, format!("expected a name in columns {first} to {last} and blanks around it"))
         } else {
             return field.trim_matches(' ').to_string();
@@ -438,8 +448,8 @@ impl<'a> LineScanner<'a> {
     }
 
     /// Reads the five-column name from `first`.
-    pub fn read_name5(&mut self, line: TextLine, first: usize, what: &str) -> String {
-        self.read_name(line, (first, first + 4), what)
+    pub fn read_name5(&mut self, line: TextLine, first: usize, field_name: &str) -> String {
+        self.read_name(line, (first, first + 4), field_name)
     }
 
     /// Checks for `RBDY3` in columns `first` to `first + 4`, the only supported kind of body.
@@ -452,11 +462,11 @@ impl<'a> LineScanner<'a> {
         word == "RBDY3"
     }
 
-    /// Adds a fault if the rows are not an orthonormal, right-handed triad.
-    pub fn check_orthonormal(&mut self, line: usize, what: &str, rows: &[[f64; 3]; 3]) {
+    /// Adds a fault if the rows, which it calls `rows_name`, are not an orthonormal, right-handed triad.
+    pub fn check_orthonormal(&mut self, line: usize, rows_name: &str, rows: &[[f64; 3]; 3]) {
         let defect = frame_defect(rows);
         if defect > FRAME_TOLERANCE {
-            let found = format!("{what} are off by {defect:.1e} from an orthonormal right-handed triad");
+            let found = format!("{rows_name} are off by {defect:.1e} from an orthonormal right-handed triad");
             self.add_fault(line, found, format!("expected at most {FRAME_TOLERANCE:e}"));
         }
     }

@@ -1,4 +1,4 @@
-//! Numbers of LMGC90's text files: reading and formatting.
+//! Reading and formatting of numbers of LMGC90's text files, in the forms of Fortran.
 
 use std::fmt::{Display, Write};
 
@@ -144,16 +144,17 @@ pub fn format_long14(x: f64) -> RealText {
     }
     let minus = if x.is_sign_negative() { '-' } else { ' ' };
     // Sign, point, and the digits before it; one digit less where rounding gives a power of ten.
-    let before = (size as u64).checked_ilog10().unwrap_or(0) as usize + 1;
-    let with = |decimals: usize| {
+    let integer_digits = (size as u64).checked_ilog10().unwrap_or(0) as usize + 1;
+    let with_decimals = |decimals: usize| {
         let mut text = RealText::new();
         write!(text, "{minus}{size:.decimals$}").expect("at most 26 letters");
         text
     };
-    let long = with(REAL_WIDTH - 2 - before);
-    if long.len() == REAL_WIDTH { long } else { with(REAL_WIDTH - 3 - before) }
+    let long = with_decimals(REAL_WIDTH - 2 - integer_digits);
+    if long.len() == REAL_WIDTH { long } else { with_decimals(REAL_WIDTH - 3 - integer_digits) }
 }
 
+/// Smallest magnitude of a number in 14 columns, whose exponent has two digits.
 const SMALLEST_REAL: f64 = 1e-99;
 
 /// Text of a number that does not fit its columns.

@@ -1,4 +1,4 @@
-//! Long files in parts of whole records, which are read and written in parallel. Short files start no threads.
+//! Reading and writing of long files in parallel, in parts of whole records. Short files start no threads.
 
 use std::fs::File;
 use std::io::Read;
@@ -17,10 +17,17 @@ const BLOCK_SIZE: usize = 16 << 20;
 /// Number of records of one task of writing: enough to hide its cost.
 const RECORDS_PER_TASK: usize = 1024;
 
+/// Size of a text.
+#[derive(Debug, Clone, Copy, Default)]
+struct TextCounts {
+    lines: usize,
+    records: usize,
+}
+
 impl AsciiText<'_> {
-    /// The text in parts, each of which but the first begins with a line `$keyword`. `before`: number of lines and records
-    /// before the text, to which its own are added.
-    fn parts(&self, keyword: &str, before: &mut (usize, usize)) -> Vec<TextPart<'_>> {
+    /// The text in parts, each of which but the first begins with a line `$keyword`. The counts of the text are added to
+    /// `before`, those of the text before it.
+    fn parts(&self, keyword: &str, before: &mut TextCounts) -> Vec<TextPart<'_>> {
         let begin = format!("\n${keyword}");
         let mut texts = Vec::new();
         let mut rest: &str = &self.0;
@@ -33,16 +40,19 @@ impl AsciiText<'_> {
         texts.push(rest);
         // Only the last part may end within a line, and nothing follows its counts.
         let count = |text: &&str| {
-            let is_record = |line: &str| usize::from(line.get(1..6) == Some(keyword));
-            text.lines().fold((0, 0), |(lines, records), line| (lines + 1, records + is_record(line)))
+            let begins_record = |line: &str| usize::from(line.get(1..6) == Some(keyword));
+            text.lines().fold(TextCounts::default(), |TextCounts { lines, records }, line| TextCounts {
+                lines: lines + 1,
+                records: records + begins_record(line),
+            })
         };
-        let counts: Vec<(usize, usize)> = match &texts[..] {
+        let counts: Vec<TextCounts> = match &texts[..] {
             [text] => vec![count(text)],
             several => several.par_iter().map(count).collect(),
         };
-        let part = |(text, (lines, records))| {
-            let part = TextPart { text, lines_before: before.0, records_before: before.1 };
-            *before = (before.0 + lines, before.1 + records);
+        let part = |(text, own): (_, TextCounts)| {
+            let part = TextPart { text, lines_before: before.lines, records_before: before.records };
+            *before = TextCounts { lines: before.lines + own.lines, records: before.records + own.records };
             part
         };
         texts.into_iter().zip(counts).map(part).collect()
@@ -63,9 +73,9 @@ pub fn read_records<T: Send>(
     read: impl Fn(&mut LineScanner, usize) -> T + Sync,
 ) -> Result<(Vec<T>, Vec<String>), Faults> {
     if text.0.len() > PART_SIZE
-        && let Some(read) = read_parts(path, &text.parts(keyword, &mut (0, 0)), &read)
+        && let Some(values) = read_parts(path, &text.parts(keyword, &mut TextCounts::default()), &read)
     {
-        return Ok(joined_parts(path, read));
+        return Ok(joined_parts(path, values));
     }
     let scan = &mut LineScanner::new(path, text);
     let value = read(scan, 0);
@@ -82,7 +92,7 @@ pub fn read_file_records<T: Send>(
     read: impl Fn(&mut LineScanner, usize) -> T + Sync,
 ) -> Result<(Vec<T>, Vec<String>), Faults> {
     match read_blocks(path, keyword, BLOCK_SIZE, &read) {
-        Some(read) => Ok(joined_parts(path, read)),
+        Some(values) => Ok(joined_parts(path, values)),
         None => read_records(path, &AsciiText::read_file(path)?, keyword, read),
     }
 }
@@ -97,7 +107,7 @@ fn read_blocks<T: Send>(
 ) -> Option<Vec<(T, LenientForms)>> {
     let begin = format!("\n${keyword}");
     let mut file = File::open(path).ok()?;
-    let (mut block, mut before, mut values) = (Vec::new(), (0, 0), Vec::new());
+    let (mut block, mut before, mut values) = (Vec::new(), TextCounts::default(), Vec::new());
     loop {
         let is_last = (&mut file).take(block_size as u64).read_to_end(&mut block).ok()? < block_size;
         let last_record = || block.windows(begin.len()).rposition(|bytes| bytes == begin.as_bytes());
@@ -123,7 +133,7 @@ fn read_parts<T: Send>(
     read: &(impl Fn(&mut LineScanner, usize) -> T + Sync),
 ) -> Option<Vec<(T, LenientForms)>> {
     let read_part = |part: &TextPart| {
-        let scan = &mut LineScanner::of_part(path, *part);
+        let scan = &mut LineScanner::from_part(path, *part);
         let value = read(scan, part.records_before);
         (!scan.has_faults()).then(|| (value, std::mem::take(&mut scan.forms)))
     };
@@ -136,8 +146,8 @@ fn read_parts<T: Send>(
 /// Values of all parts of a file, and its notices.
 fn joined_parts<T>(path: &Path, parts: Vec<(T, LenientForms)>) -> (Vec<T>, Vec<String>) {
     let mut forms = LenientForms::default();
-    let values = parts.into_iter().map(|(value, of_part)| {
-        forms.append(of_part);
+    let values = parts.into_iter().map(|(value, part_forms)| {
+        forms.append(part_forms);
         value
     });
     let values = values.collect();
@@ -154,12 +164,12 @@ pub fn put_records<T: Sync>(out: &mut String, records: &[T], write: impl Fn(&mut
     if records.len() <= RECORDS_PER_TASK {
         return put_task(out, (0, records));
     }
-    let text_of = |task: (usize, &[T])| {
+    let task_text = |task: (usize, &[T])| {
         let mut out = String::new();
         put_task(&mut out, task);
         out
     };
-    let texts: Vec<String> = records.par_chunks(RECORDS_PER_TASK).enumerate().map(text_of).collect();
+    let texts: Vec<String> = records.par_chunks(RECORDS_PER_TASK).enumerate().map(task_text).collect();
     out.reserve(texts.iter().map(String::len).sum());
     texts.into_iter().for_each(|text| out.push_str(&text));
 }
@@ -199,7 +209,7 @@ mod tests {
     #[test]
     fn parts_hold_all_records_with_their_lines() {
         let text = numbers(100_000, None);
-        let parts = text.parts("numbr", &mut (0, 0));
+        let parts = text.parts("numbr", &mut TextCounts::default());
         assert!(parts.len() > 4);
         assert_eq!(parts.iter().map(|part| part.text).collect::<String>(), text.0);
         for part in &parts[1..] {
@@ -207,7 +217,8 @@ mod tests {
             assert_eq!(part.lines_before, 1 + 3 * part.records_before);
         }
         let none = numbers(0, None);
-        assert_eq!((none.parts("numbr", &mut (0, 0)).len(), none.whole().text), (1, "! head\n"));
+        assert_eq!(none.parts("numbr", &mut TextCounts::default()).len(), 1);
+        assert_eq!(none.whole().text, "! head\n");
     }
 
     #[test]
