@@ -13,15 +13,17 @@ pub enum StepStage {
     Solve,
 }
 
+/// Flag that signals and [`request_stop`] set.
 static STOP_FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 /// Whether the processes of a run on several ranks stop together, and whether they have agreed to.
 static STOPS_BY_AGREEMENT: AtomicBool = AtomicBool::new(false);
 static STOP_AGREED: AtomicBool = AtomicBool::new(false);
+/// Number of the [`StepStage`].
 static CURRENT_STAGE: AtomicU8 = AtomicU8::new(0);
 static CURRENT_CONTACTS: AtomicU64 = AtomicU64::new(0);
 static CURRENT_SWEEPS: AtomicU64 = AtomicU64::new(0);
 
-/// The flag that a request to stop sets.
+/// Flag that a request to stop sets, for the handlers of signals.
 pub fn stop_flag() -> &'static Arc<AtomicBool> {
     STOP_FLAG.get_or_init(|| Arc::new(AtomicBool::new(false)))
 }

@@ -23,25 +23,26 @@ pub fn agreed_case<T, E: Display + From<Faults>>(
     if communicator.size() == 1 {
         return read;
     }
-    let own = match &read {
+    // The first byte is 0 before a digest of the input, or 1 before the text of faults.
+    let own_message = match &read {
         Ok(case) => {
             let (scene, state) = data(case);
             [&[0][..], &input_digest(scene, state).to_le_bytes()].concat()
         }
         Err(failure) => [&[1], failure.to_string().as_bytes()].concat(),
     };
-    let all = all_gather_unsized(communicator, &own);
+    let messages = all_gather_unsized(communicator, &own_message);
     let case = read?;
-    for (rank, bytes) in all.iter().enumerate() {
+    for (rank, message) in messages.iter().enumerate() {
         let object = format!("rank {rank}");
-        if bytes[0] != 0 {
-            let found = format!("has rejected it: {}", String::from_utf8_lossy(&bytes[1..]).trim_end());
-            let expected = "expected a folder that all ranks can read";
+        if message[0] != 0 {
+            let found = format!("has rejected it: {}", String::from_utf8_lossy(&message[1..]).trim_end());
+            let expected = "expected a folder that messages ranks can read";
             return Err(Faults::from(Fault::new("case".as_ref(), None, object, found, expected)).into());
         }
-        if *bytes != all[0] {
+        if *message != messages[0] {
             let found = "has read other input than rank 0";
-            let expected = "expected one DATBOX and OUTBOX, in a folder that all ranks share";
+            let expected = "expected one DATBOX and OUTBOX, in a folder that messages ranks share";
             return Err(Faults::from(Fault::new("case".as_ref(), None, object, found, expected)).into());
         }
     }
@@ -73,15 +74,15 @@ pub fn agree_on_step(communicator: &dyn Communicator, state: &State) -> Result<(
     if communicator.size() == 1 {
         return Ok(());
     }
-    let mut own = state_digest(state).to_le_bytes().to_vec();
-    own.push(u8::from(activity::is_stop_requested()));
-    let all = communicator.all_gather(&own, &vec![own.len(); communicator.size()]);
-    let all: Vec<&[u8]> = all.chunks_exact(own.len()).collect();
-    if all.iter().any(|bytes| bytes.last() == Some(&1)) {
+    let digest = state_digest(state).to_le_bytes();
+    let own_message = [&digest[..], &[u8::from(activity::is_stop_requested())]].concat();
+    let gathered = communicator.all_gather(&own_message, &vec![own_message.len(); communicator.size()]);
+    let messages: Vec<&[u8]> = gathered.chunks_exact(own_message.len()).collect();
+    if messages.iter().any(|message| message.last() == Some(&1)) {
         activity::agree_to_stop();
     }
-    let differs = |bytes: &&[u8]| bytes[..8] != all[0][..8];
-    match all.iter().position(differs) {
+    let differs = |message: &&[u8]| message[..digest.len()] != messages[0][..digest.len()];
+    match messages.iter().position(differs) {
         Some(rank) => Err(StateMismatch { step: state.step, rank }),
         None => Ok(()),
     }
@@ -101,9 +102,10 @@ fn input_digest(scene: &Scene, state: &State) -> u64 {
 /// Digest of the step, positions, orientations and velocities.
 fn state_digest(state: &State) -> u64 {
     let vectors = [&state.x, &state.v, &state.w].into_iter().flatten().flat_map(|v| [v.x, v.y, v.z]);
-    let turns = state.q.iter().flat_map(|q| [q.w, q.i, q.j, q.k]);
-    // FNV-1a, on numbers in place of bytes.
+    let quaternions = state.q.iter().flat_map(|q| [q.w, q.i, q.j, q.k]);
+    // FNV-1a with its prime and initial value, on numbers in place of bytes. The rotation carries the exponents of numbers
+    // to the low bits.
     let mix =
         |digest: u64, number: f64| (digest ^ number.to_bits()).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(29);
-    vectors.chain(turns).fold(state.step ^ 0xcbf2_9ce4_8422_2325, mix)
+    vectors.chain(quaternions).fold(state.step ^ 0xcbf2_9ce4_8422_2325, mix)
 }

@@ -1,8 +1,9 @@
-//! Command line: from arguments to a run to an exit code; no physics.
+//! Command line of cd-solve: reads the arguments and the case, runs it or plans its run, and turns failures into messages
+//! and an exit code.
 
 use std::ffi::OsString;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use cd_formats::case::{CaseFolder, case_fault, parse_arguments};
 use cd_formats::compute::{Adaptive, ComputeFlags, MAX_THREADS};
@@ -101,7 +102,8 @@ fn run_on_rank(communicator: &'static dyn Communicator, args: &[OsString]) -> i3
     former_names_in_flags(args).iter().for_each(print_warning);
     let prepared =
         agreement::agreed_case(communicator, prepare_case(&arguments, communicator), |case| (&case.scene, &case.state));
-    let is_agreed = prepared.is_err();
+    // Faults of reading are exchanged by `agreed_case`, so that all ranks end; those of a run are known to this rank alone.
+    let has_begun = prepared.is_ok();
     match prepared.and_then(|case| advance_case(&arguments, case, communicator)) {
         Ok(summary) => {
             let title = if arguments.plan { "plan" } else { "done" };
@@ -116,9 +118,8 @@ fn run_on_rank(communicator: &'static dyn Communicator, args: &[OsString]) -> i3
                 RunFailure::Broken(message) => (format!("{PROGRAM}: internal: {message}"), 3),
             };
             print_error(message.trim_end());
-            // The other ranks know nothing of a fault of this one.
             if communicator.size() > 1
-                && !is_agreed
+                && has_begun
                 && matches!(failure, RunFailure::Files(_) | RunFailure::Unwritten(_))
             {
                 if communicator.rank() > 0 {
@@ -154,7 +155,9 @@ fn former_names_in_flags(args: &[OsString]) -> Vec<String> {
 struct PreparedCase {
     scene: Scene,
     state: State,
+    /// Whether `state` is that of a snapshot.
     resumed: bool,
+    /// Lock of OUTBOX until the run ends; only rank 0 has it, and only if it writes.
     _lock: Option<OutboxLock>,
 }
 
@@ -195,21 +198,7 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
     scene.warnings.iter().for_each(print_warning);
     let mut resumed = false;
     if arguments.resume {
-        let before = read::resume::restore_last(&write::outbox_path(case), &mut scene, &mut state)?;
-        resumed = before.is_some();
-        if let Some(before) = before {
-            account_changed_forces(&scene, &before.parameters, &case.join("DATBOX"), &mut state)?;
-            // The initial state is in DATBOX.
-            let text = (state.step > scene.start.step)
-                .then(|| write::text::is_written(&write::outbox_path(case), &state))
-                .transpose()?;
-            let (warnings, notes) = before.option_changes(&scene, text, &flags.given_names());
-            warnings.iter().for_each(print_warning);
-            notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
-        } else {
-            write::check_no_results(case, &scene)?;
-            print_line(format_args!("{PROGRAM}: no snapshot to resume from: starting from DATBOX"));
-        }
+        resumed = resume_case(case, &flags, &mut scene, &mut state)?;
     } else if !arguments.force && !arguments.plan {
         write::check_no_results(case, &scene)?;
     }
@@ -220,6 +209,24 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
     Ok(PreparedCase { scene, state, resumed, _lock: lock })
 }
 
+/// Replaces the state by that of the last snapshot, and reports the options that have changed since; returns whether there
+/// is a snapshot. Without one, a case with other results is rejected.
+fn resume_case(case: &Path, flags: &ComputeFlags, scene: &mut Scene, state: &mut State) -> Result<bool, Faults> {
+    let outbox = write::outbox_path(case);
+    let Some(snapshot) = read::resume::restore_last(&outbox, scene, state)? else {
+        write::check_no_results(case, scene)?;
+        print_line(format_args!("{PROGRAM}: no snapshot to resume from: starting from DATBOX"));
+        return Ok(false);
+    };
+    account_changed_forces(scene, &snapshot.parameters, &case.join("DATBOX"), state)?;
+    // The initial state has no text in OUTBOX, as it is in DATBOX.
+    let has_text = (state.step > scene.start.step).then(|| write::text::is_written(&outbox, state)).transpose()?;
+    let (warnings, notes) = snapshot.option_changes(scene, has_text, &flags.given_names());
+    warnings.iter().for_each(print_warning);
+    notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
+    Ok(true)
+}
+
 /// Runs a case, or plans its run; returns the summary.
 fn advance_case(
     arguments: &CommandLine,
@@ -228,11 +235,10 @@ fn advance_case(
 ) -> Result<String, RunFailure> {
     let (case, PreparedCase { scene, state, resumed, _lock }) = (&arguments.dir, prepared);
     if arguments.plan {
-        // Its trial ends after some time, which differs between ranks.
-        let planned = arguments.ranks.map(|ranks| ranks as usize);
-        let plan = || plan::plan_text(&scene, &state, planned);
-        let is_printed = communicator.rank() == 0;
-        return if is_printed {
+        let planned_ranks = arguments.ranks.map(|ranks| ranks as usize);
+        let plan = || plan::plan_text(&scene, &state, planned_ranks);
+        // The trial steps of a plan end after some time, which differs between ranks, so that they cannot make them together.
+        return if communicator.rank() == 0 {
             Ok(start_threads(scene.options.threads, &SingleRank)?.install(plan))
         } else {
             Ok(String::new())
@@ -245,13 +251,13 @@ fn advance_case(
     }
     let mode = RunMode {
         resumed,
-        dump: arguments.dump_problem,
+        dump_step: arguments.dump_problem,
         step_loop: arguments.step_loop,
         part_bodies: arguments.part_bodies.map(|bodies| usize::try_from(bodies).unwrap_or(usize::MAX)),
     };
     let advance = || run_case(case, &scene, state, mode);
-    let large = scene.bodies.len() >= thread_pool::MIN_BODIES_TO_BUSY_WAIT;
-    pool.install(|| if large { thread_pool::with_busy_waiting_workers(advance) } else { advance() })
+    let wait_busily = scene.bodies.len() >= thread_pool::MIN_BODIES_TO_BUSY_WAIT;
+    pool.install(|| if wait_busily { thread_pool::with_busy_waiting_workers(advance) } else { advance() })
 }
 
 /// Starts `threads` threads that belong to a rank; for 0, one for each processor.

@@ -1,4 +1,5 @@
-//! Probes, whose quantities are computed after every step, and the conditions that end a run.
+//! Probes, whose quantities are computed after every step, and the conditions that end a run; the loop over steps evaluates
+//! both after each step.
 
 use std::borrow::Cow;
 use std::time::Duration;
@@ -16,11 +17,11 @@ use crate::step::StepStart;
 /// Probes and end conditions of a run, with their bodies.
 pub struct Probes {
     /// Bodies of each probe, rising; none of those that count bodies of sinks and sources.
-    of_probes: Vec<Vec<BodyId>>,
+    probe_bodies: Vec<Vec<BodyId>>,
     /// Whether each of these bodies was beyond the surface of the probe after the last step; empty without a surface.
     beyond: Vec<Vec<bool>>,
     /// Bodies of the two sides of each condition; empty where it has none.
-    of_conditions: Vec<[Vec<BodyId>; 2]>,
+    condition_bodies: Vec<[Vec<BodyId>; 2]>,
 }
 
 /// Values of the columns of each probe after a step.
@@ -29,7 +30,7 @@ pub type ProbeValues = Vec<Vec<f64>>;
 impl Probes {
     /// Selects the bodies of the options of a scene, with their positions in `state`.
     pub fn new(scene: &Scene, state: &State) -> Self {
-        let of_condition = |condition: &EndCondition| match condition {
+        let bodies_of_sides = |condition: &EndCondition| match condition {
             EndCondition::Separation { between: (a, b), .. } => [scene.selected_bodies(a), scene.selected_bodies(b)],
             EndCondition::AtRest { .. }
             | EndCondition::Above { .. }
@@ -47,9 +48,9 @@ impl Probes {
             _ => Vec::new(),
         };
         Probes {
-            beyond: probes.iter().zip(&of_probes).map(beyond).collect(),
-            of_probes,
-            of_conditions: scene.options.until.iter().map(of_condition).collect(),
+            beyond: probes.iter().zip(&probe_bodies).map(beyond).collect(),
+            probe_bodies,
+            condition_bodies: scene.options.until.iter().map(bodies_of_sides).collect(),
         }
     }
 
@@ -57,8 +58,8 @@ impl Probes {
     /// step that began with `start`, and bodies that pass through surfaces. Other probes have no values.
     pub fn step_values(&mut self, scene: &Scene, state: &State, start: Option<&StepStart>) -> ProbeValues {
         let mut values = ProbeValues::new();
-        for ((probe, all), beyond) in scene.options.probes.iter().zip(&self.of_probes).zip(&mut self.beyond) {
-            let of_probe = match &probe.quantity {
+        for ((probe, all), beyond) in scene.options.probes.iter().zip(&self.probe_bodies).zip(&mut self.beyond) {
+            let probe_values = match &probe.quantity {
                 ProbeQuantity::Force { about, .. } => {
                     let bodies = present_bodies(scene, all);
                     start.map_or(Vec::new(), |start| contact_force(scene, state, start, &bodies, *about))
@@ -76,22 +77,22 @@ impl Probes {
                 }
                 _ => Vec::new(),
             };
-            values.push(of_probe);
+            values.push(probe_values);
         }
         values
     }
 
-    /// Values of all probes in a state, after a step with the values `of_step` and the exchange of bodies after it. Without
+    /// Values of all probes in a state, after a step with the values `step_values` and the exchange of bodies after it. Without
     /// a step, at a resume, only probes of a state have values.
-    pub fn values(&self, scene: &Scene, state: &State, of_step: Option<(ProbeValues, &BodyExchange)>) -> ProbeValues {
-        let (mut of_step, exchange) = of_step.unzip();
+    pub fn values(&self, scene: &Scene, state: &State, step_values: Option<(ProbeValues, &BodyExchange)>) -> ProbeValues {
+        let (mut step_values, exchange) = step_values.unzip();
         let flow = |flows: &[BodyFlow], position: Option<usize>| {
             position.and_then(|k| flows.get(k)).map_or(Vec::new(), BodyFlow::columns)
         };
         let (sinks, sources) = (&scene.options.sinks, &scene.options.sources);
-        let of_probe = |(k, (probe, all)): (usize, (&Probe, &Vec<BodyId>))| match &probe.quantity {
+        let probe_values = |(k, (probe, all)): (usize, (&Probe, &Vec<BodyId>))| match &probe.quantity {
             ProbeQuantity::Force { .. } | ProbeQuantity::Crossing { .. } => {
-                of_step.as_mut().map_or(Vec::new(), |values| std::mem::take(&mut values[k]))
+                step_values.as_mut().map_or(Vec::new(), |values| std::mem::take(&mut values[k]))
             }
             ProbeQuantity::Motion { .. } => motion(scene, state, &present_bodies(scene, all)),
             ProbeQuantity::Energy { .. } => energy(scene, state, &present_bodies(scene, all)),
@@ -101,7 +102,7 @@ impl Probes {
                 flow(&exchange.entered, sources.iter().position(|source| source.name == *from))
             }),
         };
-        scene.options.probes.iter().zip(&self.of_probes).enumerate().map(of_probe).collect()
+        scene.options.probes.iter().zip(&self.probe_bodies).enumerate().map(probe_values).collect()
     }
 
     /// Text of the first condition that holds in a state with these values, of a run that has taken `elapsed` so far.
@@ -113,8 +114,8 @@ impl Probes {
         values: &ProbeValues,
         elapsed: Duration,
     ) -> Option<String> {
-        let mut met = None;
-        for (condition, [a, b]) in scene.options.until.iter().zip(&self.of_conditions) {
+        let mut first_met = None;
+        for (condition, [a, b]) in scene.options.until.iter().zip(&self.condition_bodies) {
             let column = |probe: &str, column: &str| {
                 let position = scene.options.probes.iter().position(|known| known.name == probe)?;
                 let columns = scene.options.probes[position].quantity.columns();
@@ -127,7 +128,7 @@ impl Probes {
                     } else if state.rest_since.is_none() {
                         state.rest_since = Some(state.time - state.h);
                     }
-                    // A thousandth of a step of slack, as at the end of a run.
+                    // A thousandth of a step of slack, as at the end of a run: sums of steps are rounded.
                     let slack = 1e-3 * scene.options.dt;
                     state.rest_since.is_some_and(|since| state.time - since >= *during - slack)
                 }
@@ -144,11 +145,11 @@ impl Probes {
                     false
                 }
             };
-            if holds && met.is_none() {
-                met = Some(condition.to_text());
+            if holds && first_met.is_none() {
+                first_met = Some(condition.to_text());
             }
         }
-        met
+        first_met
     }
 }
 
@@ -175,16 +176,18 @@ fn contact_force(
     let about = about.map_or(centre, Vec3::from);
     let (mut force, mut torque) = (Vec3::zeros(), Vec3::zeros());
     for solved in &state.contacts {
-        let [a, b] = [solved.contact.candidate, solved.contact.antagonist].map(is_selected);
-        // Forces between two of these bodies cancel.
-        if a == b {
+        let [candidate_selected, antagonist_selected] =
+            [solved.contact.candidate, solved.contact.antagonist].map(is_selected);
+        // Forces between two of these bodies cancel; others do not act on them.
+        if candidate_selected == antagonist_selected {
             continue;
         }
         let frame = solved.contact.frame();
-        let [push, couple] = [solved.impulse, solved.moment].map(|local| to_world(&frame, &local) / state.h);
+        let [contact_force, contact_moment] =
+            [solved.impulse, solved.moment].map(|local| to_world(&frame, &local) / state.h);
         for (body, arm, sign) in start.arms(solved).into_iter().filter(|(body, ..)| is_selected(*body)) {
-            force += push * sign;
-            torque += ((start.x[body.index()] + arm - about).cross(&push) + couple) * sign;
+            force += contact_force * sign;
+            torque += ((start.x[body.index()] + arm - about).cross(&contact_force) + contact_moment) * sign;
         }
     }
     [force, torque].iter().flat_map(|v| [v.x, v.y, v.z]).collect()
@@ -210,17 +213,17 @@ fn mean_motion(scene: &Scene, state: &State, bodies: &[BodyId]) -> MeanMotion {
     let mass: f64 = bodies.iter().map(mass_of).sum();
     let centre = bodies.iter().map(|body| state.x[body.index()] * mass_of(body)).sum::<Vec3>() / mass;
     let velocity = bodies.iter().map(|body| state.v[body.index()] * mass_of(body)).sum::<Vec3>() / mass;
-    let (mut momentum, mut inertia) = (Vec3::zeros(), Matrix3::zeros());
+    let (mut angular_momentum, mut inertia) = (Vec3::zeros(), Matrix3::zeros());
     for body in bodies {
         let (i, rigid_body) = (body.index(), &scene.bodies[body.index()]);
         let arm = state.x[i] - centre;
-        momentum += arm.cross(&(state.v[i] - velocity)) * rigid_body.mass
+        angular_momentum += arm.cross(&(state.v[i] - velocity)) * rigid_body.mass
             + rigid_body.angular_momentum(&state.q[i], &state.w[i]);
         let axes = state.q[i].to_rotation_matrix();
         inertia += axes * Matrix3::from_diagonal(&rigid_body.inertia.into()) * axes.transpose()
             + (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * rigid_body.mass;
     }
-    let angular_velocity = inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * momentum);
+    let angular_velocity = inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * angular_momentum);
     MeanMotion { centre, velocity, angular_velocity }
 }
 

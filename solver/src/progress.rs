@@ -18,7 +18,8 @@ use crate::step::{StepReport, WorstContact};
 
 /// Longest time between two lines without a terminal, also in a step that takes longer.
 const MAX_SILENCE: Duration = Duration::from_secs(30);
-/// Time after which the end of a step is reported, which is more informative.
+/// Time since the last line after which the end of a step prints one: a second before the line of [`spawn_watcher`], which
+/// says less.
 const REPORT_INTERVAL: Duration = Duration::from_secs(29);
 
 /// Position of a run between two lines of output.
@@ -32,10 +33,12 @@ struct ProgressMark {
 /// Progress of a run on the terminal, and its messages.
 pub struct ProgressDisplay {
     bar: ProgressBar,
+    /// Steps at which the run starts and ends.
     first: u64,
     last: u64,
     start: Instant,
     mark: Arc<Mutex<ProgressMark>>,
+    /// Thread that reports long steps, and the channel that it waits on, if there is no bar. It ends when the channel closes.
     watcher: Option<(Sender<()>, JoinHandle<()>)>,
     /// Whether the replacement of the chosen solver by sweeps was reported.
     replacement_reported: Cell<bool>,
@@ -128,7 +131,7 @@ impl ProgressDisplay {
         };
         let worst = report.worst.map_or(String::new(), contact_text);
         let solver = solver_text(options.solver, report.replacement_reason.is_some());
-        let why = unconverged_reason(report.residual, report.tol, report.left_out);
+        let reason = unconverged_reason(report.residual, report.tol, report.left_out);
         let conflict = report.conflict.map_or(String::new(), conflict_text);
         let advice = if conflict.is_empty() {
             unconverged_advice([report.residual, report.tol], report.sweeps, options.max_sweeps())
@@ -136,7 +139,7 @@ impl ProgressDisplay {
             ""
         };
         let message = format!(
-            "cd-solve: step {}, t = {} s: {solver} stopped after {}, {why}{worst}{conflict}; continuing{advice}",
+            "cd-solve: step {}, t = {} s: {solver} stopped after {}, {reason}{worst}{conflict}; continuing{advice}",
             state.step,
             rounded_number(state.time),
             count_text(report.sweeps as usize, "sweep")
@@ -179,7 +182,8 @@ fn unconverged_reason(residual: f64, tol: f64, left_out: usize) -> String {
     }
 }
 
-/// Largest number of sweeps that may be too few to reduce a residual of 1: chains of hundreds of bodies need as many.
+/// Value of `max_sweeps` below which it may be too small to reduce the residual at all: chains of hundreds of bodies need as
+/// many sweeps.
 const FEW_SWEEPS: u64 = 1000;
 
 /// Advice about a step that has not converged, without a known cause.
@@ -208,22 +212,23 @@ fn conflict_text([a, b]: [BodyId; 2]) -> String {
 
 impl Drop for ProgressDisplay {
     fn drop(&mut self) {
-        if let Some((end, watcher)) = self.watcher.take() {
-            drop(end);
+        if let Some((end_sender, watcher)) = self.watcher.take() {
+            drop(end_sender);
             let _ = watcher.join();
         }
     }
 }
 
-/// Starts a thread that prints a line if a step takes longer than the longest time between lines.
+/// Starts a thread that prints a line if a step takes longer than [`MAX_SILENCE`]; it ends when the returned sender is
+/// dropped.
 fn spawn_watcher(mark: Arc<Mutex<ProgressMark>>, last: u64) -> (Sender<()>, JoinHandle<()>) {
-    let (end, ends) = channel();
-    let look = move || {
+    let (end_sender, end_receiver) = channel();
+    let watch = move || {
         let mut wait = MAX_SILENCE;
-        while ends.recv_timeout(wait) == Err(RecvTimeoutError::Timeout) {
+        while end_receiver.recv_timeout(wait) == Err(RecvTimeoutError::Timeout) {
             let Ok(mut mark) = mark.lock() else { return };
-            let silent = mark.last_line.elapsed();
-            if silent >= MAX_SILENCE {
+            let silence = mark.last_line.elapsed();
+            if silence >= MAX_SILENCE {
                 print_line(format_args!(
                     "after step {}/{last}: next step in progress, {}",
                     mark.step,
@@ -234,7 +239,7 @@ fn spawn_watcher(mark: Arc<Mutex<ProgressMark>>, last: u64) -> (Sender<()>, Join
             wait = MAX_SILENCE.saturating_sub(mark.last_line.elapsed()).max(Duration::from_millis(100));
         }
     };
-    (end, spawn(look))
+    (end_sender, spawn(watch))
 }
 
 /// Time (s) in lines of progress, which align; very short and long times have an exponent.

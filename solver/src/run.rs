@@ -1,4 +1,5 @@
-//! Loop over steps: output, stop conditions and messages.
+//! Loop over the steps of a case that `cli` has read: advances the state by `step`, has results written by `write`, warns,
+//! and ends at the last step, at a condition or at a request to stop.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -75,7 +76,7 @@ pub struct RunMode {
     /// Whether the run continues from a snapshot.
     pub resumed: bool,
     /// Step whose contact problem is written, too.
-    pub dump: Option<u64>,
+    pub dump_step: Option<u64>,
     /// Whether forces of each step are exchanged on standard input and output.
     pub step_loop: bool,
     /// Number of bodies in a part of a snapshot; `None` for snapshots in one file.
@@ -97,7 +98,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         ..RunStatistics::default()
     };
     LazyLock::force(&STOP_FLAG);
-    // The time of an output is logged with the step after it.
+    // Time that the last output took, which is logged with the step after it.
     let mut writing = Duration::ZERO;
     if !mode.resumed {
         open_ledger(scene, &mut state);
@@ -109,7 +110,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     let reported_share = warn_at_start(&mut statistics, scene, &mut state, mode.resumed, &progress);
     let mut probes = Probes::new(scene, &state);
     if mode.resumed {
-        // A run that a condition has ended does not go on.
+        // A run that a condition has ended has no further steps.
         let values = probes.values(scene, &state, None);
         statistics.met_condition = probes.met_condition(scene, &mut state, &values, Duration::ZERO);
         last = if statistics.met_condition.is_some() { state.step } else { last };
@@ -128,13 +129,13 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             write_end(&mut results, &mut statistics, scene, &state)?;
             return Err(exchange_failure(end, &state, last, &progress));
         }
-        if let Some(number) = mode.dump {
-            dump_problem(communicator, case, scene, &state, number)?;
+        if let Some(dump_step) = mode.dump_step {
+            dump_problem(communicator, case, scene, &state, dump_step)?;
         }
-        let mut lap = StageTimes { writing: std::mem::take(&mut writing), ..StageTimes::default() };
-        let first = state.step;
+        let mut times = StageTimes { writing: std::mem::take(&mut writing), ..StageTimes::default() };
+        let previous_step = state.step;
         progress.begin_step(state.step);
-        let Some(report) = step(scene, &mut state, &mut lap) else {
+        let Some(report) = step(scene, &mut state, &mut times) else {
             write_end(&mut results, &mut statistics, scene, &state)?;
             results.write(|files| files.write_last(scene, &state)).map_err(RunFailure::Unwritten)?;
             return Err(stopped_failure(&state, last, &progress));
@@ -142,21 +143,23 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         expect_finite(&state).inspect_err(|_| progress.finish())?;
         let warnings = overlap_warnings(&mut statistics, &state, &report, reported_share);
         warnings.iter().for_each(|message| progress.warn(message));
-        statistics.add_step(scene, &state, &report, first);
+        statistics.add_step(scene, &state, &report, previous_step);
         if !report.converged && statistics.unconverged <= MAX_REPORTED_STEPS {
             progress.report_unconverged(&state, &report, &scene.options);
         }
         progress.show_step(&state, &report);
-        results.write(|files| files.add_postpro(scene, &mut state, &report, first)).map_err(RunFailure::Unwritten)?;
-        let of_step = probes.step_values(scene, &state, report.start.as_ref());
+        results
+            .write(|files| files.add_postpro(scene, &mut state, &report, previous_step))
+            .map_err(RunFailure::Unwritten)?;
+        let step_values = probes.step_values(scene, &state, report.start.as_ref());
         let estimator = &mut statistics.estimator;
         results
-            .write(|files| files.add_step(scene, &state, &report, &lap, estimator))
+            .write(|files| files.add_step(scene, &state, &report, &times, estimator))
             .map_err(RunFailure::Unwritten)?;
-        statistics.stage_times.accumulate(&lap);
+        statistics.stage_times.accumulate(&times);
         let exchange = exchange_bodies(&mut present, &mut state);
         let scene = &*present;
-        let values = probes.values(scene, &state, Some((of_step, &exchange)));
+        let values = probes.values(scene, &state, Some((step_values, &exchange)));
         results.write(|files| files.add_probes(&state, &values)).map_err(RunFailure::Unwritten)?;
         agreement::agree_on_step(communicator, &state).map_err(|mismatch| RunFailure::Broken(mismatch.to_string()))?;
         if let Some(condition) = probes.met_condition(scene, &mut state, &values, start.elapsed()) {
@@ -236,28 +239,28 @@ fn summarise_run(case: &Path, scene: &Scene, state: &State, statistics: &RunStat
     ranks::compute_alone(|| {
         let balance = BalanceErrors::new(scene, state);
         let sources = statistics.estimator.error_sources(scene, state, &balance);
-        // Also if a run was killed before it wrote them.
-        if statistics.steps > 0 || state.step > scene.start.step && !errors::is_there(case) {
+        // A resumed run without steps writes them if the earlier run was killed before it did.
+        if statistics.steps > 0 || state.step > scene.start.step && !errors::has_errors_file(case) {
             errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
         }
         Ok(summary_text(scene, state, statistics, &balance, &sources))
     })
 }
 
-/// Writes the contact problem of the step `number`, if that is the next step or within it.
+/// Writes the contact problem of the step `dump_step`, if that is the next step or within it.
 fn dump_problem(
     communicator: &dyn Communicator,
     case: &Path,
     scene: &Scene,
     state: &State,
-    number: u64,
+    dump_step: u64,
 ) -> Result<(), RunFailure> {
-    if state.step >= number || number - state.step > scene.options.adaptive().max_multiple {
+    if state.step >= dump_step || dump_step - state.step > scene.options.adaptive().max_multiple {
         return Ok(());
     }
     let (step_multiple, problem) = next_problem(scene, state);
     let end = state.step + step_multiple;
-    if number <= end && communicator.rank() == 0 {
+    if dump_step <= end && communicator.rank() == 0 {
         let path = crate::write::write_problem(case, end, problem).map_err(RunFailure::Unwritten)?;
         print_line(format_args!("cd-solve: contact problem of step {end} in {}", path.display()));
     }
@@ -309,38 +312,39 @@ fn as_unwritten(failure: RunFailure) -> RunFailure {
     if let RunFailure::Files(faults) = failure { RunFailure::Unwritten(faults) } else { failure }
 }
 
-/// Records in the ledger, and reports, the change of the potential energy by forces that differ from those before a
-/// resume.
+/// Records in the ledger, and reports, the change of the potential energy by forces that differ from those with which the
+/// snapshot of a resumed run was computed.
 ///
 /// Errors: the surface of an attracting body before the resume cannot be read from the folder `datbox` any more.
 pub fn account_changed_forces(
     scene: &Scene,
-    before: &RunParameters,
+    earlier: &RunParameters,
     datbox: &Path,
     state: &mut State,
 ) -> Result<(), Faults> {
     let options = &scene.options;
-    let same = [
-        ("gravity", state.gravity == Vec3::from(before.uniform_gravity)),
-        ("self_gravity", options.self_gravity == before.self_gravity),
-        ("gravity_constant", options.gravity_constant == before.gravity_constant),
-        ("gravity_quadrupole", options.gravity_quadrupole == before.gravity_quadrupole),
-        ("gravity_softening", options.gravity_softening == before.gravity_softening),
-        ("fields", options.fields == before.fields),
+    let unchanged = [
+        ("gravity", state.gravity == Vec3::from(earlier.uniform_gravity)),
+        ("self_gravity", options.self_gravity == earlier.self_gravity),
+        ("gravity_constant", options.gravity_constant == earlier.gravity_constant),
+        ("gravity_quadrupole", options.gravity_quadrupole == earlier.gravity_quadrupole),
+        ("gravity_softening", options.gravity_softening == earlier.gravity_softening),
+        ("fields", options.fields == earlier.fields),
     ];
-    let changed: Vec<&str> = same.into_iter().filter_map(|(name, same)| (!same).then_some(name)).collect();
+    let changed: Vec<&str> =
+        unchanged.into_iter().filter_map(|(name, unchanged)| (!unchanged).then_some(name)).collect();
     if changed.is_empty() {
         return Ok(());
     }
-    let (mut old_scene, mut old) = (scene.clone(), state.clone());
-    old.gravity = before.uniform_gravity.into();
-    old_scene.options.self_gravity = before.self_gravity;
-    old_scene.options.gravity_constant = before.gravity_constant;
-    old_scene.options.gravity_quadrupole = before.gravity_quadrupole;
-    old_scene.options.gravity_softening = before.gravity_softening;
-    old_scene.options.fields.clone_from(&before.fields);
-    old_scene.field_shapes = FieldShapes::read(&before.fields, datbox)?;
-    let work = potential_energy(scene, state, &state.x) - potential_energy(&old_scene, &old, &old.x);
+    let (mut old_scene, mut old_state) = (scene.clone(), state.clone());
+    old_state.gravity = earlier.uniform_gravity.into();
+    old_scene.options.self_gravity = earlier.self_gravity;
+    old_scene.options.gravity_constant = earlier.gravity_constant;
+    old_scene.options.gravity_quadrupole = earlier.gravity_quadrupole;
+    old_scene.options.gravity_softening = earlier.gravity_softening;
+    old_scene.options.fields.clone_from(&earlier.fields);
+    old_scene.field_shapes = FieldShapes::read(&earlier.fields, datbox)?;
+    let work = potential_energy(scene, state, &state.x) - potential_energy(&old_scene, &old_state, &old_state.x);
     state.ledger.outside_work += work;
     let changed = changed.join(", ");
     print_line(format_args!(
@@ -349,7 +353,7 @@ pub fn account_changed_forces(
     Ok(())
 }
 
-/// Ratio of the overlaps made by steps to the initial overlaps above which a run warns, once.
+/// Ratio of the overlaps to the deepest one at the start above which they are attributed to the steps, and a run warns.
 const DEEPER_OVERLAP_FACTOR: f64 = 1.1;
 
 /// Warning about a step that is too long even for a draft.
@@ -367,17 +371,19 @@ fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
     })
 }
 
+/// Slack of `end_time` in steps, as in `Compute::last_step`: it is seldom an exact multiple of `dt`.
+const LAST_STEP_SLACK: f64 = 1e-3;
+
 /// Warning about a run that is shorter than its step.
 fn single_step_warning(scene: &Scene, state: &State) -> Option<String> {
     let (dt, end) = (scene.options.dt, scene.options.end_time.filter(|_| scene.options.steps.is_none())?);
-    // Up to the tolerance of the last step.
     let time_left = end - state.time;
-    (time_left > 0.0 && (1.0 - 1e-3) * dt > time_left).then(|| {
+    (time_left > 0.0 && (1.0 - LAST_STEP_SLACK) * dt > time_left).then(|| {
         let past = rounded_number(scene.end_time());
         let [dt, end] = [dt, end].map(rounded_number);
         let steps = match scene.last_step() > state.step {
             true => format!("it is one step, to t = {past} s"),
-            // A thousandth of a step is not worth one.
+            // The rest is within the slack of the last step.
             false => "no step is computed".into(),
         };
         format!("dt = {dt} s is longer than the run to end_time = {end} s: {steps}; use a smaller dt")
@@ -409,10 +415,10 @@ fn deepest_overlap(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
 fn initial_overlap_warning(scene: &Scene, state: &State, cache: &mut DetectionCache) -> Option<(Overlap, String)> {
     let contacts = current_contacts(scene, state, cache);
     let deepest = deepest_overlap(&contacts, scene).filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE)?;
-    let deep = contacts.iter().filter(|contact| {
+    let deep_contacts = contacts.iter().filter(|contact| {
         is_overlap(contact, scene) && Overlap::from_contact(scene, contact).share > OVERLAP_WARNING_SHARE
     });
-    let mut pairs: Vec<[BodyId; 2]> = deep.map(|contact| [contact.candidate, contact.antagonist]).collect();
+    let mut pairs: Vec<[BodyId; 2]> = deep_contacts.map(|contact| [contact.candidate, contact.antagonist]).collect();
     pairs.dedup();
     let count = match pairs.len() {
         1 => "1 pair of bodies overlaps".to_string(),
@@ -511,24 +517,24 @@ fn expect_finite(state: &State) -> Result<(), RunFailure> {
     check_finite(state.is_finite(), state, "a position, velocity, momentum or energy")
 }
 
-/// Returns an error that names `what` unless `finite`.
-fn check_finite(finite: bool, state: &State, what: &str) -> Result<(), RunFailure> {
+/// Returns an error that names the quantity unless it is finite.
+fn check_finite(is_finite: bool, state: &State, quantity: &str) -> Result<(), RunFailure> {
     let State { step, time, .. } = state;
     let broken = || {
         format!(
-            "step {step}, t = {} s: {what} is not finite; snapshots written before are valid",
+            "step {step}, t = {} s: {quantity} is not finite; snapshots written before are valid",
             rounded_number(*time)
         )
     };
-    if finite { Ok(()) } else { Err(RunFailure::Broken(broken())) }
+    if is_finite { Ok(()) } else { Err(RunFailure::Broken(broken())) }
 }
 
 /// Rejects options that do not allow a run from this state.
 pub fn check_run(scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
     let end = scene.options.end_time.filter(|_| scene.options.steps.is_none());
-    // A run passes its end by less than a step, with the tolerance of its last step.
-    if let Some(end) = end.filter(|end| state.time - end > (1.0 - 1e-3) * scene.options.dt.max(state.h)) {
+    // A run passes its end by less than a step.
+    if let Some(end) = end.filter(|end| state.time - end > (1.0 - LAST_STEP_SLACK) * scene.options.dt.max(state.h)) {
         let from = if state.step > scene.start.step { "from which the run continues" } else { "the time of DATBOX" };
         let (found, expected) = (number_text(end), format!("expected at least {} s, {from}", number_text(state.time)));
         faults.push(Fault::new(Path::new("options"), None, "end_time", found, expected));

@@ -1,4 +1,5 @@
-//! Data: constants of a run.
+//! Data: `Scene`, the constants of a run, which `read` makes of DATBOX: bodies and their shapes, laws, visibility, imposed
+//! motion and options. `state` has the data that change.
 
 use std::sync::Arc;
 
@@ -375,11 +376,11 @@ impl ContactorCurvature {
     }
 }
 
-/// Effective radius R, 1/R = 1/R_a + 1/R_b, of two curvatures, m; `flat` of two flat walls.
+/// Effective radius R, 1/R = 1/R_a + 1/R_b, of two curvatures, m; that of two flat walls is `flat_radius`.
 #[inline(always)]
-pub fn radius_of_curvatures([a, b]: [ContactorCurvature; 2], flat: impl Fn() -> f64) -> f64 {
+pub fn radius_of_curvatures([a, b]: [ContactorCurvature; 2], flat_radius: impl Fn() -> f64) -> f64 {
     let sum = a.next_to(&b) + b.next_to(&a);
-    if sum > 0.0 { 1.0 / sum } else { flat() }
+    if sum > 0.0 { 1.0 / sum } else { flat_radius() }
 }
 
 /// Steps made when neither `steps` nor `end_time` is given.
@@ -389,7 +390,8 @@ pub const DEFAULT_STEPS: u64 = 1000;
 /// motion, if the speeds suffice, because contact impulses may close it. In a suitable step bodies move that far.
 pub const NEARBY_GAP: f64 = 0.1;
 
-/// Number of bodies below which self-gravity is evaluated at every step.
+/// Number of bodies below which self-gravity is evaluated at every step: few bodies may be on orbits, and their sums are
+/// cheap.
 const MIN_BODIES_TO_EXTRAPOLATE: usize = 100;
 
 /// Number of a step and the time at its end.
@@ -491,6 +493,10 @@ pub struct Scene {
     pub listing_range: f64,
 }
 
+fn is_polyhedron(shape: &ContactorShape) -> bool {
+    matches!(shape, ContactorShape::Polyhedron(_))
+}
+
 impl Scene {
     /// Whether a command of POSTPRO.DAT needs the solver's criteria.
     pub fn has_solver_file(&self) -> bool {
@@ -509,7 +515,7 @@ impl Scene {
             BodySelection::Body(number) => vec![BodyId::new(number - 1)],
             BodySelection::Free => self.roster.as_ref().map_or(&self.free, |roster| &roster.free).clone(),
             BodySelection::Colour(colour) => {
-                let has_colour = |of_object: u16| self.colours[usize::from(of_object)] == *colour;
+                let has_colour = |index: u16| self.colours[usize::from(index)] == *colour;
                 let is_selected = |&body: &BodyId| match self.all_parts_of(body) {
                     [] => has_colour(self.bodies[body.index()].colour),
                     parts => parts.iter().any(|part| has_colour(part.colour)),
@@ -601,9 +607,9 @@ impl Scene {
 
     /// Free bodies, or those driven in part if none is free: the bodies of which the run computes the motion.
     pub fn moving_bodies(&self) -> Vec<BodyId> {
-        let in_part =
+        let driven_in_part =
             || (0..self.bodies.len()).filter(|&i| self.bodies[i].is_driven_in_part()).map(BodyId::new).collect();
-        if self.free.is_empty() { in_part() } else { self.free.clone() }
+        if self.free.is_empty() { driven_in_part() } else { self.free.clone() }
     }
 
     /// Effective radius R, 1/R = 1/R_a + 1/R_b, of two contactors, each a body and the number of its part, m.
@@ -657,8 +663,8 @@ impl Scene {
 
     /// Contactors of a body in a scene that [`Self::is_general`].
     pub fn parts_of(&self, body: BodyId) -> &[BodyPart] {
-        let at = |k: usize| self.part_starts[k].index();
-        &self.parts[at(body.index())..at(body.index() + 1)]
+        let [start, end] = [body.index(), body.index() + 1].map(|k| self.part_starts[k].index());
+        &self.parts[start..end]
     }
 
     /// Contactors of a body that may be absent; none in a scene that is not [`Self::is_general`].
@@ -692,11 +698,11 @@ impl Scene {
         self.links.get(position)
     }
 
-    /// Shift from the position `of` to its image nearest to `from`, m; 0 if the scene is not periodic.
-    pub fn nearest_image_shift(&self, from: &Vec3, of: &Vec3) -> Vec3 {
+    /// Shift from `position` to its image nearest to `target`, m; 0 if the scene is not periodic.
+    pub fn nearest_image_shift(&self, target: &Vec3, position: &Vec3) -> Vec3 {
         let [x, y] = self.periods();
         let along = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
-        Vec3::new(along(x, from.x - of.x), along(y, from.y - of.y), 0.0)
+        Vec3::new(along(x, target.x - position.x), along(y, target.y - position.y), 0.0)
     }
 
     /// Periods along x and y, m.
@@ -778,13 +784,13 @@ impl Scene {
         })
     }
 
-    /// Largest number of steps between two evaluations of self-gravity. Few bodies may be on orbits, and are cheap:
-    /// unless the option is set, they are evaluated at every step, and so are direct sums that were chosen by name.
+    /// Largest number of steps between two evaluations of self-gravity. Unless the option is set, few bodies are evaluated at
+    /// every step, and so are direct sums that were chosen by name.
     pub fn gravity_refresh(&self) -> u64 {
-        let exact =
+        let is_small_or_direct =
             self.free.len() < MIN_BODIES_TO_EXTRAPOLATE || self.gravity_solver().method == SummationMethod::Direct;
-        let set = self.options.gravity_refresh.is_some();
-        if !self.has_self_gravity() || (exact && !set) { 1 } else { self.options.gravity_refresh() }
+        let is_set = self.options.gravity_refresh.is_some();
+        if !self.has_self_gravity() || (is_small_or_direct && !is_set) { 1 } else { self.options.gravity_refresh() }
     }
 
     /// External fields at a time, s.
@@ -797,25 +803,25 @@ impl Scene {
         self.options.fields.iter().map(|field| Vec3::from(field.rotation_rate())).sum()
     }
 
-    /// Names of the models that this scene uses, for the summary.
-    pub fn model_names(&self) -> Vec<String> {
-        let spheres =
-            |chosen: fn(&RigidBody) -> bool| self.spheres.iter().filter(|&&i| chosen(&self.bodies[i.index()])).count();
-        let parts = |driven: bool, chosen: fn(&ContactorShape) -> bool| {
+    /// Numbers of bodies, contactors, loads and links of the scene by kind, in words.
+    fn body_counts(&self) -> Vec<String> {
+        let spheres = |is_counted: fn(&RigidBody) -> bool| {
+            self.spheres.iter().filter(|&&i| is_counted(&self.bodies[i.index()])).count()
+        };
+        let parts = |driven: bool, is_counted: fn(&ContactorShape) -> bool| {
             let is_of_parts = |part: &&BodyPart| self.bodies[part.body.index()].shape == BodyShape::Parts;
             let parts = self.parts.iter().filter(is_of_parts);
-            parts.filter(|part| self.bodies[part.body.index()].driven == driven && chosen(&part.geometry)).count()
+            parts.filter(|part| self.bodies[part.body.index()].driven == driven && is_counted(&part.geometry)).count()
         };
         let free_planes = self.planes.iter().filter(|&&i| !self.bodies[i.index()].driven).count();
-        let ball = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Sphere { .. });
-        let polyhedron = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Polyhedron(_));
+        let sphere = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Sphere { .. });
         let cylinder = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Cylinder { .. });
         let counts = [
             (spheres(|body| !body.driven), "sphere"),
             (spheres(RigidBody::is_imposed), "driven sphere"),
-            (parts(false, polyhedron), "polyhedral contactor"),
-            (parts(true, polyhedron), "driven polyhedral contactor"),
-            (parts(false, ball) + parts(true, ball), "spherical contactor"),
+            (parts(false, is_polyhedron), "polyhedral contactor"),
+            (parts(true, is_polyhedron), "driven polyhedral contactor"),
+            (parts(false, sphere) + parts(true, sphere), "spherical contactor"),
             (parts(true, cylinder), "cylinder"),
             (parts(false, cylinder), "free cylinder"),
             (self.planes.len() - free_planes, "plane"),
@@ -825,12 +831,19 @@ impl Scene {
         ];
         let plural = |n: usize| if n == 1 { "" } else { "s" };
         let present = counts.into_iter().filter(|(n, _)| *n > 0);
-        let mut models: Vec<String> = present.map(|(n, what)| format!("{n} {what}{}", plural(n))).collect();
-        let in_part = spheres(RigidBody::is_driven_in_part);
-        let all_in_part = self.bodies.iter().filter(|body| body.is_driven_in_part()).count();
-        let in_part = [(in_part, ["sphere", "spheres"]), (all_in_part - in_part, ["body", "bodies"])];
+        let mut counts: Vec<String> = present.map(|(n, kind)| format!("{n} {kind}{}", plural(n))).collect();
+        let spheres_in_part = spheres(RigidBody::is_driven_in_part);
+        let bodies_in_part = self.bodies.iter().filter(|body| body.is_driven_in_part()).count();
+        let in_part =
+            [(spheres_in_part, ["sphere", "spheres"]), (bodies_in_part - spheres_in_part, ["body", "bodies"])];
         let in_part = in_part.into_iter().filter(|(n, _)| *n > 0);
-        models.extend(in_part.map(|(n, names)| format!("{n} {} driven in part", names[usize::from(n > 1)])));
+        counts.extend(in_part.map(|(n, names)| format!("{n} {} driven in part", names[usize::from(n > 1)])));
+        counts
+    }
+
+    /// Names of the models that this scene uses, for the summary.
+    pub fn model_names(&self) -> Vec<String> {
+        let mut models = self.body_counts();
         models.extend(self.law_names.iter().map(|law| {
             let parameters: Vec<String> = law.parameters.iter().map(|p| p.to_string()).collect();
             format!("{} {} ({})", law.nickname, law.kind, parameters.join(", "))
@@ -838,7 +851,7 @@ impl Scene {
         if self.law_names.is_empty() {
             models.push("no contacts: no row of TACT_BEHAV.DAT concerns these bodies".into());
         }
-        if self.parts.iter().any(|part| polyhedron(&part.geometry)) {
+        if self.parts.iter().any(|part| is_polyhedron(&part.geometry)) {
             models.push(match self.options.narrow_phase() {
                 NarrowPhase::Fast => "narrow phase fast".into(),
                 NarrowPhase::Accurate => "narrow phase accurate".into(),
@@ -857,8 +870,8 @@ impl Scene {
                 _ => format!("self-gravity by fast multipoles, error {}", gravity.error),
             });
             if self.options.gravity_quadrupole {
-                let all = gravity.method_for(self.free.len()) == SummationMethod::Direct;
-                models.push(if all { "quadrupoles" } else { "quadrupoles of near bodies" }.into());
+                let has_all_pairs = gravity.method_for(self.free.len()) == SummationMethod::Direct;
+                models.push(if has_all_pairs { "quadrupoles" } else { "quadrupoles of near bodies" }.into());
             }
         }
         models.extend(self.options.fields.iter().map(|field| {

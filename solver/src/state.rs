@@ -1,4 +1,5 @@
-//! Data: the state, which changes during a run.
+//! Data: `State`, which each step changes: motion, contacts with their impulses, settings and sums. Snapshots hold it, and
+//! `scene` has the data that are constant.
 
 mod presence;
 
@@ -109,8 +110,9 @@ impl DetectionCache {
     /// Cached features of the pairs that were in contact, ordered by contactors.
     pub fn cached_pairs(&self) -> Vec<CachedPair> {
         let cached_pair = |&k: &u32| CachedPair { parts: self.pairs[k as usize].0, memory: self.memories[k as usize] };
-        let kept = self.order_by_parts.iter().map(cached_pair).filter(|kept| kept.memory != CachedFeature::default());
-        self.restored_pairs.iter().copied().chain(kept).collect()
+        let touching =
+            self.order_by_parts.iter().map(cached_pair).filter(|pair| pair.memory != CachedFeature::default());
+        self.restored_pairs.iter().copied().chain(touching).collect()
     }
 }
 
@@ -236,30 +238,28 @@ pub struct ContactExchange {
 }
 
 impl OutputInterval {
-    /// Adds the sums of a step, which the lists of `step` have one after the other, ordered by bodies; two bodies may have
-    /// several contacts.
-    pub fn add_exchanges(&mut self, step: &[Vec<ContactExchange>]) {
-        let step: Vec<&[ContactExchange]> = step.iter().filter(|list| !list.is_empty()).map(Vec::as_slice).collect();
-        // Each task has the sums of some known pairs, and all of the step before those of the next task.
-        let mut ends: Vec<[BodyId; 2]> =
-            self.exchanges.chunks(PAIRS_PER_TASK).skip(1).map(|known| known[0].bodies).collect();
-        ends.push([BodyId(u32::MAX); 2]);
-        let add_to = |(task, known): (usize, &mut [ContactExchange])| {
-            let start = task.checked_sub(1).map(|before| ends[before]);
-            let first = start.map_or(0, |start| step.partition_point(|list| list[list.len() - 1].bodies < start));
-            let step_exchanges = step[first..].iter().flat_map(|list| *list);
-            let step_exchanges =
-                step_exchanges.skip_while(|exchange| start.is_some_and(|start| exchange.bodies < start));
-            add_to_pairs(known, step_exchanges.take_while(|exchange| exchange.bodies < ends[task]))
+    /// Adds the sums of a step, which follow each other in `lists`, ordered by bodies; two bodies may have several contacts.
+    pub fn add_exchanges(&mut self, lists: &[Vec<ContactExchange>]) {
+        let lists: Vec<&[ContactExchange]> = lists.iter().filter(|list| !list.is_empty()).map(Vec::as_slice).collect();
+        // A task adds to one chunk of the known pairs; its bodies end before those of the next chunk.
+        let mut chunk_ends: Vec<[BodyId; 2]> =
+            self.exchanges.chunks(PAIRS_PER_TASK).skip(1).map(|chunk| chunk[0].bodies).collect();
+        chunk_ends.push([BodyId(u32::MAX); 2]);
+        let add_to_chunk = |(task, chunk): (usize, &mut [ContactExchange])| {
+            let start = task.checked_sub(1).map(|previous| chunk_ends[previous]);
+            let first = start.map_or(0, |start| lists.partition_point(|list| list[list.len() - 1].bodies < start));
+            let exchanges = lists[first..].iter().flat_map(|list| *list);
+            let exchanges = exchanges.skip_while(|exchange| start.is_some_and(|start| exchange.bodies < start));
+            add_to_pairs(chunk, exchanges.take_while(|exchange| exchange.bodies < chunk_ends[task]))
         };
-        let new: Vec<Vec<ContactExchange>> = if self.exchanges.is_empty() {
-            vec![add_to_pairs(&mut [], step.iter().flat_map(|list| *list))]
+        let new_pairs: Vec<Vec<ContactExchange>> = if self.exchanges.is_empty() {
+            vec![add_to_pairs(&mut [], lists.iter().flat_map(|list| *list))]
         } else {
-            self.exchanges.par_chunks_mut(PAIRS_PER_TASK).enumerate().map(add_to).collect()
+            self.exchanges.par_chunks_mut(PAIRS_PER_TASK).enumerate().map(add_to_chunk).collect()
         };
-        let known = self.exchanges.len();
-        new.into_iter().for_each(|mut new| self.exchanges.append(&mut new));
-        if self.exchanges.len() > known {
+        let known_count = self.exchanges.len();
+        new_pairs.into_iter().for_each(|mut pairs| self.exchanges.append(&mut pairs));
+        if self.exchanges.len() > known_count {
             sort_runs_by_key(&mut self.exchanges, |exchange| exchange.bodies);
         }
     }
@@ -268,19 +268,19 @@ impl OutputInterval {
 /// Pairs of bodies per task.
 const PAIRS_PER_TASK: usize = 1024;
 
-/// Adds the sums `step` to those of known pairs, both ordered by bodies; returns the sums of other pairs.
+/// Adds `exchanges` to those of known pairs, both ordered by bodies; returns the sums of other pairs.
 fn add_to_pairs<'a>(
     known: &mut [ContactExchange],
-    step: impl Iterator<Item = &'a ContactExchange>,
+    exchanges: impl Iterator<Item = &'a ContactExchange>,
 ) -> Vec<ContactExchange> {
     let (mut k, mut new) = (0, Vec::<ContactExchange>::new());
-    for exchange in step {
-        while known.get(k).is_some_and(|known| known.bodies < exchange.bodies) {
+    for exchange in exchanges {
+        while known.get(k).is_some_and(|pair| pair.bodies < exchange.bodies) {
             k += 1;
         }
-        let known = known.get_mut(k).filter(|known| known.bodies == exchange.bodies);
-        match known.or(new.last_mut().filter(|last| last.bodies == exchange.bodies)) {
-            Some(known) => known.virial += exchange.virial,
+        let pair = known.get_mut(k).filter(|pair| pair.bodies == exchange.bodies);
+        match pair.or(new.last_mut().filter(|last| last.bodies == exchange.bodies)) {
+            Some(pair) => pair.virial += exchange.virial,
             None => new.push(*exchange),
         }
     }
@@ -290,6 +290,7 @@ fn add_to_pairs<'a>(
 /// Last two evaluations of self-gravity, if it is not evaluated at every step; rows are free bodies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GravityHistory {
+    /// Steps and times of the evaluations.
     pub record: cd_formats::snapshot::GravityEvaluations,
     /// Acceleration, m/s^2; shared by the states that extrapolate from the same evaluations.
     pub last: Arc<[Vec3]>,
@@ -311,7 +312,7 @@ pub struct BodyLoad {
 pub struct State {
     /// Number of the last step.
     pub step: u64,
-    /// Time, s.
+    /// Time at its end, s.
     pub time: f64,
     /// Length of the last step, s; at the start, of the first. The impulses of `contacts` belong to it.
     pub h: f64,
@@ -390,16 +391,16 @@ impl State {
 
     /// Applies a setting that an event changes; the motion is unchanged.
     pub fn apply_setting(&mut self, action: &EventAction, scene: &Scene) {
-        let law = |name: &String| scene.law_names.iter().position(|law| law.nickname == *name);
+        let law_index = |name: &String| scene.law_names.iter().position(|law| law.nickname == *name);
         match action {
             EventAction::SetGravity(gravity) => self.gravity = Vec3::from(*gravity),
             EventAction::SetQuench(quench) => self.quench = *quench,
             EventAction::SetTorque(torque) => self.torque = Vec3::from(*torque),
             EventAction::SetFriction(name, friction) => {
-                law(name).into_iter().for_each(|k| self.laws[k].set_friction(*friction));
+                law_index(name).into_iter().for_each(|k| self.laws[k].set_friction(*friction));
             }
             EventAction::SetCohesion(name, value) => {
-                law(name).into_iter().for_each(|k| _ = self.laws[k].set_cohesion(*value));
+                law_index(name).into_iter().for_each(|k| _ = self.laws[k].set_cohesion(*value));
             }
             EventAction::AddSpin(_) | EventAction::AddVelocity(_) | EventAction::Shake { .. } | EventAction::Bond => {}
         }

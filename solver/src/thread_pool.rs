@@ -6,8 +6,8 @@ use std::thread::{available_parallelism, yield_now};
 
 use rayon::Yield;
 
-/// Number of bodies from which on busy waiting saves more time than it costs other programs: at least a tenth of the
-/// step.
+/// Number of bodies from which on busy waiting saves at least a tenth of the time of a step, which is more than it costs
+/// other programs.
 pub const MIN_BODIES_TO_BUSY_WAIT: usize = 1024;
 
 /// Runs `work` while the other threads of the pool search for its tasks without sleeping, if each has a processor of its
@@ -20,22 +20,22 @@ pub fn with_busy_waiting_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T 
     if rayon::current_num_threads() > processors {
         return work();
     }
-    let over = &AtomicBool::new(false);
+    let work_ended = &AtomicBool::new(false);
     rayon::scope(|scope| {
         let worker = rayon::current_thread_index();
         scope.spawn_broadcast(move |_, context| {
-            while Some(context.index()) != worker && !over.load(Ordering::Relaxed) {
+            while Some(context.index()) != worker && !work_ended.load(Ordering::Relaxed) {
                 if rayon::yield_now() != Some(Yield::Executed) {
                     yield_now();
                 }
             }
         });
-        let _end = BusyWaitGuard(over);
+        let _end = BusyWaitGuard(work_ended);
         work()
     })
 }
 
-/// Ends the wait of the other threads, also if the work panics.
+/// Sets the flag that ends the wait of the other threads when it is dropped, also if the work panics.
 struct BusyWaitGuard<'a>(&'a AtomicBool);
 
 impl Drop for BusyWaitGuard<'_> {

@@ -25,7 +25,7 @@ use crate::scene::{BodyId, Scene};
 use crate::state::{SolvedContact, State};
 use crate::step::{BalanceErrors, StageTimes};
 
-use super::log::{LogRow, figures, group, missed, seconds};
+use super::log::{LogRow, figures, narrow_phase, row_steps, seconds};
 
 /// File next to OUTBOX; it contains durations.
 pub const ERRORS_FILE: &str = "ERRORS.csv";
@@ -38,7 +38,7 @@ const SAMPLING_FACTOR: f64 = 0.35;
 pub struct ErrorEstimator {
     /// Rows in which contacts carry force.
     loaded: ThinnedRows<LoadedRow>,
-    /// Intervals between snapshots in these rows.
+    /// Complete intervals between snapshots in these rows, and the current one.
     intervals: ThinnedRows<IntervalMean>,
     interval: Option<IntervalSum>,
     /// Σ f·l of the previous row in which contacts carry force, J.
@@ -46,13 +46,36 @@ pub struct ErrorEstimator {
     /// Mean of Σ f·l in the previous interval, J.
     previous_mean: Option<f64>,
     flights: ThinnedRows<FlightRow>,
-    /// Relative errors of the virial in the diagnostic steps: sum and number.
-    virials: [f64; 2],
-    /// Error of the fast narrow phase in the diagnostic steps, mean of touching pairs over the mean radius: sum and
-    /// number.
-    narrow_phase_error: [f64; 2],
+    /// Relative errors of the virial in the diagnostic steps.
+    virial_error: ErrorMean,
+    /// Errors of the fast narrow phase in the diagnostic steps, each a mean over touching pairs, over the mean radius.
+    narrow_phase_error: ErrorMean,
+    /// Seconds of the steps by stage.
     clock: StageTimes,
+    /// Steps between two snapshots.
     output_every: f64,
+}
+
+/// Mean of errors that only some steps measure.
+#[derive(Debug, Clone, Copy, Default)]
+struct ErrorMean {
+    sum: f64,
+    number: f64,
+}
+
+impl ErrorMean {
+    /// Adds an error; NaN if the step has not measured it.
+    fn add(&mut self, error: f64) {
+        if !error.is_nan() {
+            self.sum += error;
+            self.number += 1.0;
+        }
+    }
+
+    /// Mean; 0 without errors.
+    fn mean(self) -> f64 {
+        self.sum / self.number.max(1.0)
+    }
 }
 
 /// Row of steps.csv in which contacts carry force.
@@ -113,10 +136,12 @@ impl TimedRow for FlightRow {
     }
 }
 
-/// Sum of Σ f·l in the current interval.
+/// Sum of Σ f·l, J, in the current interval.
 #[derive(Debug, Clone, Copy)]
 struct IntervalSum {
+    /// Number of the interval, from the start of the run.
     interval: f64,
+    /// Time of the last row, s.
     time: f64,
     sum: f64,
     count: f64,
@@ -160,9 +185,11 @@ impl<T> ThinnedRows<T> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ErrorSource {
     pub name: &'static str,
-    /// Option that controls it.
+    /// Option that controls the error; empty if there is none.
     pub option: &'static str,
+    /// Error over the mean pressure, or over the corresponding energy.
     pub error: f64,
+    /// Time that the stages that the option controls took, s.
     pub seconds: f64,
 }
 
@@ -193,28 +220,25 @@ impl ErrorEstimator {
             self.loaded.push(LoadedRow { step, time, virial, virial_change, penetration_mean });
             let interval = ((step - 1.0) / self.output_every).floor();
             match &mut self.interval {
-                Some(mean) if mean.interval == interval => {
-                    (mean.time, mean.sum, mean.count) = (time, mean.sum + virial, mean.count + 1.0);
+                Some(current) if current.interval == interval => {
+                    current.time = time;
+                    current.sum += virial;
+                    current.count += 1.0;
                 }
-                open => {
-                    let done = open.replace(IntervalSum { interval, time, sum: virial, count: 1.0 });
-                    done.into_iter().for_each(|done| self.end_interval(done));
+                current => {
+                    let complete = current.replace(IntervalSum { interval, time, sum: virial, count: 1.0 });
+                    complete.into_iter().for_each(|interval| self.end_interval(interval));
                 }
             }
         }
-        let steps = row.get(group::steps);
+        let steps = row.get(row_steps::steps);
         let steps = if steps.is_nan() { 1.0 } else { steps };
         self.flights.push(FlightRow { time, error: row.get(figures::flight_error), steps });
-        for (sum, name) in
-            [(&mut self.virials, figures::gravity_sampled_virial), (&mut self.narrow_phase_error, missed::narrow_error)]
-        {
-            let value = row.get(name);
-            if !value.is_nan() {
-                *sum = [sum[0] + value, sum[1] + 1.0];
-            }
-        }
+        self.virial_error.add(row.get(figures::gravity_sampled_virial));
+        self.narrow_phase_error.add(row.get(narrow_phase::narrow_error));
     }
 
+    /// Adds a complete interval.
     fn end_interval(&mut self, IntervalSum { time, sum, count, .. }: IntervalSum) {
         let mean = sum / count;
         let change = self.previous_mean.map_or(f64::NAN, |previous| (mean - previous).abs());
@@ -245,7 +269,7 @@ impl ErrorEstimator {
         let recent = second_half(&self.loaded.rows);
         let depth = mean_of(recent.iter().map(|row| row.penetration_mean));
         let virials: Vec<f64> = recent.iter().map(|row| row.virial).collect();
-        let typical = median(virials.iter().map(|virial| virial.abs()));
+        let typical_virial = median(virials.iter().map(|virial| virial.abs()));
         let noise = if self.loaded.stride == 1 {
             let interval = |row: &LoadedRow| ((row.step - 1.0) / self.output_every).floor();
             let intervals = recent.chunk_by(|a, b| interval(a) == interval(b));
@@ -254,19 +278,19 @@ impl ErrorEstimator {
         } else {
             self.noise_of_samples()
         };
-        let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
-        let (drift, scale) = (balance.energy, balance.energy_scale);
-        let lost = over(state.ledger.contact_work.abs(), scale);
-        let loaded = state.contacts.iter().filter(|solved| solved.impulse != Vec3::zeros());
-        // Contacts are ordered by pair.
+        let ratio = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
+        let (energy_drift, scale) = (balance.energy, balance.energy_scale);
+        let dissipated_share = ratio(state.ledger.contact_work.abs(), scale);
+        let loaded_contacts = state.contacts.iter().filter(|solved| solved.impulse != Vec3::zeros());
+        // Contacts are ordered by pair, and the points of one pair count once.
         let mut pairs: Vec<(BodyId, BodyId)> =
-            loaded.map(|solved| (solved.contact.candidate, solved.contact.antagonist)).collect();
+            loaded_contacts.map(|solved| (solved.contact.candidate, solved.contact.antagonist)).collect();
         pairs.dedup();
-        let stray = balance.momentum * state.ledger.momentum_scale;
-        let flight = over(self.flight_error(), scale);
+        let lost_momentum = balance.momentum * state.ledger.momentum_scale;
+        let flight = ratio(self.flight_error(), scale);
         let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i.index()].mass).sum();
         let StageTimes { gravity, detection, assembly, solve, integration, writing } = self.clock;
-        let of = |name, option, error, seconds: Duration| ErrorSource {
+        let source = |name, option, error, seconds: Duration| ErrorSource {
             name,
             option,
             error: error + 0.0, // not -0, the sum of nothing
@@ -274,19 +298,20 @@ impl ErrorEstimator {
         };
         let none = Duration::ZERO;
         vec![
-            of("contacts", "tol", over(noise, typical), assembly + solve),
-            of("step", "dt", 2.0 * depth + flight, detection + integration),
-            of("gravity", "gravity_error", mean_of_sum(self.virials).abs(), gravity),
-            of("narrow", "narrow_phase", 2.0 * mean_of_sum(self.narrow_phase_error), none),
-            of(
+            source("contacts", "tol", ratio(noise, typical_virial), assembly + solve),
+            source("step", "dt", 2.0 * depth + flight, detection + integration),
+            source("gravity", "gravity_error", self.virial_error.mean().abs(), gravity),
+            source("narrow", "narrow_phase", 2.0 * self.narrow_phase_error.mean(), none),
+            source(
                 "chance",
                 "",
-                lost * (over(SAMPLING_FACTOR, (pairs.len() as f64).sqrt()) + self_balanced_wall_share(scene, state)),
+                dissipated_share
+                    * (ratio(SAMPLING_FACTOR, (pairs.len() as f64).sqrt()) + self_balanced_wall_share(scene, state)),
                 none,
             ),
-            of("energy", "theta", drift.abs(), none),
-            of("momentum", "", over(0.5 * stray * stray / mass, scale), none),
-            of("writing", "output_every", 0.0, writing),
+            source("energy", "theta", energy_drift.abs(), none),
+            source("momentum", "", ratio(0.5 * lost_momentum * lost_momentum / mass, scale), none),
+            source("writing", "output_every", 0.0, writing),
         ]
     }
 }
@@ -310,11 +335,6 @@ impl ErrorEstimator {
     }
 }
 
-/// Mean from a sum and a number; 0 if the number is 0.
-fn mean_of_sum([sum, number]: [f64; 2]) -> f64 {
-    sum / number.max(1.0)
-}
-
 /// Smallest number of intervals whose changes are used.
 const MIN_INTERVALS: usize = 4;
 
@@ -330,20 +350,24 @@ fn step_noise(steps: &[f64], means: &[f64]) -> f64 {
 /// Fraction of the forces of driven bodies on free ones that cancel in the sum, over the root of the number of such
 /// pairs.
 fn self_balanced_wall_share(scene: &Scene, state: &State) -> f64 {
-    let (mut each, mut all) = (0.0, Vec3::zeros());
+    let (mut sum_of_norms, mut resultant) = (0.0, Vec3::zeros());
     let mut pairs = Vec::new();
     for SolvedContact { contact, impulse, .. } in &state.contacts {
         let bodies = [contact.candidate, contact.antagonist];
-        let [candidate, antagonist] = bodies.map(|body| scene.bodies[body.index()].driven);
-        if (candidate || antagonist) && *impulse != Vec3::zeros() {
+        let [candidate_driven, antagonist_driven] = bodies.map(|body| scene.bodies[body.index()].driven);
+        if (candidate_driven || antagonist_driven) && *impulse != Vec3::zeros() {
             let force = to_world(&contact.frame(), impulse);
-            each += force.norm();
-            all += if candidate { -force } else { force };
+            sum_of_norms += force.norm();
+            resultant += if candidate_driven { -force } else { force };
             pairs.push(bodies);
         }
     }
     pairs.dedup();
-    if each > 0.0 { (1.0 - all.norm() / each).max(0.0) / (pairs.len() as f64).sqrt() } else { 0.0 }
+    if sum_of_norms > 0.0 {
+        (1.0 - resultant.norm() / sum_of_norms).max(0.0) / (pairs.len() as f64).sqrt()
+    } else {
+        0.0
+    }
 }
 
 /// Rows of the second half of the time that they span. With steps of varying length that is not half of the rows.
@@ -392,21 +416,21 @@ impl ForceNoise {
 
 /// Lines of the summary: the total error and its main source, and the cost.
 pub fn summary_lines(sources: &[ErrorSource], noise: ForceNoise) -> [(&'static str, String); 2] {
-    let all: f64 = sources.iter().map(|source| source.error).sum();
+    let total: f64 = sources.iter().map(|source| source.error).sum();
     let seconds: f64 = sources.iter().map(|source| source.seconds).sum();
-    let largest = |of: fn(&ErrorSource) -> f64| sources.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
-    let title_of_largest = |of: fn(&ErrorSource) -> f64| {
-        largest(of).map_or(String::new(), |source| match source.option {
+    let largest = |figure: fn(&ErrorSource) -> f64| sources.iter().max_by(|a, b| figure(a).total_cmp(&figure(b)));
+    let title_of_largest = |figure: fn(&ErrorSource) -> f64| {
+        largest(figure).map_or(String::new(), |source| match source.option {
             "" => source.title().to_string(),
             option => format!("{} ({option})", source.title()),
         })
     };
-    let each: Vec<String> = sources
+    let parts: Vec<String> = sources
         .iter()
         .filter(|source| source.error > 0.0)
         .map(|source| format!("{} {}", source.title(), percent(source.error)))
         .collect();
-    let error = match each.len() {
+    let error = match parts.len() {
         0 if noise == ForceNoise::Unconverged => {
             "not known: steps did not converge, and no contact carried force".into()
         }
@@ -420,13 +444,13 @@ pub fn summary_lines(sources: &[ErrorSource], noise: ForceNoise) -> [(&'static s
                 "narrow_phase" => ": set it to accurate".into(),
                 _ => String::new(),
             };
-            let advice = if all > 1.0 {
+            let advice = if total > 1.0 {
                 format!("; more than 100 % is not a meaningful estimate{remedy}")
             } else {
                 String::new()
             };
             let main = title_of_largest(|source| source.error);
-            format!("{} of the pressure, mainly {main}: {}{advice}", percent(all), each.join(", "))
+            format!("{} of the pressure, mainly {main}: {}{advice}", percent(total), parts.join(", "))
         }
     };
     let share = |source: &ErrorSource| format!("{} {:.0} %", source.title(), 100.0 * source.seconds / seconds);
@@ -445,7 +469,7 @@ fn percent(x: f64) -> String {
 }
 
 /// Whether the case has an [`ERRORS_FILE`].
-pub fn is_there(case: &Path) -> bool {
+pub fn has_errors_file(case: &Path) -> bool {
     atomic::path_exists(&case.join(ERRORS_FILE))
 }
 

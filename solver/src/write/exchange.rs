@@ -16,7 +16,13 @@ use crate::state::{BodyLoad, State};
 
 const MAGIC: &[u8; 8] = b"CDSTEPS1";
 
-/// Numbers of a body in the answer.
+/// Numbers at the start of a step: step, time and length of the step.
+const STEP_NUMBERS: usize = 3;
+
+/// Numbers of a body at the start of a step: position, quaternion, velocity and angular velocity.
+const BODY_NUMBERS: usize = 3 + 4 + 3 + 3;
+
+/// Numbers of a body in the answer: force and torque.
 const LOAD_NUMBERS: usize = 6;
 
 /// Exchange over a pair of streams.
@@ -46,13 +52,13 @@ impl<R: Read, W: Write> StepExchange<R, W> {
     /// Writes the state, and reads the forces of the next step into it.
     pub fn read_loads(&mut self, scene: &Scene, state: &mut State) -> Result<(), ExchangeEnd> {
         let bodies = state.x.len();
-        let mut numbers = Vec::with_capacity(3 + 13 * bodies);
+        let mut numbers = Vec::with_capacity(STEP_NUMBERS + BODY_NUMBERS * bodies);
         numbers.extend([state.step as f64, state.time, scene.options.dt]);
         numbers.extend(state.x.iter().flat_map(|x| [x.x, x.y, x.z]));
         numbers.extend(state.q.iter().flat_map(|q| [q.w, q.i, q.j, q.k]));
         numbers.extend(state.v.iter().chain(&state.w).flat_map(|v| [v.x, v.y, v.z]));
-        let frame: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
-        let sent = self.output.write_all(&frame).and_then(|()| self.output.flush());
+        let message: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let sent = self.output.write_all(&message).and_then(|()| self.output.flush());
         sent.map_err(|error| stream_end("standard output", "written", &error))?;
         let mut answer = vec![0; 8 * LOAD_NUMBERS * bodies];
         self.input.read_exact(&mut answer).map_err(|error| stream_end("standard input", "read", &error))?;
@@ -74,9 +80,10 @@ impl<R: Read, W: Write> StepExchange<R, W> {
     }
 }
 
-fn stream_end(stream: &str, doing: &str, error: &std::io::Error) -> ExchangeEnd {
+/// End of an exchange by an error while `stream` was being `written` or `read`.
+fn stream_end(stream: &str, action: &str, error: &std::io::Error) -> ExchangeEnd {
     match error.kind() {
         ErrorKind::UnexpectedEof | ErrorKind::BrokenPipe => ExchangeEnd::Closed,
-        _ => ExchangeEnd::Rejected(Fault::from_io(stream.as_ref(), doing, error).into()),
+        _ => ExchangeEnd::Rejected(Fault::from_io(stream.as_ref(), action, error).into()),
     }
 }

@@ -1,4 +1,5 @@
-//! Logs with a row per step.
+//! Logs: CSV files with a row per step or per group of steps, `steps.csv` in OUTBOX and `TIMER.csv` next to it, and their
+//! columns. The files of probes are logs, too.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};
@@ -25,7 +26,9 @@ pub enum ColumnKind {
     Last,
     /// Last known figure; for figures that few steps have.
     Known,
+    /// Sum over the steps of the row.
     Sum,
+    /// Largest figure of the steps of the row.
     Largest,
     /// Mean over the steps of the row, weighted by their lengths in the column before, `h`, whose kind is `Sum`.
     Mean,
@@ -92,11 +95,11 @@ pub struct LogTable {
     file: BufWriter<File>,
     columns: Vec<Column>,
     /// Empty fields for columns that an earlier part of the run had and this one does not.
-    others: String,
+    trailing_fields: String,
     /// Figures of the steps since the last row.
     pending: Option<Vec<LogCell>>,
     /// Step of the last row.
-    last: u64,
+    last_row: u64,
 }
 
 /// Figures of a row by name.
@@ -129,59 +132,59 @@ impl RowSchedule {
 }
 
 impl LogTable {
-    /// Opens the file to continue after `step`, in a run that began after `first`. Rows up to that step are kept and
-    /// passed to `take`; columns that a row does not have, because of other options, are empty. If the last row was not
-    /// due and was only written because the run ended, it is removed: the following steps belong to it. Prints a warning
-    /// if rows are missing.
+    /// Opens the file to continue after step `resume_step`, in a run that began after step `first_step`. Rows up to
+    /// `resume_step` are kept and passed to `record`; columns that a row does not have, because of other options, are empty.
+    /// If the last row was not due and was only written because the run ended, it is removed: the following steps belong to
+    /// it. Prints a warning if rows are missing.
     pub fn open(
         path: &Path,
         columns: &[Column],
-        [first, step]: [u64; 2],
-        due: RowSchedule,
-        mut take: impl FnMut(&LogRow),
+        [first_step, resume_step]: [u64; 2],
+        schedule: RowSchedule,
+        mut record: impl FnMut(&LogRow),
     ) -> Result<Self, Faults> {
-        let mut old: Box<dyn BufRead> = match File::open(path) {
+        let mut old_file: Box<dyn BufRead> = match File::open(path) {
             Ok(file) if path.is_file() => Box::new(BufReader::new(file)),
             _ => Box::new(std::io::empty()),
         };
-        let header = line_of(&mut old).filter(|line| line.starts_with("step,")).unwrap_or_default();
-        let known: Vec<&str> = header.split(',').collect();
+        let header = next_line(&mut old_file).filter(|line| line.starts_with("step,")).unwrap_or_default();
+        let old_names: Vec<&str> = header.split(',').collect();
         let mut names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
-        let own = names.len();
-        let others = known.iter().filter(|name| !name.is_empty() && !columns.iter().any(|(own, _)| own == *name));
-        names.extend(others);
-        let indices: Vec<Option<usize>> =
-            names.iter().map(|column| known.iter().position(|name| name == column)).collect();
-        let (mut last, mut before) = (first, first);
+        let own_count = names.len();
+        let is_other = |name: &&&str| !name.is_empty() && !columns.iter().any(|(own_name, _)| own_name == *name);
+        names.extend(old_names.iter().filter(is_other));
+        let old_indices: Vec<Option<usize>> =
+            names.iter().map(|column| old_names.iter().position(|name| name == column)).collect();
+        let (mut last_row, mut previous_row) = (first_step, first_step);
         let mut pending: Option<(String, Vec<LogCell>)> = None;
         atomic::write_with(path, |file| {
             writeln!(file, "{}", names.join(","))?;
-            while let Some(line) = line_of(&mut old) {
+            while let Some(line) = next_line(&mut old_file) {
                 let fields: Vec<&str> = line.split(',').collect();
-                let number = fields[0].parse::<u64>().ok().filter(|number| (last + 1..=step).contains(number));
-                let (Some(number), true) = (number, fields.len() == known.len()) else { break };
+                let step = fields[0].parse::<u64>().ok().filter(|step| (last_row + 1..=resume_step).contains(step));
+                let (Some(step), true) = (step, fields.len() == old_names.len()) else { break };
                 if let Some((text, cells)) = pending.take() {
                     writeln!(file, "{text}")?;
-                    take(&LogRow { names: &names, cells: &cells });
+                    record(&LogRow { names: &names, cells: &cells });
                 }
-                let fields: Vec<&str> = indices.iter().map(|index| index.map_or("", |k| fields[k])).collect();
+                let fields: Vec<&str> = old_indices.iter().map(|index| index.map_or("", |k| fields[k])).collect();
                 pending = Some((fields.join(","), fields.iter().map(|field| LogCell::from_text(field)).collect()));
-                (before, last) = (last, number);
+                (previous_row, last_row) = (last_row, step);
             }
-            if due.is_due_after(last, before)
+            if schedule.is_due_after(last_row, previous_row)
                 && let Some((text, cells)) = pending.take()
             {
                 writeln!(file, "{text}")?;
-                take(&LogRow { names: &names, cells: &cells });
-                before = last;
+                record(&LogRow { names: &names, cells: &cells });
+                previous_row = last_row;
             }
             Ok(())
         })?;
-        if last < step {
+        if last_row < resume_step {
             let path = path.display();
             print_line(format_args!(
-                "cd-solve: {path}: no rows of steps {} to {step}, which are behind this run",
-                last + 1
+                "cd-solve: {path}: no rows of steps {} to {resume_step}, which are behind this run",
+                last_row + 1
             ));
         }
         let file = File::options().append(true).open(path).map_err(|error| Fault::from_io(path, "written", &error))?;
@@ -189,9 +192,9 @@ impl LogTable {
             path: path.to_path_buf(),
             file: BufWriter::new(file),
             columns: columns.to_vec(),
-            others: ",".repeat(names.len() - own),
-            pending: pending.map(|(_, cells)| cells[..own].to_vec()),
-            last: before,
+            trailing_fields: ",".repeat(names.len() - own_count),
+            pending: pending.map(|(_, cells)| cells[..own_count].to_vec()),
+            last_row: previous_row,
         })
     }
 
@@ -199,30 +202,31 @@ impl LogTable {
     pub fn add_step(
         &mut self,
         cells: Vec<LogCell>,
-        due: RowSchedule,
+        schedule: RowSchedule,
         record: impl FnOnce(&LogRow),
     ) -> Result<(), Faults> {
         let step = cells[0].to_f64() as u64;
         match &mut self.pending {
             None => self.pending = Some(cells),
             Some(pending) => {
-                let length = self.columns.iter().position(|(name, _)| *name == "h");
-                let share = length.map_or(1.0, |h| cells[h].to_f64() / (pending[h].to_f64() + cells[h].to_f64()));
+                let length_column = self.columns.iter().position(|(name, _)| *name == "h");
+                let share =
+                    length_column.map_or(1.0, |k| cells[k].to_f64() / (pending[k].to_f64() + cells[k].to_f64()));
                 let columns = pending.iter_mut().zip(&self.columns).zip(cells);
                 columns.for_each(|((sum, (_, kind)), cell)| sum.add(*kind, cell, share));
             }
         }
-        if due.is_due_after(step, self.last) { self.finish_rows(record) } else { Ok(()) }
+        if schedule.is_due_after(step, self.last_row) { self.finish_rows(record) } else { Ok(()) }
     }
 
-    /// Writes the row of the steps since the last one, if there are any.
-    pub fn finish_rows(&mut self, take: impl FnOnce(&LogRow)) -> Result<(), Faults> {
+    /// Writes the row of the steps since the last row, if there are any, and passes it to `record`.
+    pub fn finish_rows(&mut self, record: impl FnOnce(&LogRow)) -> Result<(), Faults> {
         let Some(cells) = self.pending.take() else { return Ok(()) };
         let text: Vec<String> = cells.iter().map(|cell| cell.to_text()).collect();
         let names: Vec<&str> = self.columns.iter().map(|(name, _)| *name).collect();
-        take(&LogRow { names: &names, cells: &cells });
-        self.last = cells[0].to_f64() as u64;
-        writeln!(self.file, "{}{}", text.join(","), self.others)
+        record(&LogRow { names: &names, cells: &cells });
+        self.last_row = cells[0].to_f64() as u64;
+        writeln!(self.file, "{}{}", text.join(","), self.trailing_fields)
             .map_err(|error| Fault::from_io(&self.path, "written", &error).into())
     }
 
@@ -239,17 +243,19 @@ impl LogTable {
 }
 
 /// Returns the next line without its end; `None` at the end of the file or for a line without an end.
-fn line_of(file: &mut dyn BufRead) -> Option<String> {
+fn next_line(file: &mut dyn BufRead) -> Option<String> {
     let mut line = Vec::new();
     file.read_until(b'\n', &mut line).ok()?;
     (line.pop() == Some(b'\n')).then(|| String::from_utf8_lossy(&line).into_owned())
 }
 
-/// Bytes of a row of such cells.
+/// Size of a row of these cells, bytes.
 pub fn row_size(cells: &[LogCell]) -> usize {
     cells.iter().map(|cell| cell.to_text().len() + 1).sum()
 }
 
+/// Defines columns of a log: a constant with their names and kinds, a module with a constant for each name, and a function
+/// that returns the cells of a step.
 macro_rules! columns {
     ($columns:ident, $cells:ident($($name:ident : $type:ty),*), $($column:ident: $kind:ident = $value:expr,)+) => {
         pub const $columns: &[Column] = &[$((stringify!($column), ColumnKind::$kind)),+];
@@ -290,7 +296,7 @@ columns! {
 }
 
 columns! {
-    GROUP, group(),
+    ROW_STEPS, row_steps(),
     steps: Sum = 1u64,
 }
 
@@ -305,9 +311,9 @@ columns! {
 }
 
 columns! {
-    MISSED, missed(scene: &Scene, report: &StepReport),
-    narrow_error: Known = report.narrow_phase_error.map_or(f64::NAN, |missed| missed.mean / scene.mean_radius),
-    narrow_error_largest: Largest = report.narrow_phase_error.map_or(f64::NAN, |missed| missed.largest / scene.mean_radius),
+    NARROW_PHASE, narrow_phase(scene: &Scene, report: &StepReport),
+    narrow_error: Known = report.narrow_phase_error.map_or(f64::NAN, |error| error.mean / scene.mean_radius),
+    narrow_error_largest: Largest = report.narrow_phase_error.map_or(f64::NAN, |error| error.largest / scene.mean_radius),
 }
 
 columns! {

@@ -37,7 +37,7 @@ pub struct ResultFiles {
     outbox: PathBuf,
     steps: LogTable,
     timer: LogTable,
-    due: RowSchedule,
+    schedule: RowSchedule,
     /// Offset of the numbers of text files.
     number_offset: u64,
     postpro: PostproFiles,
@@ -88,10 +88,10 @@ pub fn lock_outbox(case: &Path) -> Result<OutboxLock, Faults> {
 /// Rejects a case that has results; files of LMGC90 count only if this run would overwrite them.
 pub fn check_no_results(case: &Path, scene: &Scene) -> Result<(), Faults> {
     let outbox = outbox_path(case);
-    let shown = |path: &Path| path.file_name().unwrap_or_default().display().to_string();
+    let file_name = |path: &Path| path.file_name().unwrap_or_default().display().to_string();
     if let Some((_, last)) = list_snapshots(&outbox)?.last() {
         let expected = "use --resume to continue from it, --force to overwrite all results";
-        return Err(Fault::new(&outbox, None, "results", format!("{} exists", shown(last)), expected).into());
+        return Err(Fault::new(&outbox, None, "results", format!("{} exists", file_name(last)), expected).into());
     }
     let texts = text::first_names().into_iter().map(|name| outbox.join(name)).filter(|_| scene.options.text);
     let text_conflicts = texts.map(|path| (path, "--text would overwrite it; use --force to remove such files"));
@@ -103,7 +103,7 @@ pub fn check_no_results(case: &Path, scene: &Scene) -> Result<(), Faults> {
     match text_conflicts.chain(command_conflicts).chain(probe_conflicts).find(|(path, _)| path_exists(path)) {
         Some((path, expected)) => {
             let folder = path.parent().unwrap_or(case);
-            Err(Fault::new(folder, None, "results", format!("{} exists", shown(&path)), expected).into())
+            Err(Fault::new(folder, None, "results", format!("{} exists", file_name(&path)), expected).into())
         }
         None => Ok(()),
     }
@@ -118,8 +118,8 @@ pub fn remove_results(case: &Path) -> Result<(), Faults> {
             || text::is_state_name(name)
     };
     let mut removed = vec![case.join(log::TIMER_FILE), case.join(errors::ERRORS_FILE)];
-    let is_old = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(is_output);
-    removed.extend(folder_entries(&outbox)?.into_iter().filter(is_old));
+    let is_written = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(is_output);
+    removed.extend(folder_entries(&outbox)?.into_iter().filter(is_written));
     removed.extend(text_inputs::written_copies(&outbox));
     for path in removed.iter().filter(|path| path_exists(path)) {
         std::fs::remove_file(path).map_err(|error| Fault::from_io(path, "removed", &error))?;
@@ -139,7 +139,7 @@ impl ResultFiles {
         let outbox = outbox_path(case);
         remove_orphan_parts(&outbox)?;
         let options = &scene.options;
-        let due = RowSchedule { log_every: options.log_every, output_every: options.output_every };
+        let schedule = RowSchedule { log_every: options.log_every, output_every: options.output_every };
         let [mut columns, mut seconds] = [log::FIGURES.to_vec(), log::SECONDS.to_vec()];
         if scene.options.adaptive().is_on() {
             columns.extend(log::LENGTH);
@@ -148,29 +148,28 @@ impl ResultFiles {
             columns.extend(log::BONDS);
         }
         if scene.narrow_phase_is_fast() {
-            columns.extend(log::MISSED);
+            columns.extend(log::NARROW_PHASE);
         }
         if options.lmgc90_norms {
             columns.extend(log::NORMS);
         }
         if options.log_every > 1 {
-            columns.extend(log::GROUP);
-            seconds.extend(log::GROUP);
+            columns.extend(log::ROW_STEPS);
+            seconds.extend(log::ROW_STEPS);
         }
         let steps = [scene.start.step, state.step];
         let mut estimator = ErrorEstimator::new(options.output_every);
         let log =
-            LogTable::open(&outbox.join(log::STEPS_FILE), &columns, steps, due, |row| estimator.add_figures(row))?;
+            LogTable::open(&outbox.join(log::STEPS_FILE), &columns, steps, schedule, |row| estimator.add_figures(row))?;
         let timer =
-            LogTable::open(&case.join(log::TIMER_FILE), &seconds, steps, due, |row| estimator.add_seconds(row))?;
-        let numbered = if options.text { text::number_offset(&outbox, scene, state)? } else { 0 };
+            LogTable::open(&case.join(log::TIMER_FILE), &seconds, steps, schedule, |row| estimator.add_seconds(row))?;
+        let number_offset = if options.text { text::number_offset(&outbox, scene, state)? } else { 0 };
         if options.text {
             text_inputs::write_input_copies(&case.join("DATBOX"), &outbox, options)?;
         }
         let postpro = PostproFiles::open(case, scene, state)?;
         let probes = ProbeFiles::open(case, scene, state)?;
-        let files =
-            ResultFiles { outbox, steps: log, timer, due, number_offset: numbered, postpro, probes, part_bodies };
+        let files = ResultFiles { outbox, steps: log, timer, schedule, number_offset, postpro, probes, part_bodies };
         Ok((files, estimator))
     }
 
@@ -184,19 +183,19 @@ impl ResultFiles {
         estimator: &mut ErrorEstimator,
     ) -> Result<(), Faults> {
         let [figures, seconds] = log_cells(scene, state, report, times);
-        self.steps.add_step(figures, self.due, |row| estimator.add_figures(row))?;
-        self.timer.add_step(seconds, self.due, |row| estimator.add_seconds(row))
+        self.steps.add_step(figures, self.schedule, |row| estimator.add_figures(row))?;
+        self.timer.add_step(seconds, self.schedule, |row| estimator.add_seconds(row))
     }
 
-    /// Adds a step, which began after step `first`, to the files of POSTPRO.DAT.
+    /// Adds a step, which follows step `previous_step`, to the files of POSTPRO.DAT.
     pub fn add_postpro(
         &mut self,
         scene: &Scene,
         state: &mut State,
         report: &StepReport,
-        first: u64,
+        previous_step: u64,
     ) -> Result<(), Faults> {
-        self.postpro.add_step(scene, state, report, first)
+        self.postpro.add_step(scene, state, report, previous_step)
     }
 
     /// Adds the values of the probes after a step.
@@ -204,7 +203,7 @@ impl ResultFiles {
         self.probes.add_step(state, values)
     }
 
-    /// Writes the rows of the steps since the last ones at the end of the run.
+    /// Writes the rows of the last steps of the run, which are not due.
     pub fn finish_rows(&mut self, estimator: &mut ErrorEstimator) -> Result<(), Faults> {
         self.steps.finish_rows(|row| estimator.add_figures(row))?;
         self.timer.finish_rows(|row| estimator.add_seconds(row))?;
@@ -245,15 +244,15 @@ impl ResultFiles {
 pub struct RunOutput(Option<ResultFiles>);
 
 impl RunOutput {
-    /// Opens the results, see [`ResultFiles::open`], if this rank writes them.
+    /// Opens the results, see [`ResultFiles::open`], if this rank is the one that writes them.
     pub fn open(
-        writes: bool,
+        is_writer: bool,
         case: &Path,
         scene: &Scene,
         state: &State,
         part_bodies: Option<usize>,
     ) -> Result<(Self, ErrorEstimator), Faults> {
-        if !writes {
+        if !is_writer {
             return Ok((RunOutput(None), ErrorEstimator::new(scene.options.output_every)));
         }
         let (files, estimator) = ranks::compute_alone(|| ResultFiles::open(case, scene, state, part_bodies))?;
@@ -266,7 +265,7 @@ impl RunOutput {
     }
 }
 
-/// Figures and seconds of a step.
+/// Cells of a step in `steps.csv` and in `TIMER.csv`.
 fn log_cells(scene: &Scene, state: &State, report: &StepReport, times: &StageTimes) -> [Vec<LogCell>; 2] {
     let options = &scene.options;
     let [mut figures, mut seconds] = [log::figures(scene, state, report), log::seconds(state.step, times)];
@@ -277,14 +276,14 @@ fn log_cells(scene: &Scene, state: &State, report: &StepReport, times: &StageTim
         figures.extend(log::bonds(state));
     }
     if scene.narrow_phase_is_fast() {
-        figures.extend(log::missed(scene, report));
+        figures.extend(log::narrow_phase(scene, report));
     }
     if options.lmgc90_norms {
         figures.extend(report.norms.iter().flat_map(log::norms));
     }
     if options.log_every > 1 {
-        figures.extend(log::group());
-        seconds.extend(log::group());
+        figures.extend(log::row_steps());
+        seconds.extend(log::row_steps());
     }
     [figures, seconds]
 }
@@ -294,7 +293,7 @@ fn digits(number: u64) -> usize {
     number.to_string().len()
 }
 
-/// Bytes of a row of both logs, and of a snapshot.
+/// Sizes of a row of both logs together, and of a snapshot, bytes.
 pub fn output_sizes(scene: &Scene, state: &State, report: &StepReport) -> [usize; 2] {
     // Durations have more digits than zero.
     let second = Duration::from_nanos(123_456);

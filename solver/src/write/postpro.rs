@@ -63,24 +63,24 @@ impl PostproFiles {
         Ok(PostproFiles { commands: scene.postpro.iter().map(open).collect::<Result<_, Faults>>()? })
     }
 
-    /// Adds a step, which began after step `first`, to the sums of `state`, and its rows to the files that are due.
+    /// Adds a step, which follows step `previous_step`, to the sums of `state`, and its rows to the files that are due.
     pub fn add_step(
         &mut self,
         scene: &Scene,
         state: &mut State,
         report: &StepReport,
-        first: u64,
+        previous_step: u64,
     ) -> Result<(), Faults> {
         let Some(start) = &report.start else { return Ok(()) };
         let figures = StepFigures::new(scene, state, report, start);
-        let wants = |kind: PostproKind| scene.postpro.iter().any(|command| command.kind == kind);
-        let dissipated = if wants(PostproKind::DissipatedEnergy) { figures.dissipated_energy() } else { 0.0 };
-        let outside = if wants(PostproKind::KineticEnergy) { figures.work_of_forces() } else { 0.0 };
+        let is_requested = |kind: PostproKind| scene.postpro.iter().any(|command| command.kind == kind);
+        let dissipated = if is_requested(PostproKind::DissipatedEnergy) { figures.dissipated_energy() } else { 0.0 };
+        let work = if is_requested(PostproKind::KineticEnergy) { figures.work_of_forces() } else { 0.0 };
         let mut sums = state.postpro;
         sums.dissipated += dissipated;
-        sums.outside_work += outside;
+        sums.outside_work += work;
         for (command, files) in &mut self.commands {
-            let is_due = command.period > 0 && state.step / command.period > first / command.period;
+            let is_due = command.period > 0 && state.step / command.period > previous_step / command.period;
             if !is_due {
                 continue;
             }
@@ -103,8 +103,8 @@ impl PostproFiles {
                 PostproKind::NewRigidSets(sets) => sets.iter().flat_map(|set| figures.set_rows(set)).collect(),
             };
             for (file, row) in files.iter_mut().zip(rows) {
-                let mut text = es(state.time, 8);
-                row.iter().for_each(|&x| text += &format!(" {}", es(x, 7)));
+                let mut text = fortran_es(state.time, 8);
+                row.iter().for_each(|&x| text += &format!(" {}", fortran_es(x, 7)));
                 file.add_text(&text)?;
             }
         }
@@ -136,9 +136,9 @@ struct RowFile {
 }
 
 impl RowFile {
-    /// Opens the file; with a time (s) its complete rows up to it are kept.
-    fn open(path: PathBuf, until: Option<f64>) -> Result<Self, Faults> {
-        let last: Option<f64> = until.and_then(|time| es(time, 8).trim().parse().ok());
+    /// Opens the file; with the time of a resumed state (s) its complete rows up to that time are kept.
+    fn open(path: PathBuf, resume_time: Option<f64>) -> Result<Self, Faults> {
+        let last: Option<f64> = resume_time.and_then(|time| fortran_es(time, 8).trim().parse().ok());
         let old = last.and_then(|last| Some((last, File::open(&path).ok()?)));
         atomic::write_with(&path, |file| {
             let Some((last, old)) = old else { return Ok(()) };
@@ -170,16 +170,16 @@ impl RowFile {
     }
 }
 
-/// Columns of the time.
+/// Width of the time in a row, characters.
 const TIME_WIDTH: usize = 15;
 
 /// Number as Fortran's `ES` writes it with so many digits after the point, `digits + 7` columns wide.
-fn es(x: f64, digits: usize) -> String {
+fn fortran_es(x: f64, digits: usize) -> String {
     let text = format!("{:.digits$e}", x + 0.0); // without a negative zero
     let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
     let exponent: i32 = exponent.parse().unwrap_or(0);
     let sign = if exponent < 0 { '-' } else { '+' };
-    // A third digit replaces the letter.
+    // As in Fortran, an exponent of three digits has no letter.
     let letter = if exponent.abs() < 100 { "E" } else { "" };
     format!("{:>width$}", format!("{mantissa}{letter}{sign}{:02}", exponent.abs()), width = digits + 7)
 }
@@ -295,61 +295,61 @@ impl<'a> StepFigures<'a> {
 
     /// Kinetic energy of all bodies, J.
     fn kinetic_energy(&self) -> f64 {
-        let of = |i: usize| {
+        let energy = |i: usize| {
             let Twist { v, w } = self.velocity(i);
             0.5 * (self.scene.bodies[i].mass * v.norm_squared() + w.dot(&self.inertia(i).component_mul(&w)))
         };
-        (0..self.state.x.len()).map(of).sum()
+        (0..self.state.x.len()).map(energy).sum()
     }
 
     /// Energy of the displacements in uniform gravity, J.
     fn potential_energy(&self) -> f64 {
         let (scene, state) = (self.scene, self.state);
-        let of = |i: usize| -scene.bodies[i].mass * (state.x[i] - scene.reference[i]).dot(&state.gravity);
-        (0..state.x.len()).map(of).sum()
+        let energy = |i: usize| -scene.bodies[i].mass * (state.x[i] - scene.reference[i]).dot(&state.gravity);
+        (0..state.x.len()).map(energy).sum()
     }
 
     /// Work of all forces over the step at its end velocities, J.
     fn work_of_forces(&self) -> f64 {
-        let of = |i: usize| {
+        let work = |i: usize| {
             let (velocity, external, reaction) = (self.velocity(i), self.external_force(i), self.reaction[i]);
             let power = (reaction.force + external.force).dot(&velocity.v);
             self.state.h * (power + (reaction.torque + external.torque).dot(&velocity.w))
         };
-        (0..self.state.x.len()).map(of).sum()
+        (0..self.state.x.len()).map(work).sum()
     }
 
-    /// Energy that the contacts take in the step, J: −Σ r·((1−θ) u⁻ + θ u⁺).
+    /// Energy that the contacts dissipate in the step, J: −Σ r·((1−θ) u⁻ + θ u⁺).
     fn dissipated_energy(&self) -> f64 {
         let (start, theta) = (self.start, self.scene.options.theta);
-        let of = |solved: &SolvedContact| {
+        let work = |solved: &SolvedContact| {
             let frame = solved.contact.frame();
-            let [mut u, mut turning] = [Vec3::zeros(), Vec3::zeros()];
+            let [mut u, mut relative_rotation] = [Vec3::zeros(), Vec3::zeros()];
             for (body, arm, sign) in start.arms(solved) {
                 let i = body.index();
                 u += (start.v[i] + start.w[i].cross(&arm)) * sign;
-                turning += (start.w[i] * (1.0 - theta) + self.state.w[i] * theta) * sign;
+                relative_rotation += (start.w[i] * (1.0 - theta) + self.state.w[i] * theta) * sign;
             }
-            let mean = to_local(&frame, &u) * (1.0 - theta) + solved.velocity * theta;
-            solved.impulse.dot(&mean) + solved.moment.dot(&to_local(&frame, &turning))
+            let mean_u = to_local(&frame, &u) * (1.0 - theta) + solved.velocity * theta;
+            solved.impulse.dot(&mean_u) + solved.moment.dot(&to_local(&frame, &relative_rotation))
         };
-        -self.state.contacts.iter().map(of).sum::<f64>()
+        -self.state.contacts.iter().map(work).sum::<f64>()
     }
 
-    /// Mean penetration in the contact configuration and in the next, and the largest of both, m.
+    /// Mean penetrations in the contact configuration and in the next, and the largest in each, m.
     fn violation(&self) -> [f64; 4] {
-        let mut found = [0.0f64; 4];
+        let mut row = [0.0f64; 4];
         for solved in &self.state.contacts {
             let gap = solved.contact.gap;
             for (k, depth) in
                 [-gap, -gap - self.state.h * solved.velocity.x].map(|depth| depth.max(0.0)).into_iter().enumerate()
             {
-                found[k] += depth;
-                found[k + 2] = found[k + 2].max(depth);
+                row[k] += depth;
+                row[k + 2] = row[k + 2].max(depth);
             }
         }
         let count = self.state.contacts.len().max(1) as f64;
-        [found[0] / count, found[1] / count, found[2], found[3]]
+        [row[0] / count, row[1] / count, row[2], row[3]]
     }
 
     /// Contacts per grain: all listed, then compressive, tensile and either per grain that has such a contact. Pairs of
@@ -365,30 +365,32 @@ impl<'a> StepFigures<'a> {
             ),
         };
         let contactors = |i: usize| if scene.is_general() { scene.parts_of(BodyId::new(i)).len() } else { 1 };
-        let mut ends = std::collections::BTreeMap::<(BodyId, u16), [u32; 3]>::new();
+        // Numbers of all listed, of compressive and of tensile pairs by grain.
+        let mut counts_of_grains = std::collections::BTreeMap::<(BodyId, u16), [u32; 3]>::new();
         for i in 0..scene.bodies.len() {
             let part_numbers = (0..contactors(i) as u16).filter(|&part_number| is_grain(BodyId::new(i), part_number));
-            ends.extend(part_numbers.map(|part_number| ((BodyId::new(i), part_number), [0; 3])));
+            counts_of_grains.extend(part_numbers.map(|part_number| ((BodyId::new(i), part_number), [0; 3])));
         }
         let pair = |a: &SolvedContact| (a.contact.candidate, a.contact.antagonist, a.contact.part_numbers);
         for contacts in self.state.contacts.chunk_by(|a, b| pair(a) == pair(b)) {
             let (candidate, antagonist, part_numbers) = pair(&contacts[0]);
-            let any = |holds: fn(f64) -> bool| u32::from(contacts.iter().any(|solved| holds(solved.impulse.x)));
-            let counts = [1, any(|r| r > 0.0), any(|r| r < 0.0)];
-            for end in [(candidate, part_numbers.0), (antagonist, part_numbers.1)] {
-                let Some(sums) = ends.get_mut(&end) else { continue };
+            let any_force = |holds: fn(f64) -> bool| u32::from(contacts.iter().any(|solved| holds(solved.impulse.x)));
+            let counts = [1, any_force(|r_n| r_n > 0.0), any_force(|r_n| r_n < 0.0)];
+            for grain in [(candidate, part_numbers.0), (antagonist, part_numbers.1)] {
+                let Some(sums) = counts_of_grains.get_mut(&grain) else { continue };
                 sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
             }
         }
-        let sum = |k: usize| ends.values().map(|counts| counts[k]).sum::<u32>();
-        let with = |holds: fn(&[u32; 3]) -> bool| ends.values().filter(|counts| holds(counts)).count();
+        let sum = |k: usize| counts_of_grains.values().map(|counts| counts[k]).sum::<u32>();
+        let grains_with =
+            |holds: fn(&[u32; 3]) -> bool| counts_of_grains.values().filter(|counts| holds(counts)).count();
         let mean = |sum: u32, grains: usize| if grains > 0 { f64::from(sum) / grains as f64 } else { 0.0 };
-        (!ends.is_empty()).then(|| {
+        (!counts_of_grains.is_empty()).then(|| {
             [
-                mean(sum(0), ends.len()),
-                mean(sum(1), with(|counts| counts[1] > 0)),
-                mean(sum(2), with(|counts| counts[2] > 0)),
-                mean(sum(1) + sum(2), with(|counts| counts[1] + counts[2] > 0)),
+                mean(sum(0), counts_of_grains.len()),
+                mean(sum(1), grains_with(|counts| counts[1] > 0)),
+                mean(sum(2), grains_with(|counts| counts[2] > 0)),
+                mean(sum(1) + sum(2), grains_with(|counts| counts[1] + counts[2] > 0)),
             ]
         })
     }
@@ -396,19 +398,20 @@ impl<'a> StepFigures<'a> {
     /// Sweeps, criteria over the tolerance, and the number of contacts.
     fn solver_row(&self) -> String {
         let norms = self.report.norms.unwrap_or_default();
-        let criteria = [norms.mean_dvor, norms.quad_dv, norms.quad_dvr].map(|norm| es(norm / self.report.tol, 7));
+        let criteria =
+            [norms.mean_dvor, norms.quad_dv, norms.quad_dvr].map(|norm| fortran_es(norm / self.report.tol, 7));
         let (sweeps, contacts) = (self.report.sweeps, self.report.contacts_listed);
-        format!("{} {sweeps:8} {} {contacts:8}", es(self.state.time, 8), criteria.join(" "))
+        format!("{} {sweeps:8} {} {contacts:8}", fortran_es(self.state.time, 8), criteria.join(" "))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::es;
+    use super::fortran_es;
 
     #[test]
     fn numbers_are_those_of_fortran() {
-        let written = [0.03, -41.092_033, 0.0, -0.0, 1e-123, -2.5e100].map(|x| es(x, 7));
+        let written = [0.03, -41.092_033, 0.0, -0.0, 1e-123, -2.5e100].map(|x| fortran_es(x, 7));
         let expected = [
             " 3.0000000E-02",
             "-4.1092033E+01",
@@ -418,6 +421,6 @@ mod tests {
             "-2.5000000+100",
         ];
         assert_eq!(written, expected);
-        assert_eq!(es(0.03, 8), " 3.00000000E-02");
+        assert_eq!(fortran_es(0.03, 8), " 3.00000000E-02");
     }
 }

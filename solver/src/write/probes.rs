@@ -11,13 +11,13 @@ use crate::scene::Scene;
 use crate::state::State;
 
 /// Path of the file of a probe.
-fn path_of(case: &Path, probe: &Probe) -> PathBuf {
+fn probe_path(case: &Path, probe: &Probe) -> PathBuf {
     case.join(postpro::FOLDER).join(format!("probe-{}.csv", probe.name))
 }
 
 /// Paths of the files of all probes of a scene.
 pub fn paths(case: &Path, scene: &Scene) -> Vec<PathBuf> {
-    scene.options.probes.iter().map(|probe| path_of(case, probe)).collect()
+    scene.options.probes.iter().map(|probe| probe_path(case, probe)).collect()
 }
 
 /// Open files of all probes, each with the schedule of its rows.
@@ -39,24 +39,24 @@ impl ProbeFiles {
             let mut columns: Vec<Column> =
                 vec![("step", ColumnKind::Last), ("time", ColumnKind::Last), (STEP_LENGTH, ColumnKind::Sum)];
             columns.extend(probe.quantity.columns().iter().map(|name| (*name, kind)));
-            let due = RowSchedule { log_every: probe.every, output_every: options.output_every };
+            let schedule = RowSchedule { log_every: probe.every, output_every: options.output_every };
             let steps = [scene.start.step, state.step];
-            Ok((LogTable::open(&path_of(case, probe), &columns, steps, due, |_| ())?, due))
+            Ok((LogTable::open(&probe_path(case, probe), &columns, steps, schedule, |_| ())?, schedule))
         };
         Ok(ProbeFiles(options.probes.iter().map(open).collect::<Result<_, Faults>>()?))
     }
 
     /// Adds the values of the probes after a step, by probe and column.
     pub fn add_step(&mut self, state: &State, values: &[Vec<f64>]) -> Result<(), Faults> {
-        for ((file, due), values) in self.0.iter_mut().zip(values) {
+        for ((file, schedule), values) in self.0.iter_mut().zip(values) {
             let mut cells: Vec<LogCell> = vec![state.step.into(), state.time.into(), state.h.into()];
             cells.extend(values.iter().map(|&x| LogCell::from(x)));
-            file.add_step(cells, *due, |_| ())?;
+            file.add_step(cells, *schedule, |_| ())?;
         }
         Ok(())
     }
 
-    /// Writes the rows of the steps since the last ones at the end of the run.
+    /// Writes the rows of the last steps of the run, which are not due.
     pub fn finish_rows(&mut self) -> Result<(), Faults> {
         self.0.iter_mut().try_for_each(|(file, _)| file.finish_rows(|_| ()))
     }

@@ -1,4 +1,4 @@
-//! Writes the contact problem of one step as a document.
+//! Writes the contact problem of one step as a text document, for `--dump-problem`.
 
 use std::path::{Path, PathBuf};
 

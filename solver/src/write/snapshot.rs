@@ -1,4 +1,4 @@
-//! Converts the state to a snapshot.
+//! Converts the state, with the scene data that a reader needs, to a snapshot, which `formats` writes to a file.
 
 use cd_formats::compute::{Adaptive, SweepPrecision};
 use cd_formats::law_table::{LawParameter, law_parameters};
@@ -13,7 +13,7 @@ use crate::math::Vec3;
 use crate::scene::{BodyPart, BodyPresence, BodyShape, RigidBody, Scene};
 use crate::state::{ContactId, ContactStatus, LawMemory, SolvedContact, State};
 
-/// Returns all of the state, with the scene data that its reader needs.
+/// Returns the snapshot of a state: all of it except loads and caches that only save time.
 pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
     let has_attractions = state.laws.iter().any(|law| law.pair_cohesion().is_some());
     let memory = state.laws.iter().any(ContactLaw::has_memory).then(|| memory_arrays(state));
@@ -90,8 +90,8 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
 
 /// Law of TACT_BEHAV.DAT with its present parameters.
 fn current_law(name: &LawName, law: &ContactLaw) -> LawName {
-    let mut now = name.clone();
-    for (parameter, value) in law_parameters(&name.kind).zip(&mut now.parameters) {
+    let mut current = name.clone();
+    for (parameter, value) in law_parameters(&name.kind).zip(&mut current.parameters) {
         *value = match (parameter, law.cohesion) {
             (LawParameter::Friction | LawParameter::StaticFriction, _) => law.friction_static,
             (LawParameter::DynamicFriction, _) => law.friction_dynamic,
@@ -107,36 +107,37 @@ fn current_law(name: &LawName, law: &ContactLaw) -> LawName {
             _ => *value,
         };
     }
-    now
+    current
 }
 
 fn body_arrays(scene: &Scene, state: &State) -> BodyArrays {
-    let of = |value: &dyn Fn(usize) -> Vec3| -> Vec<[f64; 3]> { (0..state.x.len()).map(|i| value(i).into()).collect() };
-    let body = &scene.bodies;
+    let vectors =
+        |value: &dyn Fn(usize) -> Vec3| -> Vec<[f64; 3]> { (0..state.x.len()).map(|i| value(i).into()).collect() };
+    let bodies = &scene.bodies;
     BodyArrays {
-        body_id: (1..=body.len() as u64).collect(),
-        body_x: of(&|i| state.x[i]),
+        body_id: (1..=bodies.len() as u64).collect(),
+        body_x: vectors(&|i| state.x[i]),
         body_q: state.q.iter().map(|q| [q.w, q.i, q.j, q.k]).collect(),
-        body_v: of(&|i| state.v[i]),
-        body_w: of(&|i| state.q[i].inverse_transform_vector(&state.w[i])),
-        body_w_world: of(&|i| state.w[i]),
-        body_mass: body.iter().map(|b| b.mass).collect(),
-        body_inertia: body.iter().map(|b| b.inertia).collect(),
-        body_radius: body.iter().map(|b| b.radius).collect(),
-        body_half_lengths: of(&|i| match body[i].shape {
+        body_v: vectors(&|i| state.v[i]),
+        body_w: vectors(&|i| state.q[i].inverse_transform_vector(&state.w[i])),
+        body_w_world: vectors(&|i| state.w[i]),
+        body_mass: bodies.iter().map(|b| b.mass).collect(),
+        body_inertia: bodies.iter().map(|b| b.inertia).collect(),
+        body_radius: bodies.iter().map(|b| b.radius).collect(),
+        body_half_lengths: vectors(&|i| match bodies[i].shape {
             BodyShape::Plane { half_lengths } => half_lengths,
-            BodyShape::Sphere { .. } | BodyShape::Parts => Vec3::repeat(body[i].radius),
+            BodyShape::Sphere { .. } | BodyShape::Parts => Vec3::repeat(bodies[i].radius),
         }),
-        body_shape: (body.iter())
+        body_shape: (bodies.iter())
             .map(|b| match b.shape {
                 BodyShape::Sphere { .. } => SHAPE_SPHERE,
                 BodyShape::Plane { .. } => SHAPE_PLANE,
                 BodyShape::Parts => SHAPE_PARTS,
             })
             .collect(),
-        body_driven: body.iter().map(RigidBody::imposed_components).collect(),
-        body_colour: body.iter().map(|b| b.colour).collect(),
-        body_material: body.iter().map(|b| b.material).collect(),
+        body_driven: bodies.iter().map(RigidBody::imposed_components).collect(),
+        body_colour: bodies.iter().map(|b| b.colour).collect(),
+        body_material: bodies.iter().map(|b| b.material).collect(),
     }
 }
 
@@ -147,13 +148,13 @@ fn shape_arrays(scene: &Scene, state: &State) -> ShapeArrays {
     shapes.contacts.contact_rank =
         state.contacts.iter().map(|c| [c.contact.part_numbers.0, c.contact.part_numbers.1].map(u32::from)).collect();
     shapes.contacts.contact_area = state.contacts.iter().map(|c| c.contact.area).collect();
-    let kept = state.detection_cache.cached_pairs();
+    let cached_pairs = state.detection_cache.cached_pairs();
     let pair_values = |value: fn(&BodyPart) -> u32| -> Vec<[u32; 2]> {
-        kept.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part.index()]))).collect()
+        cached_pairs.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part.index()]))).collect()
     };
     shapes.pairs.pair_body = pair_values(|part| part.body.0);
     shapes.pairs.pair_rank = pair_values(|part| part.number.into());
-    shapes.pairs.pair_memory = kept.iter().map(|pair| pair.memory.to_words()).collect();
+    shapes.pairs.pair_memory = cached_pairs.iter().map(|pair| pair.memory.to_words()).collect();
     shapes
 }
 

@@ -1,4 +1,4 @@
-//! Summary of a run.
+//! Summary of a run: figures that the loop over steps collects, and the text that `cli` prints at the end.
 
 use std::fmt::Write;
 use std::time::Duration;
@@ -76,10 +76,10 @@ impl RunStatistics {
         }
     }
 
-    /// Adds a step, which began after step `first` and ended in `state`.
-    pub fn add_step(&mut self, scene: &Scene, state: &State, report: &StepReport, first: u64) {
+    /// Adds the step from step `previous_step` to `state`.
+    pub fn add_step(&mut self, scene: &Scene, state: &State, report: &StepReport, previous_step: u64) {
         self.steps += 1;
-        self.dt_count += state.step - first;
+        self.dt_count += state.step - previous_step;
         self.longest_step = self.longest_step.max(report.h);
         self.sweeps += report.sweeps;
         self.unconverged += u64::from(!report.converged);
@@ -154,12 +154,15 @@ fn add_steps(summary: &mut SummaryLines, scene: &Scene, state: &State, statistic
             format!("{} at the end, largest number in this run {}", state.bond_count(), statistics.bonds),
         );
     }
-    let single = if statistics.single_precision_steps > 0 {
+    let single_precision = if statistics.single_precision_steps > 0 {
         format!(", in single precision in {} steps", statistics.single_precision_steps)
     } else {
         String::new()
     };
-    summary.add("sweeps per step", format!("{:.1}{single}", statistics.sweeps as f64 / statistics.steps.max(1) as f64));
+    summary.add(
+        "sweeps per step",
+        format!("{:.1}{single_precision}", statistics.sweeps as f64 / statistics.steps.max(1) as f64),
+    );
     let last = state.ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
     summary.add(
         "unconverged steps",
@@ -185,8 +188,8 @@ fn add_steps(summary: &mut SummaryLines, scene: &Scene, state: &State, statistic
 fn add_penetration(summary: &mut SummaryLines, scene: &Scene, state: &State, statistics: &RunStatistics) {
     let ledger = &state.ledger;
     // Over all steps in which contacts were detected, including those of the start, and the last state.
-    let ended = statistics.penetration_end / scene.mean_radius.max(f64::MIN_POSITIVE);
-    let largest = ledger.penetration_largest.max(ended);
+    let final_penetration = statistics.penetration_end / scene.mean_radius.max(f64::MIN_POSITIVE);
+    let largest = ledger.penetration_largest.max(final_penetration);
     summary.add(
         "largest penetration",
         format!(
@@ -239,16 +242,16 @@ fn add_errors(summary: &mut SummaryLines, scene: &Scene, statistics: &RunStatist
         );
     }
     if let Some(NarrowPhaseError { mean, largest }) = statistics.narrow_phase_error {
-        let [mean, largest] = [mean, largest].map(|miss| miss / scene.mean_radius);
+        let [mean, largest] = [mean, largest].map(|error| error / scene.mean_radius);
         summary.add(
             "narrow phase error",
             format!("mean {mean:.1e} of the mean radius over touching pairs, largest {largest:.1e}"),
         );
     }
-    let [(error, estimate), (cost, of_stages)] = errors::summary_lines(sources, statistics.force_noise());
+    let [(error, estimate), (cost, stages)] = errors::summary_lines(sources, statistics.force_noise());
     let unknown = || "not known: components of the velocities of all bodies are imposed".into();
     summary.add(error, if scene.free.is_empty() { unknown() } else { estimate });
-    summary.add(cost, of_stages);
+    summary.add(cost, stages);
 }
 
 /// Traffic of the ranks and seconds of the stages.

@@ -42,32 +42,32 @@ fn output_number(scene: &Scene, step: u64) -> u64 {
 /// Offset that a run continuing from `state` adds to its output numbers; an earlier part may have had outputs closer
 /// together.
 pub fn number_offset(outbox: &Path, scene: &Scene, state: &State) -> Result<u64, Faults> {
-    Ok(last(outbox, state)?.map_or(0, |(k, step)| k.saturating_sub(output_number(scene, step))))
+    Ok(last_output(outbox, state)?.map_or(0, |(k, step)| k.saturating_sub(output_number(scene, step))))
 }
 
 /// Whether the run has also written its last output, of the step of `state`, as text.
 pub fn is_written(outbox: &Path, state: &State) -> Result<bool, Faults> {
-    Ok(last(outbox, state)?.is_some_and(|(_, step)| step == state.step))
+    Ok(last_output(outbox, state)?.is_some_and(|(_, step)| step == state.step))
 }
 
 /// Number and step of the last DOF.OUT that is not after `state`.
-fn last(outbox: &Path, state: &State) -> Result<Option<(u64, u64)>, Faults> {
+fn last_output(outbox: &Path, state: &State) -> Result<Option<(u64, u64)>, Faults> {
     let number_of = |path: &Path| path.file_name()?.to_str()?.strip_prefix(DOF_PREFIX)?.parse::<u64>().ok();
     let files = folder_entries(outbox)?.into_iter();
     let mut numbered_files: Vec<(u64, PathBuf)> = files.filter_map(|path| Some((number_of(&path)?, path))).collect();
     numbered_files.sort_unstable();
-    // Outputs after the snapshot are rewritten.
-    let before =
-        |(k, path): &(u64, PathBuf)| Some((*k, Dof::read(path).ok()?.step)).filter(|last| last.1 <= state.step);
-    Ok(numbered_files.iter().rev().find_map(before))
+    // Outputs of later steps than the state do not count, as the run rewrites them.
+    let number_and_step =
+        |(k, path): &(u64, PathBuf)| Some((*k, Dof::read(path).ok()?.step)).filter(|(_, step)| *step <= state.step);
+    Ok(numbered_files.iter().rev().find_map(number_and_step))
 }
 
-/// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, where k is the number of the output plus `numbered`.
-pub fn write_text(outbox: &Path, scene: &Scene, state: &State, numbered: u64) -> Result<(), Faults> {
+/// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, where k is the number of the output plus `number_offset`.
+pub fn write_text(outbox: &Path, scene: &Scene, state: &State, number_offset: u64) -> Result<(), Faults> {
     if state.step == scene.start.step {
         return Ok(()); // the initial state is in DATBOX
     }
-    let k = output_number(scene, state.step) + numbered;
+    let k = output_number(scene, state.step) + number_offset;
     let names = [DOF_PREFIX, CONTACTS_PREFIX].map(|prefix| format!("{prefix}{k}"));
     write_state(outbox, names.each_ref().map(String::as_str), scene, state)
 }
@@ -77,6 +77,7 @@ pub fn write_last(outbox: &Path, scene: &Scene, state: &State) -> Result<(), Fau
     write_state(outbox, LAST_NAMES, scene, state)
 }
 
+/// Writes the motion and the contacts to the files with these names in OUTBOX.
 fn write_state(outbox: &Path, [dof, contacts]: [&str; 2], scene: &Scene, state: &State) -> Result<(), Faults> {
     atomic::write(&outbox.join(contacts), contact_records(scene, state).to_text().as_bytes())?;
     atomic::write(&outbox.join(dof), dof_file(scene, state).to_text().as_bytes())
@@ -190,9 +191,9 @@ fn law_internals(kind: &str, memory: &LawMemory, contact: &Contact) -> Vec<f64> 
         internals.resize(INTERFACE_INTERNALS, 0.0);
         internals[INTERFACE_SOUNDNESS] = memory.soundness;
         let frame = contact.frame();
-        // LMGC90's s is opposite.
-        let along = [frame[1].dot(&memory.sliding), -frame[2].dot(&memory.sliding)];
-        INTERFACE_SLIDING.into_iter().zip(along).for_each(|(k, value)| internals[k] = value);
+        // The tangent s of LMGC90 has the opposite direction.
+        let sliding = [frame[1].dot(&memory.sliding), -frame[2].dot(&memory.sliding)];
+        INTERFACE_SLIDING.into_iter().zip(sliding).for_each(|(k, value)| internals[k] = value);
     } else if let Some(position) = reference_gap_position(kind) {
         internals.resize(position, 0.0);
         internals.push(memory.reference_gap);

@@ -27,7 +27,7 @@ pub fn write_input_copies(datbox: &Path, outbox: &Path, options: &Compute) -> Re
         .centred()
         .map_err(|found| Fault::new(&file, None, "bodies", found.to_string(), "expected closed surfaces"))?;
     let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT"))?;
-    // With rows of laws that are not defined, which the run has reported.
+    // Rows that name laws that are not defined are copied, too; the run has reported them.
     let tact = datbox.join("TACT_BEHAV.DAT");
     let (tact, _) = TactBehav::parse_with_notices(&tact, &AsciiText::read_file(&tact)?)?;
     let Compute { steps, end_time, threads, .. } = Compute::default();
