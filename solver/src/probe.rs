@@ -38,9 +38,9 @@ impl Probes {
             | EndCondition::WallTime(_) => [Vec::new(), Vec::new()],
         };
         let probes = &scene.options.probes;
-        let of_probe =
+        let selected =
             |probe: &Probe| probe.quantity.bodies().map_or(Vec::new(), |bodies| scene.selected_bodies(bodies));
-        let of_probes: Vec<Vec<BodyId>> = probes.iter().map(of_probe).collect();
+        let probe_bodies: Vec<Vec<BodyId>> = probes.iter().map(selected).collect();
         let beyond = |(probe, bodies): (&Probe, &Vec<BodyId>)| match &probe.quantity {
             ProbeQuantity::Crossing { through, .. } => {
                 bodies.iter().map(|body| through.is_beyond(&state.x[body.index()].into())).collect()

@@ -1,7 +1,7 @@
-//! Length of the next step: `dt`, or a multiple of it if little happens.
+//! Length of the next step with the option `adaptive`: `dt`, or a multiple of it while bodies move little.
 //!
-//! Time is counted in units of `dt`: steps, snapshots and the end of a run are. A step of several units ends at the same
-//! time as that many steps of one unit. The length follows from the result of the last step, so that it is the same in a
+//! Steps, snapshots and the end of a run are counted in units of `dt`. A step of several units ends at the same time as that
+//! many steps of one unit. The length follows from the result of the last step, so that it is the same in a
 //! resumed run:
 //!
 //! - neighbours pass each other by at most `travel` radii plus half of their gap;
@@ -20,7 +20,7 @@ use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
 use crate::math::Vec3;
-use crate::scene::Scene;
+use crate::scene::{EVENT_SLACK, Scene};
 use crate::state::{SolvedContact, State};
 
 /// Steps in the shortest orbit: a phase error of 1e-3 per orbit.
@@ -29,10 +29,11 @@ const STEPS_PER_ORBIT: f64 = 50.0;
 /// Largest ratio of a step to the one before; detection covers this multiple of the step.
 pub const MAX_STEP_GROWTH: u64 = 2;
 
-/// Length of the next step in units of `dt`. `disturbed`: velocities have been changed since the last step.
-pub fn choose_step_multiple(scene: &Scene, state: &State, disturbed: bool) -> u64 {
+/// Length of the next step in units of `dt`. `velocities_changed`: whether velocities have been changed since the last step,
+/// so that those of the contacts are not known.
+pub fn choose_step_multiple(scene: &Scene, state: &State, velocities_changed: bool) -> u64 {
     let adaptive = scene.options.adaptive();
-    let knows_neighbours = state.step > scene.start.step && !disturbed;
+    let knows_neighbours = state.step > scene.start.step && !velocities_changed;
     if !adaptive.is_on() || !knows_neighbours {
         return 1;
     }
@@ -48,8 +49,9 @@ pub fn choose_step_multiple(scene: &Scene, state: &State, disturbed: bool) -> u6
     let turn_limit = adaptive.travel / fastest_spin(scene, state);
     let orbit_limit = shortest_orbit(scene, state) / STEPS_PER_ORBIT;
     let multiple = contact_limit.min(turn_limit).min(orbit_limit).min(constant_time) / dt;
+    // A quotient that is whole up to rounding counts as whole.
     let multiple = (multiple.min(largest) * (1.0 + 1e-12)).floor().max(1.0) as u64;
-    // Divides the time to the next stop into equal parts.
+    // Equal steps up to the next stop.
     let remaining = steps_to_next_stop(scene, state).max(1);
     remaining.div_ceil(remaining.div_ceil(multiple))
 }
@@ -59,10 +61,12 @@ fn contact_time_limit(scene: &Scene, state: &State, solved: &SolvedContact) -> f
     let SolvedContact { contact, velocity, .. } = solved;
     let adaptive = scene.options.adaptive();
     let theta = scene.options.theta;
-    let sides = [contact.candidate, contact.antagonist].map(|i| &scene.bodies[i.index()]);
-    let radius = sides.iter().filter(|body| !body.driven).map(|body| body.radius).fold(f64::INFINITY, f64::min);
+    let bodies = [contact.candidate, contact.antagonist].map(|i| &scene.bodies[i.index()]);
+    let radius = bodies.iter().filter(|body| !body.driven).map(|body| body.radius).fold(f64::INFINITY, f64::min);
     let gap = (contact.gap + theta * state.h * velocity.x).max(0.0);
     let travel = (adaptive.travel * radius + 0.5 * gap) / velocity.norm();
+    // Velocities of the step's start move bodies for (1-θ) h to the contact configuration; the least share keeps a limit where
+    // θ is 1.
     let approach = (-velocity.x).max(0.0) * (1.0 - theta).max(0.1);
     travel.min((adaptive.penetration * radius + gap) / approach)
 }
@@ -70,8 +74,8 @@ fn contact_time_limit(scene: &Scene, state: &State, solved: &SolvedContact) -> f
 /// Largest angular speed of a body that is not a sphere, rad/s; independent of its moments of inertia, as its contacts
 /// turn with it.
 pub fn fastest_spin(scene: &Scene, state: &State) -> f64 {
-    let turns = scene.bodies.iter().zip(&state.w).filter(|(body, _)| !body.is_sphere());
-    turns.map(|(_, w)| w.norm()).fold(0.0, f64::max)
+    let turning = scene.bodies.iter().zip(&state.w).filter(|(body, _)| !body.is_sphere());
+    turning.map(|(_, w)| w.norm()).fold(0.0, f64::max)
 }
 
 /// Period of the fastest possible orbit outside of bodies, s: in self-gravity, about primaries, of rotating axes.
@@ -89,7 +93,7 @@ pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
         }
     };
     let surface_period =
-        scene.surface_gravity().map_or(f64::INFINITY, |(radius, surface)| TAU * (radius / surface).sqrt());
+        scene.surface_gravity().map_or(f64::INFINITY, |(radius, gravity)| TAU * (radius / gravity).sqrt());
     scene.external_fields(state.time).into_iter().map(period_in).fold(surface_period, f64::min)
 }
 
@@ -98,8 +102,7 @@ fn steps_to_next_stop(scene: &Scene, state: &State) -> u64 {
     let every = scene.options.output_every;
     let snapshot = every - state.step % every;
     let end = scene.last_step().saturating_sub(state.step);
-    let event = scene.events.get(state.events_done).map_or(f64::INFINITY, |event| event.time - state.time);
-    // Same tolerance as for events.
-    let event = (event / scene.options.dt - 1e-3).ceil().max(1.0) as u64;
+    let time_to_event = scene.events.get(state.events_done).map_or(f64::INFINITY, |event| event.time - state.time);
+    let event = (time_to_event / scene.options.dt - EVENT_SLACK).ceil().max(1.0) as u64;
     snapshot.min(end).min(event)
 }

@@ -89,22 +89,22 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
     let time_before = h * (1.0 - scene.options.theta);
     let x: Vec<Vec3> =
         state.x.par_iter().zip(&state.v).with_min_len(PAR_MIN_LEN).map(|(x, v)| x + v * time_before).collect();
-    let predicted = |((q, oriented), w): ((&Quat, &bool), &Vec3)| {
+    let predicted_orientation = |((q, oriented), w): ((&Quat, &bool), &Vec3)| {
         if *oriented { rotate_by_vector(q, &(w * time_before)) } else { *q }
     };
     let orientations = state.q.par_iter().zip(&scene.oriented).zip(&state.w);
-    let mut q: Vec<Quat> = orientations.with_min_len(PAR_MIN_LEN).map(predicted).collect();
+    let mut q: Vec<Quat> = orientations.with_min_len(PAR_MIN_LEN).map(predicted_orientation).collect();
     let mut w = state.w.clone();
-    let (rate, mut momenta) = (scene.frame_angular_velocity(), state.angular_momentum.clone());
-    let predicted = |(&i, momentum): (&BodyId, &mut Vec3)| {
+    let (frame_rate, mut momenta) = (scene.frame_angular_velocity(), state.angular_momentum.clone());
+    let predict_rotation = |(&i, momentum): (&BodyId, &mut Vec3)| {
         let (i, inertia) = (i.index(), &scene.bodies[i.index()].inertia);
-        let q = turn_in_axes(&state.q[i], momentum, inertia, &rate, time_before);
+        let q = turn_in_axes(&state.q[i], momentum, inertia, &frame_rate, time_before);
         (q, angular_velocity(&q, inertia, momentum))
     };
-    let turned: Vec<_> =
-        scene.turning.par_iter().zip(&mut momenta).with_min_len(MIN_TURNING_PER_TASK).map(predicted).collect();
-    for (&i, turned) in scene.turning.iter().zip(turned) {
-        (q[i.index()], w[i.index()]) = turned;
+    let rotations: Vec<_> =
+        scene.turning.par_iter().zip(&mut momenta).with_min_len(MIN_TURNING_PER_TASK).map(predict_rotation).collect();
+    for (&i, rotation) in scene.turning.iter().zip(rotations) {
+        (q[i.index()], w[i.index()]) = rotation;
     }
     for &body in &scene.guided {
         let i = body.index();
@@ -148,16 +148,16 @@ pub fn implicit_configuration(scene: &Scene, state: &State, step_multiple: u64) 
 }
 
 /// [`free_rotation`] in axes that rotate at `rate` (rad/s), in which orientation and `momentum` are given before and
-/// after. The body rotates with J W more momentum in fixed axes that coincide with these at first, then relative to the
-/// axes.
+/// after. In fixed axes that coincide with these at the start the body has J W more momentum, W the rate of the axes; it
+/// rotates freely in these, and the axes then turn by W h.
 fn turn_in_axes(q: &Quat, momentum: &mut Vec3, inertia: &[f64; 3], rate: &Vec3, h: f64) -> Quat {
     if *rate == Vec3::zeros() {
         return free_rotation(q, momentum, inertia, h);
     }
-    let at_rest = *momentum + angular_momentum(q, inertia, rate);
+    let fixed_momentum = *momentum + angular_momentum(q, inertia, rate);
     let back = rate * -h;
-    let q = rotate_by_vector(&free_rotation(q, &at_rest, inertia, h), &back);
-    *momentum = Quat::from_scaled_axis(back) * at_rest - angular_momentum(&q, inertia, rate);
+    let q = rotate_by_vector(&free_rotation(q, &fixed_momentum, inertia, h), &back);
+    *momentum = Quat::from_scaled_axis(back) * fixed_momentum - angular_momentum(&q, inertia, rate);
     q
 }
 
@@ -172,43 +172,43 @@ fn turn_guided(body: &RigidBody, q: &Quat, w: &Vec3, h: f64) -> (Quat, Vec3) {
 pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
     let h = q_c.h;
     let time_after = if q_c.implicit { h } else { h * scene.options.theta };
-    let starts = StartsOfDriven::new(scene, state, q_c);
+    let driven = DrivenBodies::new(scene, state, q_c);
     let energy_before = held_rotational_energy(scene, &q_c.q, &w);
-    let moved = |((x, x_c), v): ((&mut Vec3, &Vec3), &Vec3)| *x = x_c + v * time_after;
-    state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(PAR_MIN_LEN).for_each(moved);
-    let turned = |(i, (q, oriented)): (usize, (&mut Quat, &bool))| {
+    let advance_position = |((x, x_c), v): ((&mut Vec3, &Vec3), &Vec3)| *x = x_c + v * time_after;
+    state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(PAR_MIN_LEN).for_each(advance_position);
+    let advance_orientation = |(i, (q, oriented)): (usize, (&mut Quat, &bool))| {
         if *oriented {
             *q = rotate_by_vector(&q_c.q[i], &(w[i] * q_c.turning_time(scene, BodyId::new(i))));
         }
     };
-    state.q.par_iter_mut().zip(&scene.oriented).with_min_len(PAR_MIN_LEN).enumerate().for_each(turned);
-    let rate = scene.frame_angular_velocity();
-    let turn = |((&body, momentum), carried): ((&BodyId, &mut Vec3), &Vec3)| {
+    state.q.par_iter_mut().zip(&scene.oriented).with_min_len(PAR_MIN_LEN).enumerate().for_each(advance_orientation);
+    let frame_rate = scene.frame_angular_velocity();
+    let advance_rotation = |((&body, momentum), predicted): ((&BodyId, &mut Vec3), &Vec3)| {
         let (i, inertia) = (body.index(), &scene.bodies[body.index()].inertia);
         // A body without impulses keeps its momentum to the last bit.
-        let pushed = carried + angular_momentum(&q_c.q[i], inertia, &(w[i] - q_c.w[i]));
-        let mut turned = pushed;
-        let q = turn_in_axes(&q_c.q[i], &mut turned, inertia, &rate, q_c.turning_time(scene, body));
-        let change_by_axes = (carried - *momentum) + (turned - pushed);
-        *momentum = turned;
-        (q, angular_velocity(&q, inertia, &turned), change_by_axes)
+        let after_impulses = predicted + angular_momentum(&q_c.q[i], inertia, &(w[i] - q_c.w[i]));
+        let mut at_end = after_impulses;
+        let q = turn_in_axes(&q_c.q[i], &mut at_end, inertia, &frame_rate, q_c.turning_time(scene, body));
+        let change_by_axes = (predicted - *momentum) + (at_end - after_impulses);
+        *momentum = at_end;
+        (q, angular_velocity(&q, inertia, &at_end), change_by_axes)
     };
     let turning = scene.turning.par_iter().zip(&mut state.angular_momentum).zip(&q_c.angular_momentum);
-    let turned: Vec<_> = turning.with_min_len(MIN_TURNING_PER_TASK).map(turn).collect();
+    let rotations: Vec<_> = turning.with_min_len(MIN_TURNING_PER_TASK).map(advance_rotation).collect();
     let mut change_by_axes = Vec3::zeros();
-    for (&i, (q, angular_velocity, term)) in scene.turning.iter().zip(turned) {
+    for (&i, (q, angular_velocity, term)) in scene.turning.iter().zip(rotations) {
         (state.q[i.index()], w[i.index()]) = (q, angular_velocity);
         change_by_axes += term;
     }
-    if rate != Vec3::zeros() {
+    if frame_rate != Vec3::zeros() {
         state.ledger.angular_momentum_expected.iter_mut().zip(&change_by_axes).for_each(|(sum, term)| *sum += term);
     }
     for &body in &scene.guided {
         let i = body.index();
         (state.q[i], w[i]) = turn_guided(&scene.bodies[i], &q_c.q[i], &w[i], time_after);
     }
-    starts.advance_state(scene, state, q_c, Velocities { v: &v, w: &w });
-    // As these turn without impulses, their energy changes by the moments that impose their rotation.
+    driven.advance_state(scene, state, q_c, Velocities { v: &v, w: &w });
+    // Impulses act before and after these rotations, in which only the moments that impose rotations change the energy.
     state.ledger.outside_work += held_rotational_energy(scene, &state.q, &w) - energy_before;
     state.v = v;
     state.w = w;
@@ -224,7 +224,7 @@ pub fn held_rotational_energy(scene: &Scene, q: &[Quat], w: &[Vec3]) -> f64 {
 }
 
 /// Driven bodies of a step that is taken with θ = 1; their imposed motion is the same as in any step.
-struct StartsOfDriven(Vec<DrivenStart>);
+struct DrivenBodies(Vec<DrivenStart>);
 
 /// A driven body of such a step.
 struct DrivenStart {
@@ -236,39 +236,39 @@ struct DrivenStart {
     rate: Vec3,
 }
 
-impl StartsOfDriven {
+impl DrivenBodies {
     /// Positions and orientations that they would have in the contact configuration with the scene's θ; none if the step
     /// is taken with that.
     fn new(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Self {
-        let before = q_c.h * (1.0 - scene.options.theta);
+        let time_before = q_c.h * (1.0 - scene.options.theta);
         let driven = (0..scene.bodies.len()).filter(|&i| q_c.implicit && scene.bodies[i].driven);
         let start = |i: usize| DrivenStart {
             body: i,
-            x: state.x[i] + state.v[i] * before,
-            q: rotate_by_vector(&state.q[i], &(state.w[i] * before)),
+            x: state.x[i] + state.v[i] * time_before,
+            q: rotate_by_vector(&state.q[i], &(state.w[i] * time_before)),
             rate: state.q[i].inverse_transform_vector(&state.w[i]),
         };
-        StartsOfDriven(driven.map(start).collect())
+        DrivenBodies(driven.map(start).collect())
     }
 
-    /// Advances them from there to the step's end; along and about axes of which the motion is not imposed, from the start by
+    /// Advances these bodies from there to the step's end; along and about axes of which the motion is not imposed, from the start by
     /// h V⁺.
     fn advance_state(self, scene: &Scene, state: &mut State, q_c: &ContactConfiguration, end: Velocities) {
         let Velocities { v, w } = end;
-        let after = q_c.h * scene.options.theta;
+        let time_after = q_c.h * scene.options.theta;
         for DrivenStart { body: i, x, q, rate } in self.0 {
-            let imposed = x + v[i] * after;
-            let pushed = q_c.x[i] + v[i] * q_c.h;
+            let imposed_x = x + v[i] * time_after;
+            let free_x = q_c.x[i] + v[i] * q_c.h;
             let body = &scene.bodies[i];
-            state.x[i] = Vec3::from_fn(|k, _| if body.free_components[k] { pushed[k] } else { imposed[k] });
+            state.x[i] = Vec3::from_fn(|k, _| if body.free_components[k] { free_x[k] } else { imposed_x[k] });
             if body.rotates_in_part() {
-                // The state has turned by h W⁺, but its imposed rates began with those at the step's start.
+                // The state has turned by h W⁺; the imposed rates are those of the step's start for the time (1-θ) h.
                 let change = rate - state.q[i].inverse_transform_vector(&w[i]);
-                let missing = Vec3::from_fn(|k, _| if body.free_components[3 + k] { 0.0 } else { change[k] });
-                let turn = state.q[i] * (missing * (q_c.h - after));
+                let missing_rate = Vec3::from_fn(|k, _| if body.free_components[3 + k] { 0.0 } else { change[k] });
+                let turn = state.q[i] * (missing_rate * (q_c.h - time_after));
                 state.q[i] = rotate_by_vector(&state.q[i], &turn);
             } else if scene.oriented[i] && !body.rotates_freely() {
-                state.q[i] = rotate_by_vector(&q, &(w[i] * after));
+                state.q[i] = rotate_by_vector(&q, &(w[i] * time_after));
             }
         }
     }

@@ -107,9 +107,9 @@ impl StrainSpring {
     /// The normal impulse r_n = -h (k (L + T u_n - L_0 (1 + ε_0)) + η u_n)/L_0 is û_n = u_n + shift + compliance r_n = 0. With
     /// 1000 N, 2 m long and stretched to 2.002 m, without a damper, in steps of 1 ms: 2 m/s and 2000 /kg, hence 1 N without motion.
     pub fn shift_and_compliance(&self, length: f64, rest_length: f64, h: f64, closing_time: f64) -> (f64, f64) {
-        let stiffened = self.stiffness * closing_time + self.viscosity;
+        let effective_viscosity = self.stiffness * closing_time + self.viscosity;
         let elongation = length - rest_length * (1.0 + self.prestrain);
-        (self.stiffness * elongation / stiffened, rest_length / (h * stiffened))
+        (self.stiffness * elongation / effective_viscosity, rest_length / (h * effective_viscosity))
     }
 }
 
@@ -329,50 +329,54 @@ impl ContactLaw {
 
     /// Returns the law's shifts for a contact; `None` if it cannot act in this step.
     #[inline]
-    pub fn contact_shift(&self, at: &LawInput) -> Option<LawShift> {
-        let LawInput { gap, h, closing_time, u_n, .. } = *at;
+    pub fn contact_shift(&self, input: &LawInput) -> Option<LawShift> {
+        let LawInput { gap, h, closing_time, u_n, .. } = *input;
         let mut solved = true;
         let (normal, tangential) = match self.unilateral {
             // Bonds are rigid: a redundant set of bonds cannot close gaps opened by errors.
             UnilateralLaw::InelasticShock { .. }
-                if at.bonded && matches!(self.cohesion, Some(Cohesion::Bond { .. })) =>
+                if input.bonded && matches!(self.cohesion, Some(Cohesion::Bond { .. })) =>
             {
                 (0.0, 0.0)
             }
             UnilateralLaw::InelasticShock { .. } => ((gap / closing_time).max(0.0), 0.0),
             UnilateralLaw::Gap => (gap / closing_time, 0.0),
-            UnilateralLaw::Spring { damper: Some(_), .. } if gap > 0.0 && at.gap_forecast != GapForecast::Due => {
+            UnilateralLaw::Spring { damper: Some(_), .. } if gap > 0.0 && input.gap_forecast != GapForecast::Due => {
                 return None;
             }
             UnilateralLaw::Spring { stiffness, damper } => {
-                let stiffened = stiffness * closing_time + closed_damper(damper, gap);
-                (stiffness * gap / stiffened, 0.0)
+                let effective_viscosity = stiffness * closing_time + closed_damper(damper, gap);
+                (stiffness * gap / effective_viscosity, 0.0)
             }
             UnilateralLaw::Coupling => (0.0, 0.0),
             // Its row is made from the two points.
             UnilateralLaw::Link(_) => return None,
-            UnilateralLaw::Velocity if self.is_closed(at) => (0.0, 0.0),
-            UnilateralLaw::Restitution { normal, tangential } if self.is_closed(at) => {
+            UnilateralLaw::Velocity if self.is_closed(input) => (0.0, 0.0),
+            UnilateralLaw::Restitution { normal, tangential } if self.is_closed(input) => {
                 (normal * u_n, if u_n < 0.0 { tangential } else { 0.0 })
             }
-            UnilateralLaw::Velocity | UnilateralLaw::Restitution { .. } => match (self.unilateral, at.gap_forecast) {
-                (_, GapForecast::Passing) if !self.attracts(at) => return None,
-                (UnilateralLaw::Restitution { normal, tangential }, GapForecast::Due) if self.throws_back(at) => {
-                    (normal * u_n, tangential)
+            UnilateralLaw::Velocity | UnilateralLaw::Restitution { .. } => {
+                match (self.unilateral, input.gap_forecast) {
+                    (_, GapForecast::Passing) if !self.attracts(input) => return None,
+                    (UnilateralLaw::Restitution { normal, tangential }, GapForecast::Due)
+                        if self.throws_back(input) =>
+                    {
+                        (normal * u_n, tangential)
+                    }
+                    (_, GapForecast::Apart { depth }) if self.has_restitution() => {
+                        solved = self.attracts(input);
+                        ((gap + depth) / closing_time, 0.0)
+                    }
+                    _ => (gap / closing_time, 0.0),
                 }
-                (_, GapForecast::Apart { depth }) if self.has_restitution() => {
-                    solved = self.attracts(at);
-                    ((gap + depth) / closing_time, 0.0)
-                }
-                _ => (gap / closing_time, 0.0),
-            },
+            }
         };
-        let friction = if at.slid_before { self.friction_dynamic } else { self.friction_static };
+        let friction = if input.slid_before { self.friction_dynamic } else { self.friction_static };
         let (attraction, friction) = match self.cohesion() {
-            Some(Cohesion::Wet { force, .. }) if self.attracts(at) => (force, friction),
-            Some(Cohesion::Pair(_)) => (at.pair_attraction, friction),
-            Some(Cohesion::Bond { normal, tangential, now }) if at.bonded && now > 0.0 => {
-                (now * std::f64::consts::PI * at.radius * at.radius, tangential / normal)
+            Some(Cohesion::Wet { force, .. }) if self.attracts(input) => (force, friction),
+            Some(Cohesion::Pair(_)) => (input.pair_attraction, friction),
+            Some(Cohesion::Bond { normal, tangential, now }) if input.bonded && now > 0.0 => {
+                (now * std::f64::consts::PI * input.radius * input.radius, tangential / normal)
             }
             None | Some(Cohesion::Wet { .. } | Cohesion::Bond { .. }) => (0.0, friction),
         };
@@ -381,22 +385,22 @@ impl ContactLaw {
     }
 
     /// Whether the two bodies attract each other at a distance.
-    fn attracts(&self, at: &LawInput) -> bool {
+    fn attracts(&self, input: &LawInput) -> bool {
         match self.cohesion() {
-            Some(Cohesion::Wet { range, remembers, .. }) => at.gap <= range && (at.bonded || !remembers),
-            Some(Cohesion::Pair(_)) => at.pair_attraction > 0.0,
+            Some(Cohesion::Wet { range, remembers, .. }) => input.gap <= range && (input.bonded || !remembers),
+            Some(Cohesion::Pair(_)) => input.pair_attraction > 0.0,
             None | Some(Cohesion::Bond { .. }) => false,
         }
     }
 
     /// Whether a contact of a law that acts on touching contacts is closed, to rounding.
-    fn is_closed(&self, at: &LawInput) -> bool {
-        at.gap <= CLOSED_GAP * at.radius
+    fn is_closed(&self, input: &LawInput) -> bool {
+        input.gap <= CLOSED_GAP * input.radius
     }
 
     /// Whether an approaching pair is thrown back: the velocity at the start alone closes it.
-    pub fn throws_back(&self, at: &LawInput) -> bool {
-        self.has_restitution() && at.gap_forecast == GapForecast::Due && at.gap < -at.closing_time * at.u_n
+    pub fn throws_back(&self, input: &LawInput) -> bool {
+        self.has_restitution() && input.gap_forecast == GapForecast::Due && input.gap < -input.closing_time * input.u_n
     }
 
     /// Whether the law is a spring with a damper, which acts on closed contacts, and as a spring alone on pairs that a step
@@ -518,8 +522,8 @@ impl ContactLaw {
     pub fn regularisation(&self, gap: f64, h: f64, closing_time: f64) -> Option<LawRegularisation> {
         match self.unilateral {
             UnilateralLaw::Spring { stiffness, damper } => {
-                let stiffened = stiffness * closing_time + closed_damper(damper, gap);
-                Some(LawRegularisation::Compliance(1.0 / (h * stiffened)))
+                let effective_viscosity = stiffness * closing_time + closed_damper(damper, gap);
+                Some(LawRegularisation::Compliance(1.0 / (h * effective_viscosity)))
             }
             UnilateralLaw::Coupling => Some(LawRegularisation::Coupling),
             // Wires and rods, like interfaces, have rows of their own.
@@ -555,7 +559,7 @@ impl ContactLaw {
         }
     }
 
-    /// Whether a bond outlives a step in which the contact, with this gap at detection (m), has moved so.
+    /// Whether a bond outlives a step in which the contact, with this gap at detection (m), has this motion.
     pub fn keeps_bond(&self, gap: f64, motion: ContactMotion) -> bool {
         match self.cohesion() {
             Some(Cohesion::Wet { range, .. }) => gap <= range,

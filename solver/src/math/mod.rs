@@ -120,9 +120,13 @@ pub fn rotate_by_vector(q: &Quat, angle: &Vec3) -> Quat {
     };
     let v = angle * sinc;
     let turned = Quaternion::new(cos, v.x, v.y, v.z) * q.into_inner();
-    // A Newton step for 1/sqrt, exact to round-off for a norm so near 1.
-    let off = turned.norm_squared() - 1.0;
-    if off.abs() < 1e-8 { Quat::new_unchecked(turned * (1.0 - 0.5 * off)) } else { Quat::new_normalize(turned) }
+    // A Newton step for 1/sqrt: its error is the square of that of the norm, below round-off.
+    let norm_error = turned.norm_squared() - 1.0;
+    if norm_error.abs() < 1e-8 {
+        Quat::new_unchecked(turned * (1.0 - 0.5 * norm_error))
+    } else {
+        Quat::new_normalize(turned)
+    }
 }
 
 /// Smallest number of items per task, for loops of little work per item.

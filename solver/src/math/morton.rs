@@ -1,4 +1,5 @@
-//! Order of points along Morton's curve: points near on it are near in space.
+//! Order of points along Morton's curve, on which neighbours are near in space: bodies in this order are near in memory, and
+//! blocks of them are compact.
 
 use rayon::prelude::*;
 
@@ -17,16 +18,20 @@ pub struct MortonKey {
     pub index: u32,
 }
 
-/// `count` points, not yet on a curve. They start in the order `about`, if it has this length: a nearly sorted order reduces
+/// `count` points, not yet on a curve. They start in the order `approximate_order`, if it has this length: a nearly sorted order reduces
 /// the time to sort, and no order changes the result.
-pub fn unsorted_keys(count: usize, about: &[u32]) -> Vec<MortonKey> {
+pub fn unsorted_keys(count: usize, approximate_order: &[u32]) -> Vec<MortonKey> {
     let key = |index| MortonKey { key: 0, index };
-    if about.len() == count { about.iter().copied().map(key).collect() } else { (0..count as u32).map(key).collect() }
+    if approximate_order.len() == count {
+        approximate_order.iter().copied().map(key).collect()
+    } else {
+        (0..count as u32).map(key).collect()
+    }
 }
 
-/// Points along the curve; `about` is an approximate order.
-pub fn morton_order(positions: &[Vec3], about: &[u32]) -> Vec<u32> {
-    let mut keys = unsorted_keys(positions.len(), about);
+/// Indices of the points along the curve; a good `approximate_order`, such as that of the last step, saves time.
+pub fn morton_order(positions: &[Vec3], approximate_order: &[u32]) -> Vec<u32> {
+    let mut keys = unsorted_keys(positions.len(), approximate_order);
     if !positions.is_empty() {
         sort_keys(&mut keys, positions);
     }
@@ -47,7 +52,7 @@ fn spread_bits(x: u64) -> u64 {
     (x | x << 2) & 0x1249_2492_4924_9249
 }
 
-/// Gives `keys` their points' positions on the curve through the cube around them, and sorts them by these and their index.
+/// Sets the positions of `keys` on the curve through the cube around their points, and sorts them by these and their index.
 /// Returns false if all points coincide.
 pub fn sort_keys(keys: &mut [MortonKey], positions: &[Vec3]) -> bool {
     let bounds = |keys: &[MortonKey]| {
@@ -65,8 +70,8 @@ pub fn sort_keys(keys: &mut [MortonKey], positions: &[Vec3]) -> bool {
     }
     let largest = (1u64 << AXIS_BITS) - 1;
     keys.par_chunks_mut(POINTS_PER_TASK).flatten_iter().for_each(|key| {
-        let at = (positions[key.index as usize] - low) * scale;
-        let [x, y, z] = [at.x, at.y, at.z].map(|x| spread_bits((x as u64).min(largest)));
+        let cell = (positions[key.index as usize] - low) * scale;
+        let [x, y, z] = [cell.x, cell.y, cell.z].map(|x| spread_bits((x as u64).min(largest)));
         key.key = x | y << 1 | z << 2;
     });
     if try_insertion_sort(keys) {
@@ -96,29 +101,32 @@ fn try_insertion_sort(keys: &mut [MortonKey]) -> bool {
     true
 }
 
-/// Sorts `parts` parts in parallel and merges them, in `keys` or, if `into`, in `other`, which has the same content. The
-/// result does not depend on the parts: no two keys are equal in key and index.
-fn merge_sort(keys: &mut [MortonKey], other: &mut [MortonKey], parts: usize, into: bool) {
+/// Sorts `parts` parts in parallel and merges them. The result is in `buffer`, which has the same content at first, if
+/// `into_buffer`, else in `keys`. It does not depend on the parts: no two keys are equal in key and index.
+fn merge_sort(keys: &mut [MortonKey], buffer: &mut [MortonKey], parts: usize, into_buffer: bool) {
     if parts <= 1 {
-        radix_sort(keys, other);
-        if into {
-            other.copy_from_slice(keys);
+        radix_sort(keys, buffer);
+        if into_buffer {
+            buffer.copy_from_slice(keys);
         }
         return;
     }
     let middle = keys.len() / 2;
-    let ((one, two), (other_one, other_two)) = (keys.split_at_mut(middle), other.split_at_mut(middle));
-    rayon::join(|| merge_sort(one, other_one, parts / 2, !into), || merge_sort(two, other_two, parts / 2, !into));
-    if into { merge_runs(one, two, other) } else { merge_runs(other_one, other_two, keys) }
+    let ((left, right), (left_buffer, right_buffer)) = (keys.split_at_mut(middle), buffer.split_at_mut(middle));
+    rayon::join(
+        || merge_sort(left, left_buffer, parts / 2, !into_buffer),
+        || merge_sort(right, right_buffer, parts / 2, !into_buffer),
+    );
+    if into_buffer { merge_runs(left, right, buffer) } else { merge_runs(left_buffer, right_buffer, keys) }
 }
 
-/// Merges two sorted runs.
-fn merge_runs(one: &[MortonKey], two: &[MortonKey], out: &mut [MortonKey]) {
-    if out.len() > 2 * POINTS_PER_TASK {
-        let (long, short) = if one.len() >= two.len() { (one, two) } else { (two, one) };
+/// Merges two sorted runs into `merged`.
+fn merge_runs(left: &[MortonKey], right: &[MortonKey], merged: &mut [MortonKey]) {
+    if merged.len() > 2 * POINTS_PER_TASK {
+        let (long, short) = if left.len() >= right.len() { (left, right) } else { (right, left) };
         let half = long.len() / 2;
         let cut = short.partition_point(|k| sort_key(k) < sort_key(&long[half]));
-        let (low, high) = out.split_at_mut(half + cut);
+        let (low, high) = merged.split_at_mut(half + cut);
         rayon::join(
             || merge_runs(&long[..half], &short[..cut], low),
             || merge_runs(&long[half..], &short[cut..], high),
@@ -126,22 +134,25 @@ fn merge_runs(one: &[MortonKey], two: &[MortonKey], out: &mut [MortonKey]) {
         return;
     }
     let (mut i, mut j) = (0, 0);
-    for key in out {
-        let first = j == two.len() || (i < one.len() && sort_key(&one[i]) < sort_key(&two[j]));
-        *key = if first { one[i] } else { two[j] };
-        (i, j) = (i + first as usize, j + !first as usize);
+    for key in merged {
+        let takes_left = j == right.len() || (i < left.len() && sort_key(&left[i]) < sort_key(&right[j]));
+        *key = if takes_left { left[i] } else { right[j] };
+        (i, j) = (i + takes_left as usize, j + !takes_left as usize);
     }
 }
 
-/// Sorts by key: by counting over the first bits, then by comparison among keys with equal first bits.
-fn radix_sort(keys: &mut [MortonKey], other: &mut [MortonKey]) {
-    const DIGIT: u32 = 11;
-    const LOWEST: u32 = 3 * AXIS_BITS - 3 * DIGIT;
+/// Sorts by key: by counting over the first three digits, then by comparison among keys with equal first digits.
+fn radix_sort(keys: &mut [MortonKey], buffer: &mut [MortonKey]) {
+    const DIGIT_BITS: u32 = 11;
+    const COUNTED_FROM_BIT: u32 = 3 * AXIS_BITS - 3 * DIGIT_BITS;
+    // Comparison is faster for few keys, as there are more counts than keys.
     if keys.len() < 1 << 10 {
         return keys.sort_unstable_by_key(sort_key);
     }
-    let mut starts = [[0u32; 1 << DIGIT]; 3];
-    let digit = |k: &MortonKey, pass: usize| (k.key >> (LOWEST + pass as u32 * DIGIT)) as usize & ((1 << DIGIT) - 1);
+    let mut starts = [[0u32; 1 << DIGIT_BITS]; 3];
+    let digit = |k: &MortonKey, pass: usize| {
+        (k.key >> (COUNTED_FROM_BIT + pass as u32 * DIGIT_BITS)) as usize & ((1 << DIGIT_BITS) - 1)
+    };
     for k in &*keys {
         for (pass, starts) in starts.iter_mut().enumerate() {
             starts[digit(k, pass)] += 1;
@@ -153,18 +164,18 @@ fn radix_sort(keys: &mut [MortonKey], other: &mut [MortonKey]) {
             (sum, *start) = (sum + *start, sum);
         }
     }
-    let mut count_out = |from: &[MortonKey], to: &mut [MortonKey], pass: usize| {
+    let mut distribute = |from: &[MortonKey], to: &mut [MortonKey], pass: usize| {
         for k in from {
             let start = &mut starts[pass][digit(k, pass)];
             to[*start as usize] = *k;
             *start += 1;
         }
     };
-    count_out(keys, other, 0);
-    count_out(other, keys, 1);
-    count_out(keys, other, 2);
-    keys.copy_from_slice(other);
-    for run in keys.chunk_by_mut(|a, b| a.key >> LOWEST == b.key >> LOWEST) {
+    distribute(keys, buffer, 0);
+    distribute(buffer, keys, 1);
+    distribute(keys, buffer, 2);
+    keys.copy_from_slice(buffer);
+    for run in keys.chunk_by_mut(|a, b| a.key >> COUNTED_FROM_BIT == b.key >> COUNTED_FROM_BIT) {
         if run.len() > 1 {
             run.sort_unstable_by_key(sort_key);
         }

@@ -43,10 +43,11 @@ pub fn free_rotation(q: &Quat, momentum: &Vec3, inertia: &[f64; 3], h: f64) -> Q
     (0..divisions as usize).fold(*q, |q, _| free_rotation_step(&q, momentum, inertia, part))
 }
 
+/// One application of the rule, see [`free_rotation`].
 fn free_rotation_step(q: &Quat, momentum: &Vec3, inertia: &[f64; 3], h: f64) -> Quat {
     let j = Vec3::from(*inertia);
     let l = q.inverse_transform_vector(momentum);
-    turned_at(q, &midpoint_velocity(&l, &j, h), h)
+    cayley_rotation(q, &midpoint_velocity(&l, &j, h), h)
 }
 
 /// Orientation and angular velocity (rad/s, world frame) after the time `h` (s) of a body that turns at imposed, constant
@@ -74,7 +75,7 @@ pub fn guided_rotation(q: &Quat, w: &Vec3, inertia: &[f64; 3], free: [bool; 3], 
     for _ in 0..divisions as usize {
         let middle = guided_midpoint(&own, &slopes, free, 0.5 * part);
         own = Vec3::from_fn(|i, _| if free[i] { 2.0 * middle[i] - own[i] } else { own[i] });
-        q = turned_at(&q, &middle, part);
+        q = cayley_rotation(&q, &middle, part);
     }
     (q, q * own)
 }
@@ -100,7 +101,7 @@ fn guided_midpoint(own: &Vec3, slopes: &Vec3, free: [bool; 3], half: f64) -> Vec
 }
 
 /// R cay(h W) with W = `rate` (rad/s) in the body's frame.
-fn turned_at(q: &Quat, rate: &Vec3, h: f64) -> Quat {
+fn cayley_rotation(q: &Quat, rate: &Vec3, h: f64) -> Quat {
     // The quaternion of cay(h W) is (1, h W/2), normalised; the small part is added to q, not the large one.
     let small = q.quaternion() * Quaternion::from_imag(rate * (0.5 * h));
     Quat::new_normalize(q.quaternion() + small)
@@ -114,7 +115,7 @@ fn midpoint_velocity(l: &Vec3, j: &Vec3, h: f64) -> Vec3 {
         let jw = j.component_mul(&w);
         let defect = jw + w.cross(&jw) * (0.5 * h) - l;
         if defect.norm_squared() <= 1e-32 * l.norm_squared() {
-            break; // converged, as slow bodies after one step
+            break; // to rounding; slow bodies after one iteration
         }
         let slope = midpoint_slope(&w, j, &jw, 0.5 * h);
         let Some(change) = slope.try_inverse().map(|inverse| inverse * defect) else { break };
@@ -129,16 +130,16 @@ fn midpoint_velocity(l: &Vec3, j: &Vec3, h: f64) -> Vec3 {
 /// J + h/2 ([W] J - [J W]), the derivative of J W + h/2 W x J W, with `half` = h/2. Written out, without the products with
 /// the zeros of the matrices; a zero has no sign, as in their sum.
 fn midpoint_slope(w: &Vec3, j: &Vec3, jw: &Vec3, half: f64) -> Matrix3<f64> {
-    let off = |wj: f64, jw: f64| 0.0 + (wj - jw) * half;
+    let off_diagonal = |wj: f64, jw: f64| 0.0 + (wj - jw) * half;
     Matrix3::new(
         j.x,
-        off(-w.z * j.y, -jw.z),
-        off(w.y * j.z, jw.y),
-        off(w.z * j.x, jw.z),
+        off_diagonal(-w.z * j.y, -jw.z),
+        off_diagonal(w.y * j.z, jw.y),
+        off_diagonal(w.z * j.x, jw.z),
         j.y,
-        off(-w.x * j.z, -jw.x),
-        off(-w.y * j.x, -jw.y),
-        off(w.x * j.y, jw.x),
+        off_diagonal(-w.x * j.z, -jw.x),
+        off_diagonal(-w.y * j.x, -jw.y),
+        off_diagonal(w.x * j.y, jw.x),
         j.z,
     )
 }

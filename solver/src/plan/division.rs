@@ -1,4 +1,5 @@
-//! Division of the sweeps of the next step among ranks: counts, and the time of a sweep on two networks.
+//! Division of the sweeps of the next step among ranks, for `--plan --ranks`: counts, and an estimate of the time of a sweep
+//! on two networks.
 
 use std::time::Instant;
 
@@ -16,8 +17,20 @@ use crate::step::next_contact_problem;
 /// Number of timed sweeps; one more warms the caches.
 const TIMED_SWEEPS: u32 = 5;
 
-/// A network: name, latency of a message (s) and bandwidth of a process (bytes/s).
-const NETWORKS: [(&str, f64, f64); 2] = [("2 µs and 10 GB/s", 2e-6, 1e10), ("30 µs and 1 GB/s", 3e-5, 1e9)];
+/// A network between the ranks.
+struct RankNetwork {
+    name: &'static str,
+    /// Latency of a message, s.
+    latency: f64,
+    /// Bandwidth of a rank, bytes/s.
+    bandwidth: f64,
+}
+
+/// Networks of a cluster and of a few machines.
+const NETWORKS: [RankNetwork; 2] = [
+    RankNetwork { name: "2 µs and 10 GB/s", latency: 2e-6, bandwidth: 1e10 },
+    RankNetwork { name: "30 µs and 1 GB/s", latency: 3e-5, bandwidth: 1e9 },
+];
 
 /// Lines of a plan about the division of the next step among `ranks`.
 pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'static str, String)> {
@@ -29,12 +42,11 @@ pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'stat
     }
     let counts = division_counts(&problem, &active, ranks);
     let (mut reactions, width) = (ContactReactions::zeros(&problem), SimdWidth::detect());
-    let start = |row: &ContactId| problem.rows[row.index()].warm_start;
-    active.iter().for_each(|row| reactions.impulses[row.index()] = start(row));
+    active.iter().for_each(|row| reactions.impulses[row.index()] = problem.rows[row.index()].warm_start);
     let source =
         PackSource { problem: &problem, active: &active, reactions: &reactions, solver_bodies: &problem.bodies, width };
-    let single = problem.rolling_constraints.is_empty();
-    let mut packed = pack_problem(&source, single);
+    let is_single_precision = problem.rolling_constraints.is_empty();
+    let mut packed = pack_problem(&source, is_single_precision);
     packed.sweep_contacts(width, 0.0);
     let start = Instant::now();
     for _ in 0..TIMED_SWEEPS {
@@ -43,14 +55,14 @@ pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'stat
     let seconds = start.elapsed().as_secs_f64() / f64::from(TIMED_SWEEPS);
 
     let moving = problem.bodies.iter().filter(|body| body.inverse_mass > 0.0).count();
-    let number_bytes = if single { size_of::<f32>() } else { size_of::<f64>() };
-    // Spheres without friction do not turn.
+    let number_bytes = if is_single_precision { size_of::<f32>() } else { size_of::<f64>() };
+    // A line has the velocity of a body, and its angular velocity unless contacts turn no body, as spheres without friction.
     let turns = problem.block_data.is_some() || problem.has_friction(&active);
     let line_bytes = number_bytes * if turns { 6 } else { 3 };
     let (text, sum_bytes) = (counts_text(&counts, moving, line_bytes), 2 * BATCH_LANES * number_bytes * counts.tasks);
-    let times = NETWORKS.map(|(name, latency, bandwidth)| {
-        let found = sweep_seconds(&counts, seconds, [line_bytes, sum_bytes], latency, bandwidth);
-        format!("{} s with {name}", short_number(found))
+    let times = NETWORKS.map(|network| {
+        let divided_seconds = sweep_seconds(&counts, seconds, [line_bytes, sum_bytes], &network);
+        format!("{} s with {}", short_number(divided_seconds), network.name)
     });
     let threads = count_text(rayon::current_num_threads(), "thread");
     vec![
@@ -66,7 +78,7 @@ pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'stat
     ]
 }
 
-/// Counts as text; `moving`: number of moving bodies.
+/// Counts as text; `moving`: number of moving bodies, `line_bytes`: size of the data of a body in a message.
 fn counts_text(counts: &DivisionCounts, moving: usize, line_bytes: usize) -> String {
     let DivisionCounts { blocks, colours, work, messages, lines, neighbours, ghosts, border_bodies, .. } = counts;
     let largest = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0);
@@ -87,22 +99,23 @@ fn counts_text(counts: &DivisionCounts, moving: usize, line_bytes: usize) -> Str
 }
 
 /// Upper estimate of the time of a sweep, s: the largest work, messages and lines of a rank, one exchange after the
-/// other, and the gather of all sums. `seconds`: time on one process; `latency` in s, `bandwidth` in bytes/s.
+/// other, and the gather of all sums, of `sum_bytes`. `seconds`: time on one process.
 fn sweep_seconds(
     counts: &DivisionCounts,
     seconds: f64,
     [line_bytes, sum_bytes]: [usize; 2],
-    latency: f64,
-    bandwidth: f64,
+    network: &RankNetwork,
 ) -> f64 {
+    let &RankNetwork { latency, bandwidth, .. } = network;
     let largest = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0) as f64;
     let working = counts.work.iter().filter(|&&work| work > 0).count();
     if working <= 1 {
         return seconds;
     }
-    let own = seconds * largest(&counts.work) / counts.whole_work.max(1) as f64;
+    let work_seconds = seconds * largest(&counts.work) / counts.whole_work.max(1) as f64;
     let exchanges = largest(&counts.messages) * latency + largest(&counts.lines) * line_bytes as f64 / bandwidth;
-    own + exchanges + f64::from(working.next_power_of_two().trailing_zeros()) * latency + sum_bytes as f64 / bandwidth
+    let gather_messages = f64::from(working.next_power_of_two().trailing_zeros());
+    work_seconds + exchanges + gather_messages * latency + sum_bytes as f64 / bandwidth
 }
 
 #[cfg(test)]
@@ -119,9 +132,10 @@ mod tests {
             ..DivisionCounts::default()
         };
         // 0.6 of 1 s, 3 messages and one step of the gather of 1 ms, 20 lines of 24 bytes and 40 bytes at 1 kB/s.
-        let found = sweep_seconds(&counts, 1.0, [24, 40], 1e-3, 1e3);
+        let slow = RankNetwork { name: "slow", latency: 1e-3, bandwidth: 1e3 };
+        let found = sweep_seconds(&counts, 1.0, [24, 40], &slow);
         assert!((found - (0.6 + 4e-3 + 0.52)).abs() < 1e-12, "{found}");
         let alone = DivisionCounts { whole_work: 7, work: vec![7, 0], ..DivisionCounts::default() };
-        assert_eq!(sweep_seconds(&alone, 2.0, [24, 40], 1.0, 1.0), 2.0);
+        assert_eq!(sweep_seconds(&alone, 2.0, [24, 40], &slow), 2.0);
     }
 }

@@ -1,4 +1,4 @@
-//! Plan of a run: its models and unused models, memory, time, and steps h that suit the scene.
+//! Plan of a run, for `--plan`: its models and unused models, memory, time, and lengths h of a step that suit the scene.
 //!
 //! Nothing is written; a few steps are made with a copy of the state, and timed.
 
@@ -46,15 +46,16 @@ pub struct StepBound {
 
 /// Bounds on h, the smallest first.
 pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
-    let moving = scene.moving_bodies();
-    let free: Vec<(usize, &RigidBody)> = moving.iter().map(|&i| (i.index(), &scene.bodies[i.index()])).collect();
-    let mass: f64 = free.iter().map(|(_, body)| body.mass).sum();
-    let smallest = free.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
-    let mean_velocity = free.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;
-    let free_speeds = free.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm());
+    let moving_ids = scene.moving_bodies();
+    let moving_bodies: Vec<(usize, &RigidBody)> =
+        moving_ids.iter().map(|&i| (i.index(), &scene.bodies[i.index()])).collect();
+    let mass: f64 = moving_bodies.iter().map(|(_, body)| body.mass).sum();
+    let smallest = moving_bodies.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
+    let mean_velocity = moving_bodies.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;
+    let speeds = moving_bodies.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm());
     let times = [state.time, scene.end_time().max(state.time)];
     let driven_speeds = scene.drives.iter().map(|drive| max_drive_speed(scene, drive, &mean_velocity, times));
-    let fastest = free_speeds.chain(driven_speeds).fold(0.0, f64::max);
+    let fastest = speeds.chain(driven_speeds).fold(0.0, f64::max);
     let travel = MAX_TRAVEL_RADII * smallest;
     // A fall limits travel by its impact speed (m/s), and its first step by its acceleration (m/s²).
     let fall_bounds = |impact: String, speed: f64, acceleration: f64| {
@@ -69,7 +70,7 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
             StepBound {
                 h: (MAX_FALL_RADII * scene.mean_radius / acceleration).sqrt(),
                 reason: format!(
-                    "free fall at {} m/s²: {MAX_FALL_RADII} of the mean radius per step",
+                    "moving_bodies fall at {} m/s²: {MAX_FALL_RADII} of the mean radius per step",
                     short_number(acceleration)
                 ),
             },
@@ -82,9 +83,9 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
             short_number(fastest)
         ),
     }];
-    if let Some((radius, surface)) = scene.surface_gravity() {
-        let speed = (2.0 * surface * radius).sqrt();
-        bounds.extend(fall_bounds("impact speed of a gravitational collapse".into(), speed, surface));
+    if let Some((radius, surface_gravity)) = scene.surface_gravity() {
+        let speed = (2.0 * surface_gravity * radius).sqrt();
+        bounds.extend(fall_bounds("impact speed of a gravitational collapse".into(), speed, surface_gravity));
     }
     let period = shortest_orbit(scene, state);
     bounds.push(StepBound {
@@ -93,16 +94,16 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     });
     let g = state.gravity.norm();
     if g > 0.0 {
-        let heights = || free.iter().map(|(i, _)| -state.x[*i].dot(&state.gravity) / g);
+        let heights = || moving_bodies.iter().map(|(i, _)| -state.x[*i].dot(&state.gravity) / g);
         let lowest = heights().fold(floor_height(scene, state) + smallest, f64::min);
         let height = heights().fold(f64::NEG_INFINITY, f64::max) - lowest;
         let speed = (2.0 * g * height).sqrt();
         bounds.extend(fall_bounds(format!("impact speed of a fall through {} m", short_number(height)), speed, g));
     }
-    let turn = fastest_spin(scene, state);
+    let spin = fastest_spin(scene, state);
     bounds.push(StepBound {
-        h: 1.0 / (STEPS_PER_RADIAN * turn),
-        reason: format!("fastest rotation {} rad/s: {STEPS_PER_RADIAN} steps per radian", short_number(turn)),
+        h: 1.0 / (STEPS_PER_RADIAN * spin),
+        reason: format!("fastest rotation {} rad/s: {STEPS_PER_RADIAN} steps per radian", short_number(spin)),
     });
     bounds.retain(|bound| bound.h.is_finite() && bound.h > 0.0);
     bounds.sort_by(|a, b| a.h.total_cmp(&b.h));
@@ -153,21 +154,21 @@ fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, mean_velocity: &Vec3,
     speed + spin * reach
 }
 
-/// Warning about positions with too few digits: a step rounds them twice, by up to half a digit.
+/// Warning about positions with too few digits: a step rounds them twice, by up to half the spacing of numbers.
 ///
 /// This is a warning, not an error: leading digits that bodies have in common do no harm, for example if all are far out
 /// along an axis along which none moves.
 pub fn roundoff_warning(scene: &Scene, state: &State) -> Option<String> {
     let steps = scene.last_step().saturating_sub(state.step).max(1);
-    let digit = |i: BodyId| f64::EPSILON * state.x[i.index()].amax();
-    let error_share = |i: BodyId| steps as f64 * digit(i) / scene.bodies[i.index()].radius;
+    let spacing = |i: BodyId| f64::EPSILON * state.x[i.index()].amax();
+    let error_share = |i: BodyId| steps as f64 * spacing(i) / scene.bodies[i.index()].radius;
     let worst = scene.free.iter().copied().max_by(|a, b| error_share(*a).total_cmp(&error_share(*b)))?;
     (error_share(worst) > ROUNDOFF_WARNING_SHARE).then(|| {
         format!(
             "body {} is {:.3e} m from the origin, where positions are rounded to {:.1e} m: in {steps} steps round-off may displace it by {:.1e} of its radius",
             worst.number(),
             state.x[worst.index()].norm(),
-            digit(worst),
+            spacing(worst),
             error_share(worst)
         )
     })
@@ -203,8 +204,8 @@ const MOTION_SAMPLES: u32 = 1000;
 /// Fraction of the time from `start` (s) to the end of the run in which no imposed velocity or force changes, so that
 /// steps may be longer than dt; accurate to a thousandth.
 fn share_of_constant_motion(scene: &Scene, start: f64) -> f64 {
-    let moment = |k: u32| start + (f64::from(k) + 0.5) / f64::from(MOTION_SAMPLES) * (scene.end_time() - start);
-    let constant = (0..MOTION_SAMPLES).map(moment).filter(|time| scene.constant_until(*time) > *time).count();
+    let sample_time = |k: u32| start + (f64::from(k) + 0.5) / f64::from(MOTION_SAMPLES) * (scene.end_time() - start);
+    let constant = (0..MOTION_SAMPLES).map(sample_time).filter(|time| scene.constant_until(*time) > *time).count();
     constant as f64 / f64::from(MOTION_SAMPLES)
 }
 
@@ -231,31 +232,32 @@ pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
     let mut lines: Vec<PlanLine> = vec![("models", scene.model_names().join("; "))];
     lines.push(("inactive", unused_models(scene).join("; ")));
     // Steps that are far too long may take hours.
-    let sane = bounds.first().is_none_or(|strictest| scene.options.dt <= MAX_TRIAL_DT_FACTOR * strictest.h);
-    let tried = if sane { trial_run(scene, state) } else { None };
-    if let Some(TrialRun { report, .. }) = &tried {
+    let is_tried = bounds.first().is_none_or(|strictest| scene.options.dt <= MAX_TRIAL_DT_FACTOR * strictest.h);
+    let trial = if is_tried { trial_run(scene, state) } else { None };
+    if let Some(TrialRun { report, .. }) = &trial {
         let (listed, active) = (report.contacts_listed, report.contacts_active);
         lines.push(("contacts", format!("{listed} listed, {active} carry force at present")));
     }
     lines.push(("memory", memory_estimate()));
     lines.push((
         "time",
-        tried.as_ref().map_or(
+        trial.as_ref().map_or(
             format!("no trial step: dt is more than {MAX_TRIAL_DT_FACTOR} times the strictest bound"),
             TrialRun::timing_text,
         ),
     ));
-    if let (Some(ranks), true) = (ranks, tried.is_some()) {
+    if let (Some(ranks), true) = (ranks, trial.is_some()) {
         lines.extend(division::division_lines(scene, state, ranks));
     }
     lines.push(("accuracy", accuracy_text(scene)));
-    let constant = share_of_constant_motion(scene, state.time);
-    let max_multiple = if constant > 0.0 { scene.options.adaptive().max_multiple } else { 1 };
-    let left = scene.last_step().saturating_sub(state.step);
-    if let Some(tried) = &tried {
-        lines.push(("disk", disk_estimate(scene, left, tried)));
+    let constant_share = share_of_constant_motion(scene, state.time);
+    let max_multiple = if constant_share > 0.0 { scene.options.adaptive().max_multiple } else { 1 };
+    let dt_left = scene.last_step().saturating_sub(state.step);
+    if let Some(trial) = &trial {
+        lines.push(("disk", disk_estimate(scene, dt_left, trial)));
     }
-    lines.push(("run", run_estimate(scene, left, (max_multiple, constant), tried.as_ref())));
+    let longest = LongestSteps { max_multiple, constant_share };
+    lines.push(("run", run_estimate(scene, dt_left, longest, trial.as_ref())));
     lines.extend(step_lines(scene, &bounds, max_multiple));
     lines.extend(preset_lines(&bounds));
     lines.extend(roundoff_warning(scene, state).map(|message| ("warning", message)));
@@ -287,49 +289,57 @@ fn accuracy_text(scene: &Scene) -> String {
     format!("{preset}: {}", options.join(", "))
 }
 
-/// Number of steps of the `left` `dt` of a run, and their time at the rate of the trial. `max_multiple`: largest number of
-/// `dt` in a step, in the share `constant` of the time in which imposed motion is constant.
-fn run_estimate(scene: &Scene, left: u64, (max_multiple, constant): (u64, f64), tried: Option<&TrialRun>) -> String {
-    let steps = match (max_multiple, tried) {
+/// Largest number of `dt` in a step, and the share of the time in which imposed motion is constant and steps may be so long.
+struct LongestSteps {
+    max_multiple: u64,
+    constant_share: f64,
+}
+
+/// Number of steps of the `dt_left` `dt` of a run, and their time at the rate of the trial.
+fn run_estimate(scene: &Scene, dt_left: u64, longest: LongestSteps, trial: Option<&TrialRun>) -> String {
+    let steps = match (longest.max_multiple, trial) {
         (1, _) if scene.options.adaptive().is_on() => {
-            format!("{} of one dt, because imposed motion changes at all times", count_text(left as usize, "step"))
+            format!("{} of one dt, because imposed motion changes at all times", count_text(dt_left as usize, "step"))
         }
-        (1, _) | (_, None) => count_text(left as usize, "step"),
-        (max_multiple, Some(tried)) => {
-            let when = if constant < 1.0 {
-                format!(" in the {:.3} % of the time in which imposed motion is constant", 100.0 * constant)
+        (1, _) | (_, None) => count_text(dt_left as usize, "step"),
+        (max_multiple, Some(trial)) => {
+            let when = if longest.constant_share < 1.0 {
+                format!(
+                    " in the {:.3} % of the time in which imposed motion is constant",
+                    100.0 * longest.constant_share
+                )
             } else {
                 String::new()
             };
             format!(
-                "{left} dt, up to {max_multiple} dt per step{when}, {:.1} dt per step in the trial",
-                tried.mean_multiple()
+                "{dt_left} dt, up to {max_multiple} dt per step{when}, {:.1} dt per step in the trial",
+                trial.mean_multiple()
             )
         }
     };
-    let seconds = |tried: &TrialRun| {
-        let seconds = left as f64 * tried.seconds_per_step() / tried.mean_multiple();
+    let seconds = |trial: &TrialRun| {
+        let seconds = dt_left as f64 * trial.seconds_per_step() / trial.mean_multiple();
         format!(" {} s at the rate of the trial;", short_number(seconds))
     };
-    let seconds = tried.map_or(String::new(), seconds);
+    let seconds = trial.map_or(String::new(), seconds);
     format!("{steps};{seconds} to t = {} s", rounded_number(scene.end_time()))
 }
 
 /// `dt` against the strictest of the `bounds`, and all of these.
 fn step_lines(scene: &Scene, bounds: &[StepBound], max_multiple: u64) -> Vec<PlanLine> {
     let h = scene.options.dt;
-    let shown = rounded_number(h);
+    let dt_text = rounded_number(h);
     let verdict = match bounds.first() {
         Some(strictest) if h > strictest.h => {
-            format!("{shown} s is {} times the strictest bound", ratio_text(h / strictest.h))
+            format!("{dt_text} s is {} times the strictest bound", ratio_text(h / strictest.h))
         }
         Some(_) if max_multiple > 1 => {
             format!(
-                "{shown} s is within all bounds on a step; longer steps are limited by adaptive's travel and penetration"
+                "{dt_text} s is within all bounds on a step; longer steps are limited by adaptive's travel and penetration"
             )
         }
-        Some(_) => format!("{shown} s is within all bounds on a step"),
-        None => format!("{shown} s; no bound: nothing moves and no force acts"),
+        Some(_) => format!("{dt_text} s is within all bounds on a step"),
+        None => format!("{dt_text} s; no bound: nothing moves and no force acts"),
     };
     let bound_lines = bounds.iter().map(|bound| ("", format!("up to {} s: {}", short_number(bound.h), bound.reason)));
     [("dt", verdict)].into_iter().chain(bound_lines).collect()
@@ -347,13 +357,13 @@ fn preset_lines(bounds: &[StepBound]) -> [PlanLine; Accuracy::ALL.len()] {
     })
 }
 
-/// Disk space of the files that a run of `left` `dt` still writes, if its steps are like those of the trial.
-fn disk_estimate(scene: &Scene, left: u64, tried: &TrialRun) -> String {
+/// Disk space of the files that a run of `dt_left` `dt` still writes, if its steps are like those of the trial.
+fn disk_estimate(scene: &Scene, dt_left: u64, trial: &TrialRun) -> String {
     let options = &scene.options;
-    let [row, snapshot] = tried.sizes;
-    let snapshots = left.div_ceil(options.output_every) + 1;
-    let rows = left as f64 / tried.mean_multiple().max(options.log_every as f64);
-    let rows = rows.max(snapshots.min(left) as f64).ceil();
+    let [row, snapshot] = trial.sizes;
+    let snapshots = dt_left.div_ceil(options.output_every) + 1;
+    let rows = dt_left as f64 / trial.mean_multiple().max(options.log_every as f64);
+    let rows = rows.max(snapshots.min(dt_left) as f64).ceil();
     let megabytes = |count: f64, bytes: usize| count * bytes as f64 / 1e6;
     format!(
         "{} MB: {} of {} MB, {} of {row} bytes in steps.csv and TIMER.csv",
@@ -411,12 +421,12 @@ impl TrialRun {
 fn trial_run(scene: &Scene, state: &State) -> Option<TrialRun> {
     let mut state = state.clone();
     let mut report = step(scene, &mut state, &mut StageTimes::default())?;
-    let (start, first) = (Instant::now(), state.step);
+    let (start, first_step) = (Instant::now(), state.step);
     let (mut clock, mut steps) = (StageTimes::default(), 0);
     while steps < MAX_TRIAL_STEPS && start.elapsed() < MAX_TRIAL_TIME && state.is_finite() {
         report = step(scene, &mut state, &mut clock)?;
         steps += 1;
     }
     let sizes = write::output_sizes(scene, &state, &report);
-    Some(TrialRun { clock, steps, dt_count: state.step - first, report, sizes })
+    Some(TrialRun { clock, steps, dt_count: state.step - first_step, report, sizes })
 }

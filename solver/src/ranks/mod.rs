@@ -112,9 +112,10 @@ pub fn part_range(count: usize, part: usize, parts: usize) -> Range<usize> {
 
 /// Returns the bytes of each rank, on every rank, of which only that rank knows the number. Not counted in [`traffic`].
 pub fn all_gather_unsized(communicator: &dyn Communicator, own: &[u8]) -> Vec<Vec<u8>> {
-    let lengths = communicator.all_gather(&(own.len() as u64).to_le_bytes(), &vec![8; communicator.size()]);
+    let own_length = (own.len() as u64).to_le_bytes();
+    let lengths = communicator.all_gather(&own_length, &vec![own_length.len(); communicator.size()]);
     let length = |bytes: &[u8]| bytes.try_into().map_or(0, u64::from_le_bytes) as usize;
-    let lengths: Vec<usize> = lengths.chunks_exact(8).map(length).collect();
+    let lengths: Vec<usize> = lengths.chunks_exact(own_length.len()).map(length).collect();
     let all = communicator.all_gather(own, &lengths);
     let mut rest = &all[..];
     let mut next = |length: usize| {
@@ -162,6 +163,7 @@ pub fn from_bytes<T: Pod>(bytes: &[u8]) -> Vec<T> {
     bytes.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect()
 }
 
+// Counts of [`RankTraffic`] since the start of this process.
 static MESSAGES: AtomicU64 = AtomicU64::new(0);
 static MESSAGE_BYTES: AtomicU64 = AtomicU64::new(0);
 static GATHERS: AtomicU64 = AtomicU64::new(0);

@@ -1,4 +1,5 @@
-//! TACT_BEHAV.DAT and Vloc_Rloc.INI: laws, visibility and initial contacts.
+//! Makes the laws, the visibility table and the initial contacts of the scene from TACT_BEHAV.DAT and Vloc_Rloc.INI, and
+//! checks options and events that depend on laws.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -33,6 +34,7 @@ use crate::state::{Contact, ContactStatus, LawMemory, SolvedContact, UNKNOWN_FEA
 /// Names of the contactors that the visibility table distinguishes.
 const CONTACTOR_NAMES: [&str; 5] = ["SPHER", "PLANx", "POLYR", "CYLND", "DNLYC"];
 
+/// Index of the kind of a contactor in [`CONTACTOR_NAMES`].
 fn contactor_kind(geometry: &ContactorShape) -> usize {
     match geometry {
         ContactorShape::Sphere { .. } => 0,
@@ -103,7 +105,7 @@ fn set_laws(
         }
         let record = &tact.laws[k];
         let is_needed = tact.visibility.iter().any(|other| other.law == row.law && contactors.can_meet(other));
-        let mut refuse = |found: String, expected: String| {
+        let mut reject = |found: String, expected: String| {
             if !is_needed {
                 uncomputed_laws.push(record);
                 return;
@@ -113,22 +115,22 @@ fn set_laws(
         let model = match record.model() {
             Ok(model) => model,
             Err(error) => {
-                refuse(error.found().to_string(), error.expected().to_string());
+                reject(error.found().to_string(), error.expected().to_string());
                 continue;
             }
         };
         let invalid = model.parameter_faults();
         if !invalid.is_empty() {
             for ParameterFault { parameter, found, expected } in invalid {
-                refuse(format!("{} ({}) {found}", parameter.name(), parameter.label()), format!("expected {expected}"));
+                reject(format!("{} ({}) {found}", parameter.name(), parameter.label()), format!("expected {expected}"));
             }
         } else if (model.rolling().is_some() || ContactLaw::new(&model).is_regularised())
             && !matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs)
         {
             let solver = scene.options.solver;
-            refuse(format!("{} with solver {solver}", record.kind), "expected solver auto or nlgs".into());
+            reject(format!("{} with solver {solver}", record.kind), "expected solver auto or nlgs".into());
         } else if scene.laws.len() > u8::MAX.into() {
-            refuse("is the 257th law in use".into(), "expected at most 256 in use".into());
+            reject("is the 257th law in use".into(), "expected at most 256 in use".into());
         } else {
             numbers[k] = Some(scene.laws.len() as u8);
             scene.laws.push(ContactLaw::new(&model));
@@ -148,7 +150,7 @@ fn set_laws(
     scene.notes.extend(rows_without_law_note(tact, contactors));
     scene.notes.extend(idle_rows_notes(tact, contactors));
     check_laws_of_points(file, tact, contactors, faults);
-    let position = |wanted: fn(&ContactLaw) -> bool| scene.laws.iter().position(wanted);
+    let position = |is_sought: fn(&ContactLaw) -> bool| scene.laws.iter().position(is_sought);
     if let (Some(roll), Some(spring)) = (position(|law| law.rolling.is_some()), position(ContactLaw::is_regularised)) {
         let [roll, spring] = [roll, spring].map(|k| &scene.law_names[k]);
         let line = tact.laws.iter().find(|law| law.nickname == roll.nickname).map(|law| law.line);
@@ -385,14 +387,14 @@ pub fn pass_through_warning(scene: &Scene) -> Option<String> {
 
 /// Note about contactors of free bodies that no row lets touch others.
 ///
-/// `meant`: pairs of colours that the file declares to have no row.
-fn unseen_contactors_note(scene: &Scene, unseen: &[UnseenPair], meant: &[[String; 2]]) -> Option<String> {
+/// `declared`: pairs of colours that the file declares to have no row.
+fn unseen_contactors_note(scene: &Scene, unseen: &[UnseenPair], declared: &[[String; 2]]) -> Option<String> {
     let count = scene.colours.len().max(1);
     let colour = |class: u16| scene.colours.get(class as usize % count).map_or("", String::as_str);
     let name = |class: u16| format!("{} {}", CONTACTOR_NAMES[class as usize / count], colour(class));
     let is_missed = |pair: &&UnseenPair| {
         let colours = pair.classes.map(colour);
-        !meant.iter().any(|[a, b]| colours == [a, b] || colours == [b, a])
+        !declared.iter().any(|[a, b]| colours == [a, b] || colours == [b, a])
     };
     let missed = unseen.iter().filter(is_missed).map(|pair| pair.classes.map(name).join(" and "));
     let missed: Vec<String> = missed.collect();
@@ -537,7 +539,7 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
     let (start, end, dt) = (scene.start.time, scene.end_time(), scene.options.dt);
     let last_begin = end - dt;
     let event_note = |(k, event): (usize, &Event)| {
-        let why = match event.action {
+        let reason = match event.action {
             _ if event.time > last_begin + EVENT_SLACK * dt && end > start => {
                 format!(
                     "no step begins at {} s or later, the last begins at {} s",
@@ -550,7 +552,7 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
             }
             _ => return None,
         };
-        Some(format!("event {}: without effect; {why}", k + 1))
+        Some(format!("event {}: without effect; {reason}", k + 1))
     };
     let events = scene.options.events.iter().enumerate().filter_map(event_note);
     table.into_iter().filter_map(option_note).chain(adaptive).chain(events).collect()
@@ -630,7 +632,7 @@ struct LeftOutContacts {
 impl LeftOutContacts {
     /// Notes about these contacts, one for each reason.
     fn notes(self, numbers: &ContactorNumbers) -> Vec<String> {
-        let how = match numbers {
+        let renumbering = match numbers {
             ContactorNumbers::OverAll(_) => "numbered over the contactors of all bodies",
             ContactorNumbers::InBody => "assigned to the only contactor of the kind, whatever its number",
         };
@@ -643,13 +645,13 @@ impl LeftOutContacts {
             (self.unseen, "left out: TACT_BEHAV.DAT has no row for the pair"),
             (self.at_points, "of PT3Dx: the state of wires and rods is that of the positions"),
             (self.unnumbered, "left out: the number of a contactor is none of its body's"),
-            (self.renumbered, how),
+            (self.renumbered, renumbering),
         ];
         reasons.into_iter().filter_map(note).collect()
     }
 }
 
-/// Input for the contacts of Vloc_Rloc.INI.
+/// Converts records of Vloc_Rloc.INI to contacts, with the poses of the bodies at the start.
 struct ContactReader<'a> {
     file: &'a Path,
     scene: &'a Scene,
@@ -716,7 +718,7 @@ impl ContactReader<'_> {
             }
             _ => (UNKNOWN_FEATURE, number),
         };
-        // LMGC90's tangents differ from ours.
+        // The file has the tangents of LMGC90, which differ from those of `local_frame`.
         let to_own_frame = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
         let memory =
             law_memory(&scene.law_names[rule.law as usize].kind, &record.internals, &record.frame.map(Vec3::from));
@@ -751,8 +753,8 @@ impl ContactReader<'_> {
         let &ContactReader { file, scene, records, numbers, positions, orientations } = self;
         let sides = [&record.candidate, &record.antagonist];
         let named = sides.map(|side| numbers.find(records, side));
-        let bonds = record.status == "Mstck" || record.status.starts_with('C') || !record.internals.is_empty();
-        if named.contains(&NamedContactor::Ambiguous) && !named.contains(&NamedContactor::OtherKind) && !bonds {
+        let may_be_bonded = record.status == "Mstck" || record.status.starts_with('C') || !record.internals.is_empty();
+        if named.contains(&NamedContactor::Ambiguous) && !named.contains(&NamedContactor::OtherKind) && !may_be_bonded {
             left_out.unnumbered.push(record.line);
             return Ok(None);
         }
@@ -779,7 +781,7 @@ impl ContactReader<'_> {
 fn law_memory(kind: &str, internals: &[f64], frame: &[Vec3; 3]) -> LawMemory {
     let value = |k: usize| internals.get(k).copied().unwrap_or(0.0);
     if has_interface(kind) {
-        // LMGC90's s is opposite.
+        // The tangent s of LMGC90 has the opposite direction.
         let sliding = frame[1] * value(INTERFACE_SLIDING[0]) - frame[2] * value(INTERFACE_SLIDING[1]);
         return LawMemory { soundness: value(INTERFACE_SOUNDNESS), sliding, ..LawMemory::default() };
     }

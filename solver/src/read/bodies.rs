@@ -1,4 +1,5 @@
-//! BODIES.DAT, DRV_DOF.DAT and DOF.INI: bodies, drives and motion.
+//! Makes the bodies of the scene, their imposed motion and their motion at the start from BODIES.DAT, BULK_BEHAV.DAT,
+//! DRV_DOF.DAT and DOF.INI.
 
 use std::path::Path;
 
@@ -103,8 +104,8 @@ pub fn scene_without_laws(
         planes,
         has_round_parts: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Sphere { .. })),
         has_rollers: parts.iter().any(|part| {
-            let solid = matches!(part.geometry, ContactorShape::Cylinder { hollow: false, .. });
-            solid && !bodies[part.body.index()].is_imposed()
+            let is_solid = matches!(part.geometry, ContactorShape::Cylinder { hollow: false, .. });
+            is_solid && !bodies[part.body.index()].is_imposed()
         }),
         has_drums: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Cylinder { hollow: true, .. })),
         parts,
@@ -150,8 +151,8 @@ struct BodyTables {
 
 /// Whether a body has one contactor, which is a sphere or a plate.
 fn is_sphere_or_plate(record: &BodyRecord) -> bool {
-    let [lone] = record.contactors.as_slice() else { return false };
-    matches!(lone.shape, FileShape::Sphere { .. } | FileShape::Plane { .. })
+    let [contactor] = record.contactors.as_slice() else { return false };
+    matches!(contactor.shape, FileShape::Sphere { .. } | FileShape::Plane { .. })
 }
 
 /// Makes the bodies of the records, with their parts if `keeps_parts`; one that has a fault is replaced by a placeholder.
@@ -249,7 +250,7 @@ fn check_free_motion(file: &Path, driven: &DrvDof, scene: &Scene, faults: &mut F
     }
 }
 
-/// Replaces a rejected body, so that the rest can be checked.
+/// Body in place of a rejected one, so that the rest can be checked.
 fn placeholder_body() -> PreparedBody {
     let shape = BodyShape::Sphere { radius: 1.0 };
     let body = RigidBody {
@@ -339,8 +340,8 @@ fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)], records: 
 /// Note about bodies of one SPHEb, whose offset LMGC90 2025 moves the centre of mass by.
 fn eccentric_spheres_note(bodies: &[RigidBody], records: &Bodies) -> Option<String> {
     let is_eccentric = |(body, record): &(&RigidBody, &BodyRecord)| {
-        let [lone] = record.contactors.as_slice() else { return false };
-        matches!(lone.shape, FileShape::OffsetSphere { offset, .. } if offset != [0.0; 3]) && !body.is_imposed()
+        let [contactor] = record.contactors.as_slice() else { return false };
+        matches!(contactor.shape, FileShape::OffsetSphere { offset, .. } if offset != [0.0; 3]) && !body.is_imposed()
     };
     let lines: Vec<usize> = bodies.iter().zip(&records.0).filter(is_eccentric).map(|(_, record)| record.line).collect();
     let first = lines.first()?;
@@ -449,6 +450,7 @@ pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], 
     }
 }
 
+/// Imposed velocities, ordered by body, and imposed loads of DRV_DOF.DAT; marks the driven bodies.
 fn imposed_motion(
     datbox: &Path,
     driven: &DrvDof,
@@ -459,11 +461,11 @@ fn imposed_motion(
     let mut velocities: Vec<(usize, [Option<Evolution>; 6])> = Vec::new();
     let mut loads = Vec::new();
     for row in &driven.0 {
-        let mut refuse = |found: String, expected: &str| {
+        let mut reject = |found: String, expected: &str| {
             faults.push(Fault::new(&file, Some(row.line), format!("body {}", row.body + 1), found, expected));
         };
         if row.body >= bodies.len() {
-            refuse("does not exist".into(), &expected_number(datbox, row.body, bodies.len()));
+            reject("does not exist".into(), &expected_number(datbox, row.body, bodies.len()));
             continue;
         }
         match row.kind {
@@ -483,7 +485,7 @@ fn imposed_motion(
                     }
                 };
                 if velocities[slot].1[row.component].replace(row.evolution.clone()).is_some() {
-                    refuse(format!("component {} is driven twice", row.component + 1), "expected once");
+                    reject(format!("component {} is driven twice", row.component + 1), "expected once");
                 }
             }
         }
@@ -539,18 +541,18 @@ pub fn initial_motion(
     let mut w = vec![Vec3::zeros(); count];
     let mut left_handed = Vec::new();
     for row in &dof.bodies {
-        let mut refuse = |found: String, expected: &str| {
+        let mut reject = |found: String, expected: &str| {
             faults.push(Fault::new(&file, Some(row.line), format!("body {}", row.body + 1), found, expected));
         };
         if row.body >= count {
-            refuse("does not exist".into(), &expected_number(datbox, row.body, count));
+            reject("does not exist".into(), &expected_number(datbox, row.body, count));
             continue;
         }
         let mut axes = row.axes.map(Vec3::from);
         let mut spin = Vec3::from_row_slice(&row.velocity[3..]);
         if axes[0].cross(&axes[1]).dot(&axes[2]) < 0.0 {
             let Some(axis) = mirror::reversible_axis(scene, BodyId::new(row.body)) else {
-                refuse(
+                reject(
                     "axes a, b, g are left-handed".into(),
                     "expected a right-handed triad, as the shape, or what is imposed on it, is not its own mirror image",
                 );
@@ -563,7 +565,7 @@ pub fn initial_motion(
         let defect = (axes.transpose() * axes - Matrix3::identity()).norm();
         // Frames are written with 7 digits; their drift between writings is smaller.
         if defect > 1e-4 {
-            refuse(
+            reject(
                 format!("axes a, b, g that miss a right-handed unit triad by {defect:.1e}"),
                 "expected less than 1e-4",
             );

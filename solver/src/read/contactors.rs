@@ -140,10 +140,10 @@ impl ContactorNumbers {
             return NamedContactor::Found(index);
         }
         let contactors = records.0[side.body].contactors.iter().enumerate();
-        let alike = |(index, contactor): (usize, &cd_formats::bodies::Contactor)| {
+        let index_of_kind = |(index, contactor): (usize, &cd_formats::bodies::Contactor)| {
             (kind_name(contactor.shape.type_name()) == kind_name(&side.contactor)).then_some(index)
         };
-        match contactors.filter_map(alike).collect::<Vec<_>>()[..] {
+        match contactors.filter_map(index_of_kind).collect::<Vec<_>>()[..] {
             [] => NamedContactor::OtherKind,
             [only] => NamedContactor::Found(only),
             _ => NamedContactor::Ambiguous,

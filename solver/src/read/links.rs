@@ -38,10 +38,10 @@ fn link_rows(tact: &TactBehav) -> impl Iterator<Item = &VisibilityRow> {
 fn point_contactors(records: &Bodies) -> Vec<PointContactor<'_>> {
     let mut points = Vec::new();
     for (body, record) in records.0.iter().enumerate() {
-        for (contactor, made) in record.contactors.iter().enumerate() {
-            if let ShapeRecord::Point { offset } = &made.shape {
+        for (contactor, point) in record.contactors.iter().enumerate() {
+            if let ShapeRecord::Point { offset } = &point.shape {
                 let position = Vec3::from(record.position) + Vec3::from(*offset);
-                points.push(PointContactor { body: BodyId::new(body), contactor, colour: &made.colour, position });
+                points.push(PointContactor { body: BodyId::new(body), contactor, colour: &point.colour, position });
             }
         }
     }
@@ -109,11 +109,11 @@ pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut 
     }
     let file = datbox.join("TACT_BEHAV.DAT");
     links.sort_by_key(|(link, _)| (link.bodies, link.part_numbers));
-    for two in links
+    for same_points in links
         .chunk_by(|a, b| (a.0.bodies, a.0.part_numbers) == (b.0.bodies, b.0.part_numbers))
         .filter(|same| same.len() > 1)
     {
-        let [(first, earlier), (second, later)] = [&two[0], &two[1]];
+        let [(first, earlier), (second, later)] = [&same_points[0], &same_points[1]];
         if (first.law, earlier.alert) != (second.law, later.alert) {
             let object = format!("PT3Dx {} and PT3Dx {}", later.candidate.colour, later.antagonist.colour);
             let found = format!("law '{}', alert {}", later.law, later.alert);

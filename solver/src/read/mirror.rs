@@ -19,7 +19,7 @@ pub fn reversible_axis(scene: &Scene, body: BodyId) -> Option<usize> {
     // A point of a wire or rod would be moved.
     let linked = |axis: usize| {
         let ends = scene.links.iter().flat_map(|link| link.bodies.into_iter().zip(link.offsets));
-        ends.into_iter().any(|(of, offset)| of == body && offset[axis] != 0.0)
+        ends.into_iter().any(|(linked_body, offset)| linked_body == body && offset[axis] != 0.0)
     };
     (0..3).rev().find(|&axis| is_symmetric(scene, body, axis) && !imposed(axis) && !linked(axis))
 }
@@ -56,16 +56,16 @@ fn is_same_set(points: &[Vec3], others: &[Vec3], size: f64) -> bool {
     points.len() == others.len() && points.iter().all(|point| others.iter().any(|other| is_near(point, other)))
 }
 
-/// Points of a part in the frame of its body that determine its shape, with its radius.
+/// Points of a part in the frame of its body, m, which determine its shape together with its kind and bounding radius.
 fn corners(part: &BodyPart) -> Vec<Vec3> {
-    let at = |local: Vec3| part.offset + part.axes * local;
+    let in_body_frame = |local: Vec3| part.offset + part.axes * local;
     match &part.geometry {
         ContactorShape::Sphere { .. } => vec![part.offset],
         ContactorShape::Cylinder { half_height, .. } => {
-            [1.0, -1.0].map(|side| at(Vec3::z() * side * *half_height)).into()
+            [1.0, -1.0].map(|side| in_body_frame(Vec3::z() * side * *half_height)).into()
         }
-        ContactorShape::Polyhedron(shape) => shape.vertices().iter().map(|vertex| at(*vertex)).collect(),
-        ContactorShape::Plane { cuboid, .. } => cuboid.vertices().iter().map(|vertex| at(*vertex)).collect(),
+        ContactorShape::Polyhedron(shape) => shape.vertices().iter().map(|vertex| in_body_frame(*vertex)).collect(),
+        ContactorShape::Plane { cuboid, .. } => cuboid.vertices().iter().map(|vertex| in_body_frame(*vertex)).collect(),
     }
 }
 

@@ -56,7 +56,7 @@ struct DatboxFiles {
 }
 
 impl DatboxFiles {
-    /// Reads the files; the second value has the faults with which all of them can still be used.
+    /// Reads the files. The second value has faults of single lines, in spite of which the rest of the files can be checked.
     fn read(datbox: &Path, flags: &ComputeFlags) -> Result<(DatboxFiles, Faults), Faults> {
         let mut faults = Faults::default();
         let options = faults.gather_result(read_options(datbox, flags));
@@ -111,8 +111,8 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let contacts = behaviour::initial_contacts(&datbox, &bodies, &history, &mut scene, &motion, &mut faults);
     let mut state = initial_state(&scene, &dof, motion, contacts, Vec3::from(bulk.gravity));
     let start = datbox.join(START_FILE);
-    let started = path_exists(&start) && faults.0.is_empty();
-    if started {
+    let has_start = path_exists(&start) && faults.0.is_empty();
+    if has_start {
         faults.gather_result(resume::restore_start(&start, &scene, &mut state));
         scene.start = StepTime { step: state.step, time: state.time };
         scene.counted_from = scene.start;
@@ -135,7 +135,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let dt = scene.options.dt.min(state.h);
     resume::pass_events(&scene, &mut state, dt);
     growth::prepare_growth(&datbox.join(COMPUTE_FILE), flags, &mut scene, &mut state)?;
-    if !started || flags.events.is_some() {
+    if !has_start || flags.events.is_some() {
         scene.notes.extend(passed_events_note(&scene, &state));
     }
     faults.into_result((scene, state))
@@ -227,17 +227,17 @@ fn passed_events_note(scene: &Scene, state: &State) -> Option<String> {
 
 /// Rejects features that the program is built without.
 fn check_bare(scene: &Scene, faults: &mut Faults) {
-    let is_used = [
+    let features = [
         (!scene.parts.is_empty(), "other shapes than spheres and plates"),
         (scene.options.self_gravity, "self-gravity"),
         (scene.laws.iter().any(|law| law.cohesion.is_some()), "cohesion"),
         (scene.laws.iter().any(|law| law.rolling.is_some()), "resistance to rolling"),
     ];
-    for (_, what) in is_used.into_iter().filter(|(is_used, _)| *is_used) {
+    for (_, feature) in features.into_iter().filter(|(is_used, _)| *is_used) {
         faults.push(Fault::new(
             "program".as_ref(),
             None,
-            what,
+            feature,
             "not in this build",
             "expected one without the feature `bare`",
         ));
@@ -258,7 +258,7 @@ fn events_text(datbox: &Path, flags: &ComputeFlags) -> Result<(PathBuf, String),
 /// bring a structure to rest; a vault would otherwise creep at the speeds that the tolerance allows.
 const LMGC90_CHECK_EVERY: u64 = 50;
 
-/// Walls begin without forces: the first step of LMGC90's example of 105 blocks takes 24 000 sweeps to E = 1e-4, of which the
+/// Largest number of sweeps. Masonry walls begin without forces: the first step of LMGC90's example of 105 blocks takes 24 000 sweeps to E = 1e-4, of which the
 /// fallback solvers use a part. In LMGC90's examples the limit is 500 blocks of 50.
 const LMGC90_MAX_SWEEPS: u64 = 40_000;
 
@@ -270,8 +270,8 @@ const LMGC90_TOL: f64 = 1e-3;
 /// as in LMGC90; in its example of 105 blocks this also keeps blocks ten times as near to the plane of the wall.
 fn options_of_lmgc90(flags: &ComputeFlags) -> Compute {
     let corners = Compute { face_friction: FaceFriction::Corners, ..Compute::default() };
-    let sweeps = matches!(flags.solver, None | Some(ContactSolver::Auto | ContactSolver::Nlgs));
-    if flags.accuracy.is_some() || !sweeps {
+    let uses_sweeps = matches!(flags.solver, None | Some(ContactSolver::Auto | ContactSolver::Nlgs));
+    if flags.accuracy.is_some() || !uses_sweeps {
         return corners;
     }
     Compute {
@@ -282,21 +282,21 @@ fn options_of_lmgc90(flags: &ComputeFlags) -> Compute {
     }
 }
 
-/// Sets the defaults that are for polyhedra alone back in a scene of LMGC90 without any, and adds a note about the others, as
-/// far as no flags replace them.
+/// Completes the defaults for a DATBOX without COMPUTE.RON: resets those that are for polyhedra in a scene without any, and
+/// adds a note about the others that no flags replace.
 fn apply_lmgc90_defaults(datbox: &Path, flags: &ComputeFlags, scene: &mut Scene) {
     if path_exists(&datbox.join(COMPUTE_FILE)) {
         return;
     }
-    let by_default = flags.face_friction.is_none();
-    if by_default && !scene.is_general() {
+    let is_friction_default = flags.face_friction.is_none();
+    if is_friction_default && !scene.is_general() {
         scene.options.face_friction = FaceFriction::default();
     }
     let options = options_of_lmgc90(flags);
     let tol = options.tol.filter(|_| flags.tol.is_none()).map(|tol| format!("tol = {tol}"));
     let checks = options.check_every.filter(|_| flags.check_every.is_none()).map(|n| format!("check_every = {n}"));
     let max_sweeps = options.max_sweeps.filter(|_| flags.max_sweeps.is_none()).map(|n| format!("max_sweeps = {n}"));
-    let corners = (by_default && scene.is_general())
+    let corners = (is_friction_default && scene.is_general())
         .then(|| "face_friction = corners (--face-friction uniform: as a uniform pressure)".to_string());
     let defaults: Vec<String> = tol.into_iter().chain(checks).chain(max_sweeps).chain(corners).collect();
     if !defaults.is_empty() {
@@ -313,6 +313,7 @@ fn former_option_names(datbox: &Path) -> Vec<String> {
     former_name_warnings(&path, &text, &[]).0.iter().map(Fault::to_string).collect()
 }
 
+/// Options of COMPUTE.RON, or the defaults for a folder of LMGC90, with the flags; checked.
 fn read_options(datbox: &Path, flags: &ComputeFlags) -> Result<Compute, Faults> {
     let path = datbox.join(COMPUTE_FILE);
     let options = if path_exists(&path) { Compute::read(&path)? } else { options_of_lmgc90(flags) };

@@ -59,30 +59,30 @@ pub fn body_from_record(
         let found = format!("material '{}' has the density {density}", record.material);
         return Err(RecordFault::new(found, "expected more than 0"));
     }
-    let CheckedBody { pieces: solids, whole: own, inertial: inert } = record.check_at_density(density)?;
-    let lone = record.contactors.len() == 1;
+    let CheckedBody { pieces: solids, whole: solid_properties, inertial } = record.check_at_density(density)?;
+    let is_single = record.contactors.len() == 1;
     let is_only_solid = solids.len() == 1 && solids[0].contactor == 0;
     let mut pieces: Vec<ContactorPiece> =
         solids.into_iter().map(|solid| contactor_piece(&record.contactors, solid, colours)).collect();
-    let simple = lone && !matches!(pieces[0].geometry, ContactorShape::Polyhedron(_));
+    let keeps_own_axes = is_single && !matches!(pieces[0].geometry, ContactorShape::Polyhedron(_));
 
     // Position of the centre of mass in the frame of the file.
     let off_centre = matches!(record.contactors[0].shape, bodies::ShapeRecord::OffsetSphere { .. });
-    let shift = Vec3::from(record.centre_of_mass_offset(&own));
+    let shift = Vec3::from(record.centre_of_mass_offset(&solid_properties));
     pieces.iter_mut().for_each(|piece| piece.centre -= shift);
-    let frame = record.computed_frame(&own);
+    let frame = record.computed_frame(&solid_properties);
     // A lone sphere, plate or cylinder keeps its own axes, so that its orientation keeps its meaning.
-    let given = || if simple { pieces[0].axes } else { Quat::identity() };
-    let axes = frame.as_ref().map_or_else(given, frame_rotation);
-    let InertialProperties { mass, inertia, radius } = inert;
+    let own_axes = || if keeps_own_axes { pieces[0].axes } else { Quat::identity() };
+    let axes = frame.as_ref().map_or_else(own_axes, frame_rotation);
+    let InertialProperties { mass, inertia, radius } = inertial;
 
-    // A sphere with marks is one, if it has its own moments.
+    // A sphere with points of wires or rods, which are no solids, is a sphere if its moments are equal.
     let is_ball = inertia[0] == inertia[1] && inertia[1] == inertia[2] && pieces[0].centre == Vec3::zeros();
     let shape = match &pieces[0].geometry {
-        ContactorShape::Sphere { radius } if !off_centre && (lone || is_only_solid && is_ball) => {
+        ContactorShape::Sphere { radius } if !off_centre && (is_single || is_only_solid && is_ball) => {
             BodyShape::Sphere { radius: *radius }
         }
-        ContactorShape::Plane { half_lengths, .. } if lone => BodyShape::Plane { half_lengths: *half_lengths },
+        ContactorShape::Plane { half_lengths, .. } if is_single => BodyShape::Plane { half_lengths: *half_lengths },
         _ => BodyShape::Parts,
     };
     let body = RigidBody {
@@ -112,6 +112,7 @@ pub fn body_from_record(
     Ok(PreparedBody { body, parts: pieces.into_iter().enumerate().map(part).collect(), shift, axes, axes_match })
 }
 
+/// Converts a solid of a record to a contactor; a new colour is added to `colours`.
 fn contactor_piece(contactors: &[Contactor], solid: SolidPiece, colours: &mut Vec<String>) -> ContactorPiece {
     let SolidPiece { contactor: index, faces, mass } = solid;
     let contactor = &contactors[index];
@@ -123,9 +124,12 @@ fn contactor_piece(contactors: &[Contactor], solid: SolidPiece, colours: &mut Ve
     let (centre, axes) = match contactor.local_frame.as_deref() {
         Some(LocalFrame { axes, offset }) => {
             let columns = Matrix3::from_fn(|i, j| axes[j][i]);
-            let turn = nearest_rotation(&columns);
-            let whole = *axes == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-            (Vec3::from(*offset), if whole { Quat::identity() } else { UnitQuaternion::from_rotation_matrix(&turn) })
+            let rotation = nearest_rotation(&columns);
+            let is_identity = *axes == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            (
+                Vec3::from(*offset),
+                if is_identity { Quat::identity() } else { UnitQuaternion::from_rotation_matrix(&rotation) },
+            )
         }
         None => (Vec3::zeros(), Quat::identity()),
     };

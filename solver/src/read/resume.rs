@@ -38,19 +38,19 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
     let options = snapshot.meta.options.iter().map(current).collect();
     state.attraction = restored_attraction(scene, &snapshot);
     let parameters = snapshot.meta.parameters.clone();
-    let kept = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| restored_pairs(scene, shapes, BodyId));
-    let complete = snapshot.shapes.as_ref().is_none_or(|shapes| {
-        kept.len() == shapes.pairs.pair_memory.len()
+    let cached_pairs = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| restored_pairs(scene, shapes, BodyId));
+    let has_same_parts = snapshot.shapes.as_ref().is_none_or(|shapes| {
+        cached_pairs.len() == shapes.pairs.pair_memory.len()
             && shapes.turning.turning_body.iter().copied().map(BodyId).eq(scene.turning.iter().copied())
     });
-    if !complete || snapshot.shapes.is_some() != scene.is_general() {
+    if !has_same_parts || snapshot.shapes.is_some() != scene.is_general() {
         let found = "other contactors or moments of inertia";
         return Err(Fault::new(path, None, "snapshot", found, "expected those of DATBOX").into());
     }
-    let from = snapshot.meta.counted_from;
+    let counted_before = snapshot.meta.counted_from;
     restore_state(snapshot, state);
-    state.detection_cache = DetectionCache { restored_pairs: kept, ..DetectionCache::default() };
-    scene.counted_from = counted_from(scene, state, from);
+    state.detection_cache = DetectionCache { restored_pairs: cached_pairs, ..DetectionCache::default() };
+    scene.counted_from = counted_from(scene, state, counted_before);
     scene.events = event_schedule(&scene.options.events, scene.end_time());
     if state.step > scene.start.step {
         state.bonding = BondingMode::No;
@@ -167,7 +167,8 @@ fn counted_from(scene: &Scene, state: &State, before: Option<(u64, f64)>) -> Ste
     before.into_iter().chain([scene.start]).find(agrees).unwrap_or(now)
 }
 
-/// Settings made by events follow from the events again, so that flags may change the others.
+/// Applies the settings of past events to the laws of the scene. They are not restored from the snapshot, so that flags may
+/// change those that no event has set.
 fn apply_event_settings(scene: &Scene, state: &mut State) {
     state.laws.clone_from(&scene.laws);
     for event in scene.events.iter().take(state.events_done) {
@@ -178,21 +179,22 @@ fn apply_event_settings(scene: &Scene, state: &mut State) {
 /// Marks events before the last step as done, whether that run had them or not: their settings apply, and their additions
 /// are not repeated. `dt` is that of the last step.
 pub fn pass_events(scene: &Scene, state: &mut State, dt: f64) {
-    // Same tolerance as for events; at time 0 none has happened.
+    // Time at which the last step began; at time 0 no event has happened.
     let last = state.time - state.h + EVENT_SLACK * dt;
     state.events_done = scene.events.partition_point(|event| event.time <= last);
     apply_event_settings(scene, state);
 }
 
+/// Rejects a snapshot with other bodies or laws than DATBOX.
 fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> {
     let bodies = &snapshot.bodies;
     let mut faults = Faults::default();
-    let mut refuse = |object: String, found: String, expected: String| {
+    let mut reject = |object: String, found: String, expected: String| {
         faults.push(Fault::new(path, None, object, found, expected));
     };
     if bodies.body_mass.len() != scene.bodies.len() {
         let found = format!("{} bodies", bodies.body_mass.len());
-        refuse("snapshot".into(), found, format!("expected the {} of DATBOX", scene.bodies.len()));
+        reject("snapshot".into(), found, format!("expected the {} of DATBOX", scene.bodies.len()));
     } else {
         let in_snapshot =
             |i: usize| (bodies.body_mass[i], bodies.body_radius[i], bodies.body_inertia[i], bodies.body_driven[i]);
@@ -206,7 +208,7 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
             format!("mass {mass} kg, radius {radius} m, moments {inertia} kg m², imposed components {imposed:06b}")
         };
         if let Some(i) = (0..scene.bodies.len()).find(|&i| in_snapshot(i) != in_datbox(i)) {
-            refuse(
+            reject(
                 format!("body {}", i + 1),
                 text(in_snapshot(i)),
                 format!("expected as in DATBOX: {}", text(in_datbox(i))),
@@ -219,7 +221,7 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
             laws.iter().map(|law| format!("{} {} {:?}", law.nickname, law.kind, law.parameters)).collect()
         };
         let found = format!("laws {}", names(laws).join(", "));
-        refuse("snapshot".into(), found, format!("expected those of DATBOX: {}", names(&scene.law_names).join(", ")));
+        reject("snapshot".into(), found, format!("expected those of DATBOX: {}", names(&scene.law_names).join(", ")));
     }
     faults.into_result(())
 }
@@ -238,38 +240,40 @@ const MAX_AXES_ROTATION: f64 = 1e-5;
 pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults> {
     let snapshot = Snapshot::read(path)?;
     check_start(path, &snapshot, scene, state)?;
-    let body: Vec<BodyId> = snapshot.bodies.body_id.iter().map(|&id| BodyId(id as u32 - 1)).collect();
-    let mut started = state.clone();
+    let bodies_of_rows: Vec<BodyId> = snapshot.bodies.body_id.iter().map(|&id| BodyId(id as u32 - 1)).collect();
+    let mut restored = state.clone();
     let inertia = snapshot.bodies.body_inertia.clone();
-    let (kept, turning) = match &snapshot.shapes {
-        Some(shapes) => (restored_pairs(scene, shapes, |row| body[row as usize]), shapes.turning.turning_body.clone()),
+    let (cached_pairs, turning) = match &snapshot.shapes {
+        Some(shapes) => {
+            (restored_pairs(scene, shapes, |row| bodies_of_rows[row as usize]), shapes.turning.turning_body.clone())
+        }
         None => (Vec::new(), Vec::new()),
     };
-    let names = snapshot.meta.laws.clone();
-    restore_state(snapshot, &mut started);
-    (state.step, state.time, state.h) = (started.step, started.time, started.h);
-    state.interval.start = started.time;
-    state.ledger.penetration_left = started.ledger.penetration_left;
-    for (row, &i) in body.iter().enumerate() {
+    let snapshot_laws = snapshot.meta.laws.clone();
+    restore_state(snapshot, &mut restored);
+    (state.step, state.time, state.h) = (restored.step, restored.time, restored.h);
+    state.interval.start = restored.time;
+    state.ledger.penetration_left = restored.ledger.penetration_left;
+    for (row, &i) in bodies_of_rows.iter().enumerate() {
         let i = i.index();
-        (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
-        (state.v[i], state.w[i]) = (started.v[row], started.w[row]);
+        (state.x[i], state.q[i]) = (restored.x[row], restored.q[row]);
+        (state.v[i], state.w[i]) = (restored.v[row], restored.w[row]);
     }
     for (&i, angular_momentum) in scene.turning.iter().zip(&mut state.angular_momentum) {
         *angular_momentum = scene.bodies[i.index()].angular_momentum(&state.q[i.index()], &state.w[i.index()]);
     }
     // A body whose density has changed keeps its angular velocity.
-    for (momentum, row) in started.angular_momentum.into_iter().zip(turning) {
-        let (i, body_inertia) = (body[row as usize], inertia[row as usize]);
+    for (momentum, row) in restored.angular_momentum.into_iter().zip(turning) {
+        let (i, body_inertia) = (bodies_of_rows[row as usize], inertia[row as usize]);
         if let (Ok(index), true) = (scene.turning.binary_search(&i), scene.bodies[i.index()].inertia == body_inertia) {
             state.angular_momentum[index] = momentum;
         }
     }
-    state.detection_cache = DetectionCache { restored_pairs: kept, ..DetectionCache::default() };
-    let memories = started.memories.into_iter().chain(std::iter::repeat(LawMemory::default()));
-    let attractions = started.pair_attractions.into_iter().chain(std::iter::repeat(0.0));
-    let contacts = started.contacts.into_iter().zip(memories.zip(attractions));
-    let contacts = contacts_of_start(scene, &names, &body, contacts);
+    state.detection_cache = DetectionCache { restored_pairs: cached_pairs, ..DetectionCache::default() };
+    let memories = restored.memories.into_iter().chain(std::iter::repeat(LawMemory::default()));
+    let attractions = restored.pair_attractions.into_iter().chain(std::iter::repeat(0.0));
+    let contacts = restored.contacts.into_iter().zip(memories.zip(attractions));
+    let contacts = contacts_of_start(scene, &snapshot_laws, &bodies_of_rows, contacts);
     (state.contacts, (state.memories, state.pair_attractions)) = contacts.into_iter().unzip();
     if !scene.laws.iter().any(ContactLaw::has_law_memory) {
         state.memories.clear();
@@ -284,76 +288,78 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
 /// Checks that the bodies of START.npz are those of DATBOX, each once, with the motion of the text files.
 fn check_start(path: &Path, snapshot: &Snapshot, scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
-    let mut refuse = |object: String, found: String, expected: String| {
+    let mut reject = |object: String, found: String, expected: String| {
         faults.push(Fault::new(path, None, object, found, expected));
     };
     // The text files cannot represent smaller numbers.
-    let largest = |of: &[Vec3]| of.iter().map(|x| x.norm()).fold(1e-90, f64::max);
+    let largest = |vectors: &[Vec3]| vectors.iter().map(|x| x.norm()).fold(1e-90, f64::max);
     let (extent, speed, spin) = (largest(&state.x), largest(&state.v), largest(&state.w));
     let mut known = vec![false; scene.bodies.len()];
     for (row, &id) in snapshot.bodies.body_id.iter().enumerate() {
         let object = format!("body {id}");
         let Some(known) = known.get_mut((id as usize).wrapping_sub(1)) else {
-            refuse(object, "is not in DATBOX".into(), format!("expected 1 to {}", scene.bodies.len()));
+            reject(object, "is not in DATBOX".into(), format!("expected 1 to {}", scene.bodies.len()));
             continue;
         };
         if std::mem::replace(known, true) {
-            refuse(object, "occurs twice".into(), "expected once".into());
+            reject(object, "occurs twice".into(), "expected once".into());
             continue;
         }
         let (i, bodies) = (id as usize - 1, &snapshot.bodies);
-        let mut agree = |what: &str, found: [f64; 3], datbox: Vec3, unit: &str, scale: f64| {
+        let mut agree = |quantity: &str, found: [f64; 3], datbox: Vec3, unit: &str, scale: f64| {
             let agrees = (Vec3::from(found) - datbox).norm() <= FILE_ROUNDING * scale;
             if !agrees {
                 let expected =
                     format!("expected {:?} as in BODIES.DAT and DOF.INI, or no START.npz", datbox.as_slice());
-                refuse(object.clone(), format!("{what} {found:?} {unit}"), expected);
+                reject(object.clone(), format!("{quantity} {found:?} {unit}"), expected);
             }
             agrees
         };
-        let stands = agree("at", bodies.body_x[row], state.x[i], "m", extent);
-        if stands && !scene.bodies[i].driven {
+        let is_in_position = agree("at", bodies.body_x[row], state.x[i], "m", extent);
+        if is_in_position && !scene.bodies[i].driven {
             agree("velocity", bodies.body_v[row], state.v[i], "m/s", speed);
             agree("angular velocity", bodies.body_w_world[row], state.w[i], "rad/s", spin);
         }
-        if stands && scene.oriented[i] {
+        if is_in_position && scene.oriented[i] {
             let [w, x, y, z] = bodies.body_q[row];
             let turned = state.q[i].angle_to(&UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)));
             if turned > MAX_AXES_ROTATION {
                 let expected = "expected axes a, b, g as in DOF.INI, or no START.npz".into();
-                refuse(object, format!("turned by {turned:.1e} rad"), expected);
+                reject(object, format!("turned by {turned:.1e} rad"), expected);
             }
         }
     }
     faults.into_result(())
 }
 
-/// The contacts of a snapshot and their memories in the order of a step, with the laws of `scene`, where their bodies see
-/// each other. `names`: laws of the snapshot; `body`: body of each of its rows.
+/// The contacts of a snapshot and their memories in the order of a step, with the laws of `scene`; contacts of bodies without
+/// a rule are dropped. `bodies_of_rows`: body of each row of the snapshot.
 fn contacts_of_start<M: Default>(
     scene: &Scene,
-    names: &[LawName],
-    body: &[BodyId],
+    snapshot_laws: &[LawName],
+    bodies_of_rows: &[BodyId],
     contacts: impl Iterator<Item = (SolvedContact, M)>,
 ) -> Vec<(SolvedContact, M)> {
     let mut contacts: Vec<(SolvedContact, M)> = contacts.collect();
     for (solved, _) in &mut contacts {
         let contact = &mut solved.contact;
-        (contact.candidate, contact.antagonist) = (body[contact.candidate.index()], body[contact.antagonist.index()]);
+        (contact.candidate, contact.antagonist) =
+            (bodies_of_rows[contact.candidate.index()], bodies_of_rows[contact.antagonist.index()]);
     }
-    let see = |contact: &Contact| {
+    let rule_of = |contact: &Contact| {
         let a = scene.contactor_class(contact.candidate, contact.part_numbers.0)?;
         let b = scene.contactor_class(contact.antagonist, contact.part_numbers.1)?;
         scene.visibility.interaction_rule(a, b)
     };
     contacts.retain_mut(|(solved, memory)| {
-        let Some(see) = see(&solved.contact) else { return false };
-        let kinds = [&names[solved.contact.law as usize], &scene.law_names[see.law as usize]].map(|law| &law.kind);
-        // A liquid bridge is not a solid bond.
+        let Some(rule) = rule_of(&solved.contact) else { return false };
+        let kinds =
+            [&snapshot_laws[solved.contact.law as usize], &scene.law_names[rule.law as usize]].map(|law| &law.kind);
+        // The memory of another kind of law has no meaning for this one: a liquid bridge is not a solid bond.
         if kinds[0] != kinds[1] {
             (solved.bond, *memory) = (None, M::default());
         }
-        solved.contact.law = see.law;
+        solved.contact.law = rule.law;
         true
     });
     // Bodies may have other numbers, or be combined with other shapes.
@@ -412,6 +418,7 @@ fn restored_pairs(scene: &Scene, shapes: &ShapeArrays, body: impl Fn(u32) -> Bod
     pairs
 }
 
+/// Moves the state of a snapshot into `state`, with bodies numbered as in the snapshot.
 fn restore_state(snapshot: Snapshot, state: &mut State) {
     let Snapshot { meta, bodies, contacts, memory, laws, attractions, shapes, interval, .. } = snapshot;
     let shapes = shapes.unwrap_or_default();

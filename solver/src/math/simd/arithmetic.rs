@@ -105,8 +105,11 @@ impl LaneFloat for f32 {
 
 /// Arithmetic on `WIDTH` numbers at once.
 pub trait Arithmetic: Copy + Send + Sync {
+    /// Precision of the numbers.
     type T: LaneFloat;
+    /// Number of lanes.
     const WIDTH: usize;
+    /// Vector with a number in each lane.
     type V: Copy + Send;
 
     /// Runs `op` compiled for this instruction set; functions that it calls must be inlined into it.

@@ -30,6 +30,7 @@ pub use arithmetic::{
 pub use scalar::{Scalar, ScalarF32};
 pub use vectors::SimdLanes;
 
+/// Operation that is compiled for the instruction set of the arithmetic with which it is called.
 struct RunInLanes<Op>(Op);
 
 impl<Op: LaneOperation> LaneOperation for RunInLanes<Op> {
@@ -40,7 +41,7 @@ impl<Op: LaneOperation> LaneOperation for RunInLanes<Op> {
     }
 }
 
-/// Operation with the arithmetic of one width.
+/// Operation with the arithmetic of one width, in the form that [`Arithmetic::run`] takes.
 struct BoundOperation<L, Op> {
     l: L,
     op: Op,
@@ -54,6 +55,7 @@ impl<L: F64Arithmetic, Op: LaneOperation> NullaryFnOnce for BoundOperation<L, Op
     }
 }
 
+/// Prefetch of a value, see [`Arithmetic::prefetch`].
 struct PrefetchMemory<'a, X: ?Sized>(&'a X);
 
 impl<X: ?Sized> LaneOperation for PrefetchMemory<'_, X> {
