@@ -37,12 +37,12 @@ pub fn agreed_case<T, E: Display + From<Faults>>(
         let object = format!("rank {rank}");
         if message[0] != 0 {
             let found = format!("has rejected it: {}", String::from_utf8_lossy(&message[1..]).trim_end());
-            let expected = "expected a folder that messages ranks can read";
+            let expected = "expected a folder that all ranks can read";
             return Err(Faults::from(Fault::new("case".as_ref(), None, object, found, expected)).into());
         }
         if *message != messages[0] {
             let found = "has read other input than rank 0";
-            let expected = "expected one DATBOX and OUTBOX, in a folder that messages ranks share";
+            let expected = "expected one DATBOX and OUTBOX, in a folder that all ranks share";
             return Err(Faults::from(Fault::new("case".as_ref(), None, object, found, expected)).into());
         }
     }

@@ -208,7 +208,8 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
         (state.q[i], w[i]) = turn_guided(&scene.bodies[i], &q_c.q[i], &w[i], time_after);
     }
     driven.advance_state(scene, state, q_c, Velocities { v: &v, w: &w });
-    // Impulses act before and after these rotations, in which only the moments that impose rotations change the energy.
+    // No impulse acts from the contact configuration to the step's end: only the moments that impose rotations change this
+    // energy.
     state.ledger.outside_work += held_rotational_energy(scene, &state.q, &w) - energy_before;
     state.v = v;
     state.w = w;
@@ -251,8 +252,8 @@ impl DrivenBodies {
         DrivenBodies(driven.map(start).collect())
     }
 
-    /// Advances these bodies from there to the step's end; along and about axes of which the motion is not imposed, from the start by
-    /// h V⁺.
+    /// Advances these bodies from there to the step's end; along and about axes of which the motion is not imposed, from the
+    /// start by h V⁺.
     fn advance_state(self, scene: &Scene, state: &mut State, q_c: &ContactConfiguration, end: Velocities) {
         let Velocities { v, w } = end;
         let time_after = q_c.h * scene.options.theta;

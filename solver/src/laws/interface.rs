@@ -19,8 +19,8 @@ fn mixed_length(lengths: ModePair, m: f64) -> f64 {
     opening * sliding * ((1.0 + m) / (sliding * sliding + m * opening * opening)).sqrt()
 }
 
-/// Soundness of an interface at the end of a step of `h` (s), from the `earlier` one at its start, with the opening `u_n` and the sliding `u_t` (m)
-/// at its end.
+/// Soundness of an interface at the end of a step of `h` (s), from the `earlier` one at its start, with the opening `u_n` and
+/// the sliding `u_t` (m) at its end.
 ///
 /// ```
 /// # use cd_solve::laws::interface::soundness;

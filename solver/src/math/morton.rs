@@ -18,8 +18,8 @@ pub struct MortonKey {
     pub index: u32,
 }
 
-/// `count` points, not yet on a curve. They start in the order `approximate_order`, if it has this length: a nearly sorted order reduces
-/// the time to sort, and no order changes the result.
+/// `count` points, not yet on a curve. They start in the order `approximate_order`, if it has this length: a nearly sorted
+/// order reduces the time to sort, and no order changes the result.
 pub fn unsorted_keys(count: usize, approximate_order: &[u32]) -> Vec<MortonKey> {
     let key = |index| MortonKey { key: 0, index };
     if approximate_order.len() == count {

@@ -70,7 +70,7 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
             StepBound {
                 h: (MAX_FALL_RADII * scene.mean_radius / acceleration).sqrt(),
                 reason: format!(
-                    "moving_bodies fall at {} m/s²: {MAX_FALL_RADII} of the mean radius per step",
+                    "free fall at {} m/s²: {MAX_FALL_RADII} of the mean radius per step",
                     short_number(acceleration)
                 ),
             },

@@ -258,8 +258,8 @@ fn events_text(datbox: &Path, flags: &ComputeFlags) -> Result<(PathBuf, String),
 /// bring a structure to rest; a vault would otherwise creep at the speeds that the tolerance allows.
 const LMGC90_CHECK_EVERY: u64 = 50;
 
-/// Largest number of sweeps. Masonry walls begin without forces: the first step of LMGC90's example of 105 blocks takes 24 000 sweeps to E = 1e-4, of which the
-/// fallback solvers use a part. In LMGC90's examples the limit is 500 blocks of 50.
+/// Largest number of sweeps. Masonry walls begin without forces: the first step of LMGC90's example of 105 blocks takes
+/// 24 000 sweeps to E = 1e-4, of which the fallback solvers use a part. In LMGC90's examples the limit is 500 blocks of 50.
 const LMGC90_MAX_SWEEPS: u64 = 40_000;
 
 /// Tolerance with which the criterion of LMGC90's examples, `QM/16` at 1.666e-4, holds in 85 % of the steps of a pile of
