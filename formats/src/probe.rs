@@ -241,7 +241,12 @@ pub fn check_probes(probes: &[Probe], until: &[EndCondition], flows: FlowNames, 
         report.require(*every > 0, &format!("{path}.every"), every.to_string(), "at least 1 step");
         let mut require_name = |field: &str, kind: &str, name: &String, known: &[&str]| {
             if !known.contains(&name.as_str()) {
-                report.add_unknown_name(&format!("{path}.quantity.{field}"), format!("'{name}' is no {kind}"), name, known);
+                report.add_unknown_name(
+                    &format!("{path}.quantity.{field}"),
+                    format!("'{name}' is no {kind}"),
+                    name,
+                    known,
+                );
             }
         };
         match quantity {

@@ -84,7 +84,12 @@ impl Probes {
 
     /// Values of all probes in a state, after a step with the values `step_values` and the exchange of bodies after it. Without
     /// a step, at a resume, only probes of a state have values.
-    pub fn values(&self, scene: &Scene, state: &State, step_values: Option<(ProbeValues, &BodyExchange)>) -> ProbeValues {
+    pub fn values(
+        &self,
+        scene: &Scene,
+        state: &State,
+        step_values: Option<(ProbeValues, &BodyExchange)>,
+    ) -> ProbeValues {
         let (mut step_values, exchange) = step_values.unzip();
         let flow = |flows: &[BodyFlow], position: Option<usize>| {
             position.and_then(|k| flows.get(k)).map_or(Vec::new(), BodyFlow::columns)
