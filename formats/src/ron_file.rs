@@ -8,7 +8,7 @@ use crate::error::{Fault, Faults};
 use crate::former_names::{FormerName, FormerNameUse};
 use crate::ron_text::{FlagError, TextFault, line_and_column, located_faults, parse_ron};
 use crate::settings::{former_names_of_setting, setting_fault};
-use crate::value_locations::ValueLocations;
+use crate::value_locations::{NameConflict, ValueLocations};
 
 /// Reads RON.
 ///
@@ -31,6 +31,7 @@ pub fn option_from_flag<T: DeserializeOwned>(name: &str, text: &str) -> Result<T
 /// Text with current names in place of former ones.
 struct CurrentText {
     pub text: String,
+    /// Former names that were replaced, with their bytes in the original text.
     uses: Vec<FormerNameUse>,
 }
 
@@ -45,9 +46,9 @@ impl CurrentText {
     fn from_locations(text: &str, locations: &ValueLocations) -> Result<CurrentText, Vec<TextFault>> {
         let conflicts = locations.conflicts();
         if !conflicts.is_empty() {
-            let fault = |(at, path, name): &(usize, String, &FormerName)| TextFault {
+            let fault = |NameConflict { at, holder, name }: &NameConflict| TextFault {
                 at: *at,
-                path: path.clone(),
+                path: holder.clone(),
                 found: format!("'{}' and its former name '{}' are both there", name.current, name.former),
                 expected: format!("expected {} only", name.current),
             };

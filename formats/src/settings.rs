@@ -26,11 +26,11 @@ pub fn apply_settings(text: &str, settings: &[String]) -> Result<String, Faults>
 
 /// Rejects settings of a command line of which one would replace the whole value of an earlier one.
 pub fn check_paths_once(settings: &[String]) -> Result<(), Faults> {
-    let path_of = |setting: &String| path_keys(setting.split_once('=')?.0.trim());
+    let setting_keys = |setting: &String| path_keys(setting.split_once('=')?.0.trim());
     let mut faults = Faults::default();
     for (k, setting) in settings.iter().enumerate() {
-        let path = path_of(setting);
-        if let Some(other) = settings[..k].iter().find(|before| path.is_some() && path_of(before) == path) {
+        let keys = setting_keys(setting);
+        if let Some(other) = settings[..k].iter().find(|before| keys.is_some() && setting_keys(before) == keys) {
             faults.push(setting_fault(setting, format!("sets the value of --set {other} again"), "expected it once"));
         }
     }
@@ -44,19 +44,20 @@ pub fn setting_fault(setting: &str, found: impl Into<String>, expected: impl Int
 
 /// Last of `settings` that sets the value at `path`, if any.
 pub fn setting_of_path<'a>(settings: &'a [String], path: &str) -> Option<&'a str> {
-    let is_part = |setting: &&String| {
-        let rest = setting.split_once('=').and_then(|(of, _)| path.strip_prefix(&path_keys(of.trim())?.join(".")));
+    let sets_path = |setting: &&String| {
+        let keys = setting.split_once('=').and_then(|(set_path, _)| path_keys(set_path.trim()));
+        let rest = keys.and_then(|keys| path.strip_prefix(&keys.join(".")));
         rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
     };
-    settings.iter().rfind(is_part).map(String::as_str)
+    settings.iter().rfind(sets_path).map(String::as_str)
 }
 
 /// Last of `settings` that sets the value at a line and column of `text`, 1-based, if any.
 pub fn setting_at<'a>(settings: &'a [String], text: &str, line: usize, column: usize) -> Option<&'a str> {
-    let before: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
-    let within: usize = text[before..].chars().take(column - 1).map(char::len_utf8).sum();
+    let line_start: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
+    let bytes_in_line: usize = text[line_start..].chars().take(column - 1).map(char::len_utf8).sum();
     // RON reports some missing values where the blank before them begins.
-    let byte = text.len() - text[before + within..].trim_start().len();
+    let byte = text.len() - text[line_start + bytes_in_line..].trim_start().len();
     setting_of_path(settings, ValueLocations::from_text(text).path_at(byte)?)
 }
 
@@ -87,62 +88,80 @@ fn path_with_current_names(path: &str) -> Option<(Vec<String>, Vec<FormerNameUse
 /// Former names in the path and in the value of a setting, with their bytes in the setting.
 pub fn former_names_of_setting(setting: &str) -> Vec<FormerNameUse> {
     let Some((path, value)) = setting.split_once('=') else { return Vec::new() };
-    let Some((keys, in_path)) = path_with_current_names(path.trim()) else { return Vec::new() };
+    let Some((keys, path_uses)) = path_with_current_names(path.trim()) else { return Vec::new() };
     let (locations, _) = ValueLocations::from_value(value, &keys.join("."));
-    let shifted = |one: &FormerNameUse, by: usize| {
-        let span = one.span.start + by..one.span.end + by;
+    let shifted = |one: &FormerNameUse, bytes: usize| {
+        let span = one.span.start + bytes..one.span.end + bytes;
         FormerNameUse { name: one.name, span }
     };
-    let blank = path.len() - path.trim_start().len();
-    let in_path = in_path.iter().map(|one| shifted(one, blank));
-    in_path.chain(locations.former_names().iter().map(|one| shifted(one, path.len() + 1))).collect()
+    let path_start = path.len() - path.trim_start().len();
+    let value_start = path.len() + 1;
+    let path_uses = path_uses.iter().map(|one| shifted(one, path_start));
+    path_uses.chain(locations.former_names().iter().map(|one| shifted(one, value_start))).collect()
 }
 
+/// Replaces or inserts the value of a setting.
 fn apply_setting(text: &str, setting: &str) -> Result<String, RecordFault> {
-    let fault = |found: &str, expected: &str| RecordFault::new(found, format!("expected {expected}"));
-    let pair = setting.split_once('=').map(|(path, value)| (path.trim(), value.trim().replace('\n', " ")));
-    let Some((path, value)) = pair.filter(|(path, _)| !path.is_empty()) else {
-        return Err(fault("is no pair", "PATH=VALUE, such as grains.1.number=2000"));
-    };
-    if let Some(mistake) = ron_text::syntax_faults(&value).into_iter().next().filter(|_| !value.is_empty()) {
-        return Err(RecordFault::new(format!("value: {}", mistake.found), mistake.expected));
-    }
-    let (whole, end) = ValueLocations::from_value(&value, "");
-    let ends_early = whole.value("").is_none_or(|location| location.span.end < value.len());
-    if end < value.len() || ends_early || value.is_empty() {
-        return Err(fault(&format!("'{value}'"), "one value in RON"));
-    }
+    let (path, value) = path_and_value(setting)?;
     let Some(keys) = path_keys(path) else {
-        return Err(fault("0", "positions in lists counted from 1"));
+        return Err(RecordFault::new("0", "expected positions in lists counted from 1"));
     };
     let locations = ValueLocations::from_text(text);
     if let Some(location) = locations.value(&keys.join(".")) {
         return Ok(format!("{}{value}{}", &text[..location.span.start], &text[location.span.end..]));
     }
-    // A field that was left out is inserted behind the bracket of its holder.
-    let has_value = |k: &usize| locations.value(&keys[..*k].join(".")).is_some();
-    let known = (0..keys.len()).rev().find(has_value).unwrap_or(0);
-    let new = &keys[known..];
+    insert_field(text, &locations, path, &keys, &value)
+}
+
+/// Path and value of a setting. Errors: it is no such pair, or its value is not one value in RON.
+fn path_and_value(setting: &str) -> Result<(&str, String), RecordFault> {
+    let pair = setting.split_once('=').map(|(path, value)| (path.trim(), value.trim().replace('\n', " ")));
+    let Some((path, value)) = pair.filter(|(path, _)| !path.is_empty()) else {
+        return Err(RecordFault::new("is no pair", "expected PATH=VALUE, such as grains.1.number=2000"));
+    };
+    if let Some(mistake) = ron_text::syntax_faults(&value).into_iter().next().filter(|_| !value.is_empty()) {
+        return Err(RecordFault::new(format!("value: {}", mistake.found), mistake.expected));
+    }
+    let (locations, end) = ValueLocations::from_value(&value, "");
+    let ends_early = locations.value("").is_none_or(|location| location.span.end < value.len());
+    if end < value.len() || ends_early || value.is_empty() {
+        return Err(RecordFault::new(format!("'{value}'"), "expected one value in RON"));
+    }
+    Ok((path, value))
+}
+
+/// Inserts a field that was left out behind the opening bracket of the innermost value of its path that the text has.
+/// `path` is as in the setting, `keys` are its [`path_keys`].
+fn insert_field(
+    text: &str,
+    locations: &ValueLocations,
+    path: &str,
+    keys: &[String],
+    value: &str,
+) -> Result<String, RecordFault> {
+    let has_value = |length: &usize| locations.value(&keys[..*length].join(".")).is_some();
+    let known_length = (0..keys.len()).rev().find(has_value).unwrap_or(0);
+    let (holder_keys, new_keys) = keys.split_at(known_length);
+    let holder_path = holder_keys.join(".");
     let is_name = |key: &String| key.starts_with(|c: char| c.is_alphabetic() || c == '_');
-    let holder = locations.value(&keys[..known].join("."));
     let has_names = |holder: &&ValueLocation| {
-        let first = format!("{}0", keys[..known].iter().map(|key| format!("{key}.")).collect::<String>());
-        text.as_bytes()[holder.content_start.unwrap_or(1) - 1] == b'(' && locations.value(&first).is_none()
+        let first_item = format!("{}0", holder_keys.iter().map(|key| format!("{key}.")).collect::<String>());
+        text.as_bytes()[holder.content_start.unwrap_or(1) - 1] == b'(' && locations.value(&first_item).is_none()
     };
-    let content_start = holder.filter(has_names).and_then(|holder| holder.content_start);
-    let Some(inside) = content_start.filter(|_| new.iter().all(is_name)) else {
-        let shown: Vec<&str> = path.split('.').take(known + 1).collect();
+    let content_start = locations.value(&holder_path).filter(has_names).and_then(|holder| holder.content_start);
+    let Some(position) = content_start.filter(|_| new_keys.iter().all(is_name)) else {
+        let shown: Vec<&str> = path.split('.').take(known_length + 1).collect();
         let found = format!("no '{}' in the file", shown.join("."));
-        return Err(match ron_text::nearest_name(&new[0], &locations.fields(&keys[..known].join("."))) {
-            Some(near) => {
-                RecordFault::new(found, format!("did you mean {}?", [&shown[..known], &[near]].concat().join(".")))
-            }
-            None => fault(&found, &expected_path(&shown[..known], &keys[..known], &locations)),
-        });
+        let shown_holder = &shown[..known_length];
+        let expected = match ron_text::nearest_name(&new_keys[0], &locations.fields(&holder_path)) {
+            Some(near) => format!("did you mean {}?", [shown_holder, &[near]].concat().join(".")),
+            None => format!("expected {}", expected_path(shown_holder, holder_keys, locations)),
+        };
+        return Err(RecordFault::new(found, expected));
     };
-    let value =
-        new.iter().rev().skip(1).fold(format!("{}: {value}", new[new.len() - 1]), |v, key| format!("{key}: ({v})"));
-    Ok(format!("{}{value}, {}", &text[..inside], &text[inside..]))
+    let (last_key, outer_keys) = new_keys.split_last().expect("a path has a last key");
+    let field = outer_keys.iter().rev().fold(format!("{last_key}: {value}"), |inner, key| format!("{key}: ({inner})"));
+    Ok(format!("{}{field}, {}", &text[..position], &text[position..]))
 }
 
 /// Values that a path can name below a holder, given as in the path (`shown`) and by its keys: the items of a list.

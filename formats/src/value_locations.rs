@@ -17,7 +17,17 @@ pub struct ValueLocations<'a> {
     text: &'a str,
     values: HashMap<String, ValueLocation>,
     former_names: Vec<FormerNameUse>,
-    conflicts: Vec<(usize, String, &'static FormerName)>,
+    conflicts: Vec<NameConflict>,
+}
+
+/// Field that a text has under both its former and its current name.
+#[derive(Debug, Clone)]
+pub struct NameConflict {
+    /// Byte of the second of the two names.
+    pub at: usize,
+    /// Path of the value that has the field.
+    pub holder: String,
+    pub name: &'static FormerName,
 }
 
 /// Position of a value.
@@ -33,18 +43,18 @@ pub struct ValueLocation {
 impl<'a> ValueLocations<'a> {
     /// Locations of all values of a text, as far as its syntax is right.
     pub fn from_text(text: &'a str) -> Self {
-        let mut walk = LocationWalker::new(text);
-        walk.skip_extensions();
-        walk.skip_value("", 0);
-        walk.into_locations(text)
+        let mut walker = LocationWalker::new(text);
+        walker.skip_extensions();
+        walker.skip_value("", 0);
+        walker.into_locations(text)
     }
 
     /// Locations in the text of a value whose path is `path`, and the byte after the value.
     pub fn from_value(text: &'a str, path: &str) -> (Self, usize) {
-        let mut walk = LocationWalker::new(text);
-        walk.skip_value(path, 0);
-        let end = walk.at;
-        (walk.into_locations(text), end)
+        let mut walker = LocationWalker::new(text);
+        walker.skip_value(path, 0);
+        let end = walker.at;
+        (walker.into_locations(text), end)
     }
 
     /// Location of the value at `path`.
@@ -67,9 +77,8 @@ impl<'a> ValueLocations<'a> {
         &self.former_names
     }
 
-    /// Fields that have both their former and their current name: byte of the second, path of the value that has the
-    /// field, name.
-    pub fn conflicts(&self) -> &[(usize, String, &'static FormerName)] {
+    /// Fields that the text has under both their former and their current name.
+    pub fn conflicts(&self) -> &[NameConflict] {
         &self.conflicts
     }
 
@@ -114,14 +123,16 @@ impl<'a> ValueLocations<'a> {
     }
 }
 
+/// Scan of a text that collects its values.
 struct LocationWalker<'a> {
     text: &'a [u8],
+    /// Next byte.
     at: usize,
     /// Number of open brackets.
     depth: usize,
     values: HashMap<String, ValueLocation>,
     former_names: Vec<FormerNameUse>,
-    conflicts: Vec<(usize, String, &'static FormerName)>,
+    conflicts: Vec<NameConflict>,
 }
 
 /// Deepest nesting that is scanned; RON rejects more.
@@ -168,13 +179,13 @@ impl<'a> LocationWalker<'a> {
     fn skip_comment(&mut self) {
         let mut depth = 0;
         while let Some(two) = self.text.get(self.at..self.at + 2) {
-            let deeper = match two {
+            let depth_change = match two {
                 b"/*" => 1,
                 b"*/" => -1,
                 _ => 0,
             };
-            depth += deeper;
-            self.advance(if deeper == 0 { 1 } else { 2 });
+            depth += depth_change;
+            self.advance(if depth_change == 0 { 1 } else { 2 });
             if depth == 0 {
                 return;
             }
@@ -263,10 +274,10 @@ impl<'a> LocationWalker<'a> {
         let former = former_names::former_field(holder, &name);
         let current = former.map_or(name.as_str(), |name| name.current).to_string();
         if let Some(known) = self.values.get(&format!("{holder}.{current}")) {
-            let first = self.former_names.iter().find(|one| one.span.start == known.start).map(|one| one.name);
+            let known_former = self.former_names.iter().find(|one| one.span.start == known.start).map(|one| one.name);
             // The same name twice is reported when the text is parsed.
-            if let (Some(name), true) = (former.or(first), former.is_some() != first.is_some()) {
-                self.conflicts.push((start, holder.to_string(), name));
+            if let (Some(name), true) = (former.or(known_former), former.is_some() != known_former.is_some()) {
+                self.conflicts.push(NameConflict { at: start, holder: holder.to_string(), name });
             }
         }
         if let Some(former) = former {

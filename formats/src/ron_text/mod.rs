@@ -41,8 +41,9 @@ impl FlagError {
     pub(crate) fn new(text: &str, mistakes: &[TextFault]) -> FlagError {
         let locations = ValueLocations::from_text(text);
         let one = |TextFault { at, path, found, expected }: &TextFault| {
-            let of = if path.is_empty() { String::new() } else { format!("{}: ", locations.path_in_words(path)) };
-            format!("column {}: {of}{found}; {expected}", line_and_column(text, *at).1)
+            let object = if path.is_empty() { String::new() } else { format!("{}: ", locations.path_in_words(path)) };
+            let (_, column) = line_and_column(text, *at);
+            format!("column {column}: {object}{found}; {expected}")
         };
         FlagError(mistakes.iter().map(one).collect::<Vec<_>>().join("; "))
     }

@@ -1,4 +1,4 @@
-//! Continuation behind values that do not fit their types, so that all of them are reported together.
+//! Parsing of a RON text that continues behind values that do not fit their types, so that all of them are reported together.
 
 use std::ops::Range;
 
@@ -40,92 +40,112 @@ pub fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, Vec<TextFault>> {
 /// found, and the text is read again. A field that is missing only because its name is misspelt is not reported.
 pub fn type_faults<T: DeserializeOwned>(text: &str, error: SpannedError) -> Vec<TextFault> {
     let mut draft = DraftText { text: text.to_string(), origins: (0..=text.len()).collect() };
-    let mut faults: Vec<TextFault> = Vec::new();
-    let mut missing: Vec<MissingFields> = Vec::new();
-    let mut misspelt: Vec<MisspeltField> = Vec::new();
+    let mut found = FoundFaults::default();
     let mut next = Some(error);
     // Byte of the last fault, which the library reports in the order of the text.
-    let mut at_last = None;
+    let mut last_at = None;
     while let Some(error) = next.take() {
         let nodes = RonParser::parse(&draft.text).0;
         let site = ErrorSite::new(&draft.text, &nodes, &error);
         if let (Error::MissingStructField { field, .. }, Some(record)) = (&error.code, site.value) {
-            let known = missing.iter_mut().find(|known| known.path == record.path);
-            match known {
-                _ if misspelt.iter().any(|one| one.holder == record.path && one.stands_for(field)) => {}
-                Some(known) => known.fields.push(field.to_string()),
-                None => missing.push(MissingFields {
-                    at: draft.origins[record.span.start],
-                    path: record.path.clone(),
-                    fields: vec![field.to_string()],
-                    kind: site.kind_of_record(&draft.text, &error),
-                }),
-            }
-        } else {
-            let mut fault = describe_error::<T>(&draft.text, &nodes, &error);
-            let place = fault.at;
-            fault.at = draft.origins[fault.at.min(draft.text.len())];
-            // An error in front of the last stand-in is due to it.
-            if at_last.replace(fault.at).is_some_and(|last| fault.at <= last) {
+            found.add_missing_field(MissingFields {
+                at: draft.origins[record.span.start],
+                path: record.path.clone(),
+                fields: vec![field.to_string()],
+                kind: site.kind_of_record(&draft.text, &error),
+            });
+            if found.missing_field_count() >= MAX_FAULTS || text.len() > MAX_TEXT_LENGTH {
                 break;
             }
-            let mut is_new = true;
-            if let Error::NoSuchStructField { expected, found, .. } = &error.code {
-                let probable_name = nearest_name(found, expected).map(str::to_string);
-                let is_same = |one: &&mut MisspeltField| {
-                    probable_name.is_none() && one.probable_name.is_none() && one.holder == fault.path
-                };
-                if let Some(known) = misspelt.iter_mut().find(is_same) {
-                    known.names.push(format!("'{found}'"));
-                    faults[known.fault].found = format!("unknown fields {}", known.names.join(", "));
-                    is_new = false;
-                } else {
-                    let (holder, names) = (fault.path.clone(), vec![format!("'{found}'")]);
-                    misspelt.push(MisspeltField { holder, probable_name, names, fault: faults.len() });
-                }
-            }
-            // Numbers in place of all functions of a tuple are one mistake.
-            let is_function = |fault: &TextFault| fault.expected.starts_with("expected a function");
-            let holder = |fault: &TextFault| fault.path.rsplit_once('.').map(|(holder, _)| holder.to_string());
-            if faults
-                .last()
-                .is_some_and(|last| is_function(last) && is_function(&fault) && holder(last) == holder(&fault))
-            {
-                is_new = false;
-            }
-            if is_new {
-                faults.push(fault);
-            }
-            next = match &error.code {
-                Error::NoSuchStructField { .. } | Error::DuplicateStructField { .. } => {
-                    site.named.and_then(|node| draft.without_field::<T>(node))
-                }
-                Error::ExceededRecursionLimit => None,
-                code => draft.with_stand_in::<T>(&nodes, place, code),
-            };
-            if faults.len() + missing.len() >= MAX_FAULTS || text.len() > MAX_TEXT_LENGTH {
-                break;
-            }
+            next = draft.with_field::<T>(record, field);
             continue;
         }
-        if missing.iter().map(|record| record.fields.len()).sum::<usize>() >= MAX_FAULTS || text.len() > MAX_TEXT_LENGTH
-        {
+        let mut fault = describe_error::<T>(&draft.text, &nodes, &error);
+        let draft_at = fault.at;
+        fault.at = draft.origins[fault.at.min(draft.text.len())];
+        // An error in front of the last stand-in is due to it.
+        if last_at.replace(fault.at).is_some_and(|last| fault.at <= last) {
             break;
         }
-        let (Error::MissingStructField { field, .. }, Some(record)) = (&error.code, site.value) else { break };
-        next = draft.with_field::<T>(record, field);
+        found.add_fault(fault, &error.code);
+        if found.faults.len() + found.missing.len() >= MAX_FAULTS || text.len() > MAX_TEXT_LENGTH {
+            break;
+        }
+        next = match &error.code {
+            Error::NoSuchStructField { .. } | Error::DuplicateStructField { .. } => {
+                site.named.and_then(|node| draft.without_field::<T>(node))
+            }
+            Error::ExceededRecursionLimit => None,
+            code => draft.with_stand_in::<T>(&nodes, draft_at, code),
+        };
     }
-    faults.extend(
-        missing
-            .into_iter()
-            .map(|MissingFields { at, path, fields, kind }| missing_fields_fault(at, path, &fields, &kind)),
-    );
-    faults.sort_by_key(|fault| fault.at);
-    faults
+    found.into_faults()
+}
+
+/// Faults of a text so far.
+#[derive(Default)]
+struct FoundFaults {
+    faults: Vec<TextFault>,
+    missing: Vec<MissingFields>,
+    misspelt: Vec<MisspeltField>,
+}
+
+impl FoundFaults {
+    /// Adds the one field of `lacking`, unless a misspelt field stands for it.
+    fn add_missing_field(&mut self, lacking: MissingFields) {
+        let is_misspelt = |one: &MisspeltField| one.holder == lacking.path && one.stands_for(&lacking.fields[0]);
+        if self.misspelt.iter().any(is_misspelt) {
+            return;
+        }
+        match self.missing.iter_mut().find(|record| record.path == lacking.path) {
+            Some(record) => record.fields.extend(lacking.fields),
+            None => self.missing.push(lacking),
+        }
+    }
+
+    /// Number of fields that records lack.
+    fn missing_field_count(&self) -> usize {
+        self.missing.iter().map(|record| record.fields.len()).sum()
+    }
+
+    /// Adds a fault, whose error of the library is `code`, unless it belongs to one that is known.
+    fn add_fault(&mut self, fault: TextFault, code: &Error) {
+        if let Error::NoSuchStructField { expected, found, .. } = code {
+            let probable_name = nearest_name(found, expected).map(str::to_string);
+            let is_same = |one: &&mut MisspeltField| {
+                probable_name.is_none() && one.probable_name.is_none() && one.holder == fault.path
+            };
+            if let Some(known) = self.misspelt.iter_mut().find(is_same) {
+                known.names.push(format!("'{found}'"));
+                self.faults[known.fault].found = format!("unknown fields {}", known.names.join(", "));
+                return;
+            }
+            let (holder, names) = (fault.path.clone(), vec![format!("'{found}'")]);
+            self.misspelt.push(MisspeltField { holder, probable_name, names, fault: self.faults.len() });
+        }
+        // Numbers in place of all functions of a tuple are one mistake.
+        let is_function = |fault: &TextFault| fault.expected.starts_with("expected a function");
+        let holder = |fault: &TextFault| fault.path.rsplit_once('.').map(|(holder, _)| holder.to_string());
+        let is_repeated = |last: &TextFault| is_function(last) && is_function(&fault) && holder(last) == holder(&fault);
+        if !self.faults.last().is_some_and(is_repeated) {
+            self.faults.push(fault);
+        }
+    }
+
+    /// All faults in the order of the text.
+    fn into_faults(mut self) -> Vec<TextFault> {
+        let missing = self.missing.into_iter();
+        let fault =
+            |MissingFields { at, path, fields, kind }: MissingFields| missing_fields_fault(at, path, &fields, &kind);
+        self.faults.extend(missing.map(fault));
+        self.faults.sort_by_key(|fault| fault.at);
+        self.faults
+    }
 }
 
 /// Fields that a record lacks.
 struct MissingFields {
+    /// Byte of the record in the text.
     at: usize,
     path: String,
     fields: Vec<String>,
@@ -168,7 +188,8 @@ impl DraftText {
         DraftText { text, origins }
     }
 
-    /// Takes the first of `drafts` whose error, if it has one, satisfies `is_behind`; returns that error.
+    /// Becomes the first of `drafts`, each with the byte after its replaced part, whose error satisfies `is_behind`; returns
+    /// that error. A draft without an error ends the search.
     fn take_first<T: DeserializeOwned>(
         &mut self,
         drafts: impl Iterator<Item = (DraftText, usize)>,
@@ -240,34 +261,35 @@ impl DraftText {
         values.collect()
     }
 
-    /// Replaces the value that begins at the byte `place`; returns the next error.
+    /// Replaces the value that begins at the byte `start`; returns the next error.
     fn with_stand_in<T: DeserializeOwned>(
         &mut self,
         nodes: &[ValueNode],
-        place: usize,
+        start: usize,
         code: &Error,
     ) -> Option<SpannedError> {
-        let at_place = nodes.iter().filter(|node| node.span.start == place && !node.path.is_empty());
-        let node = at_place.min_by_key(|node| node.span.len())?;
-        let own = &self.text[node.span.clone()];
-        let whole = |text: &&str| (self.replaced(node.span.clone(), &format!("{text}{PADDING}")), place + text.len());
+        let candidates = nodes.iter().filter(|node| node.span.start == start && !node.path.is_empty());
+        let node = candidates.min_by_key(|node| node.span.len())?;
+        let value = &self.text[node.span.clone()];
+        let with_value =
+            |text: &&str| (self.replaced(node.span.clone(), &format!("{text}{PADDING}")), start + text.len());
         let drafts: Vec<_> = match code {
             Error::NoSuchEnumVariant { expected, found, .. } => {
                 // The fields behind a misspelt name are read, too.
-                let near = nearest_name(found, expected).filter(|_| own.starts_with(&found[..]));
-                let near = near.map(|near| (self.replaced(place..place + found.len(), near), place + near.len()));
-                near.into_iter().chain(expected.iter().map(whole)).collect()
+                let near = nearest_name(found, expected).filter(|_| value.starts_with(&found[..]));
+                let renamed = near.map(|near| (self.replaced(start..start + found.len(), near), start + near.len()));
+                renamed.into_iter().chain(expected.iter().map(with_value)).collect()
             }
             _ => {
                 let values_of_kinds = self.kind_values::<T>(|value| self.replaced(node.span.clone(), value));
                 let values_of_kinds: Vec<&str> = values_of_kinds.iter().map(String::as_str).collect();
-                STAND_INS.iter().chain(&values_of_kinds).map(whole).collect()
+                STAND_INS.iter().chain(&values_of_kinds).map(with_value).collect()
             }
         };
         self.take_first::<T>(drafts.into_iter(), |site, code, end| match code {
-            // Another record than the stand-in.
+            // A field of the stand-in itself does not count.
             Error::MissingStructField { .. } => {
-                site.value.is_some_and(|value| value.span.start < place || value.span.start > end)
+                site.value.is_some_and(|value| value.span.start < start || value.span.start > end)
             }
             _ => site.raw > end,
         })

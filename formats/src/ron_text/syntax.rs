@@ -1,10 +1,12 @@
-//! Syntax of RON: the values of a text with their positions, and all mistakes.
+//! Parser of the syntax of RON that continues after mistakes: finds the values of a text with their positions, and all
+//! mistakes. Which types the values must have is known to the RON library alone.
 
 use std::ops::Range;
 
 /// Fault at a byte of a text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TextFault {
+    /// Byte of the fault in the text.
     pub at: usize,
     /// Path of the value that it belongs to, as `grains.0.number`; empty for the whole text.
     pub path: String,
@@ -61,6 +63,7 @@ pub const MAX_DEPTH: usize = 128;
 /// Parser that continues after mistakes.
 pub struct RonParser<'a> {
     text: &'a str,
+    /// Next byte.
     pub at: usize,
     /// Byte after the last token.
     last_end: usize,
@@ -145,15 +148,18 @@ impl<'a> RonParser<'a> {
         let mut brackets: Vec<_> = self.brackets.iter().copied().chain(open).collect();
         brackets.sort_unstable_by_key(|bracket| bracket.1);
         let seems_open = |&(_, at, end): &(char, usize, usize)| {
-            let line = self.text[..at].rfind('\n').map_or(0, |end| end + 1);
-            let Some((this, rest)) = self.text[line..end.max(line)].split_once('\n') else { return false };
-            let rest =
-                &self.text[line + this.len() + 1..][..rest.len().max(1).min(self.text.len() - line - this.len() - 1)];
+            let line_start = self.text[..at].rfind('\n').map_or(0, |end| end + 1);
+            let Some((line, inside)) = self.text[line_start..end.max(line_start)].split_once('\n') else {
+                return false;
+            };
+            // The text behind the line up to the closing bracket, which is part of it if it is the first character.
+            let behind = &self.text[line_start + line.len() + 1..];
+            let behind = &behind[..inside.len().max(1).min(behind.len())];
             let indent = |line: &str| line.len() - line.trim_start().len();
-            let next = rest.lines().find(|line| !line.trim().is_empty());
-            at > line + indent(this)
-                && next
-                    .is_some_and(|next| indent(next) <= indent(this) && !next.trim_start().starts_with([')', ']', '}']))
+            let next_line = behind.lines().find(|line| !line.trim().is_empty());
+            let is_not_deeper =
+                |next: &str| indent(next) <= indent(line) && !next.trim_start().starts_with([')', ']', '}']);
+            at > line_start + indent(line) && next_line.is_some_and(is_not_deeper)
         };
         brackets.into_iter().find(seems_open).map(|(bracket, at, _)| (bracket, at))
     }
@@ -242,9 +248,10 @@ impl<'a> RonParser<'a> {
     /// Reads and skips a field's name before a colon, or before another mark in place of a colon.
     fn read_field_name(&mut self, path: &str) -> Option<Range<usize>> {
         let start = self.at;
-        let (behind, mistakes, lost) = (self.last_end, self.mistakes.len(), self.aborted);
-        let quoted = self.current_char() == Some('"');
-        let name = if quoted {
+        // State to which the parser returns if there is no name.
+        let (last_end, mistake_count, aborted) = (self.last_end, self.mistakes.len(), self.aborted);
+        let is_quoted = self.current_char() == Some('"');
+        let name = if is_quoted {
             self.skip_string(path);
             start + 1..(self.at - 1).max(start + 1)
         } else {
@@ -260,35 +267,35 @@ impl<'a> RonParser<'a> {
         let word = &self.text[name.clone()];
         match self.current_char() {
             Some(':') if !self.remaining_text().starts_with("::") => {
-                if !quoted && word.contains(['-', '.', '+']) && !word.starts_with("r#") {
+                if !is_quoted && word.contains(['-', '.', '+']) && !word.starts_with("r#") {
                     let plain = word.replace(['-', '.', '+'], "_");
                     self.add_fault(start, path, &format!("the name '{word}'"), &format!("did you mean {plain}?"));
                 }
-                if quoted {
+                if is_quoted {
                     let found = format!("the name \"{word}\" in quotes");
                     self.add_fault(start, path, &found, &format!("expected {word}: without quotes"));
                 }
                 self.advance(1);
                 return Some(name);
             }
-            Some('=') if !quoted => {
+            Some('=') if !is_quoted => {
                 self.add_fault(self.at, path, &format!("'=' behind {word}"), &format!("expected {word}: value"));
                 self.advance(1);
                 return Some(name);
             }
             // A name and a value on one line, as `number 50`.
-            Some(next) if !quoted && !self.aborted => {
-                let same_line = !self.text[end..self.at].contains('\n') && self.at > end;
-                let value = next.is_alphanumeric() || "\"[-+.".contains(next);
-                if same_line && value {
+            Some(next) if !is_quoted && !self.aborted => {
+                let is_same_line = !self.text[end..self.at].contains('\n') && self.at > end;
+                let begins_value = next.is_alphanumeric() || "\"[-+.".contains(next);
+                if is_same_line && begins_value {
                     self.add_fault(end, path, &format!("no ':' behind '{word}'"), &format!("expected {word}: value"));
                     return Some(name);
                 }
             }
             _ => {}
         }
-        (self.at, self.last_end, self.aborted) = (start, behind, lost);
-        self.mistakes.truncate(mistakes);
+        (self.at, self.last_end, self.aborted) = (start, last_end, aborted);
+        self.mistakes.truncate(mistake_count);
         None
     }
 
@@ -415,7 +422,7 @@ impl<'a> RonParser<'a> {
     fn skip_items(&mut self, path: &str, bracket: char) {
         let start = self.at;
         let (line, column) = line_and_column(self.text, start);
-        let right = closing_bracket(bracket);
+        let closing = closing_bracket(bracket);
         if bracket == '{' {
             self.add_fault(start, path, "'{'", "expected '(' around fields, '[' around lists");
         }
@@ -435,20 +442,20 @@ impl<'a> RonParser<'a> {
                     self.add_fault(
                         start,
                         path,
-                        &format!("'{bracket}' without '{right}'"),
-                        &format!("expected '{right}' before the end of the text"),
+                        &format!("'{bracket}' without '{closing}'"),
+                        &format!("expected '{closing}' before the end of the text"),
                     );
                     self.aborted = true;
                     return;
                 }
-                Some(close @ (')' | ']' | '}')) if close == right || bracket == '{' => {
+                Some(close @ (')' | ']' | '}')) if close == closing || bracket == '{' => {
                     self.brackets.push((bracket, start, self.at));
                     self.open.pop();
                     return self.advance(1);
                 }
                 Some(close @ (')' | ']' | '}')) => {
                     let found = format!("'{close}', while '{bracket}' of {line}:{column} is open");
-                    self.add_fault(self.at, path, &found, &format!("expected '{right}' before it"));
+                    self.add_fault(self.at, path, &found, &format!("expected '{closing}' before it"));
                     return self.give_up();
                 }
                 Some(',') => {
@@ -477,41 +484,42 @@ impl<'a> RonParser<'a> {
                 return self.give_up();
             }
             let key = if name.is_some() { word.to_string() } else { (count - names).to_string() };
-            let path_of_item = if path.is_empty() { key } else { format!("{path}.{key}") };
+            let item_path = if path.is_empty() { key } else { format!("{path}.{key}") };
             (count, names) = (count + 1, names + usize::from(name.is_some()));
-            let unnamed = name.is_none() && names > 0 && bracket == '(';
-            let named = name.is_some();
-            let known = self.mistakes.len();
+            let has_name = name.is_some();
+            let lacks_name = !has_name && names > 0 && bracket == '(';
+            let mistakes_before = self.mistakes.len();
             self.skip_blank();
-            let begin = self.at;
-            self.skip_value(&path_of_item, name);
-            let value = &self.text[begin..self.last_end.max(begin)];
-            if unnamed && self.mistakes.len() == known && !self.aborted {
+            let value_start = self.at;
+            self.skip_value(&item_path, name);
+            let value = &self.text[value_start..self.last_end.max(value_start)];
+            if lacks_name && self.mistakes.len() == mistakes_before && !self.aborted {
                 self.report_missing_name(item, path, value);
             }
             self.skip_blank();
             match self.current_char() {
                 Some(',') => self.advance(1),
                 Some(';') => {
-                    self.add_fault(self.at, &path_of_item, "';'", "expected ','");
+                    self.add_fault(self.at, &item_path, "';'", "expected ','");
                     self.advance(1);
                 }
                 Some(')' | ']' | '}') | None => {}
-                Some(':' | '=') if named => {
+                Some(':' | '=') if has_name => {
                     self.add_fault(
-                        begin,
-                        &path_of_item,
+                        value_start,
+                        &item_path,
                         &format!("a second name, '{value}'"),
                         "expected '(' before it",
                     );
                     return self.give_up();
                 }
-                Some(mark) => self.report_missing_comma(&path_of_item, value, mark),
+                Some(mark) => self.report_missing_comma(&item_path, value, mark),
             }
         }
     }
 
-    /// Reports a value without a name among values with names, once for each bracket.
+    /// Reports a value without a name among values with names, once for each bracket; `item` is the byte of the value, `path`
+    /// that of the bracket.
     fn report_missing_name(&mut self, item: usize, path: &str, value: &str) {
         let before = &self.text[..item];
         let digit = |c: char| c.is_ascii_digit();
@@ -530,24 +538,24 @@ impl<'a> RonParser<'a> {
         }
     }
 
-    /// Reports the text that follows a value instead of a comma.
+    /// Reports the text that follows a value instead of a comma; `mark` is its first character.
     fn report_missing_comma(&mut self, path: &str, value: &str, mark: char) {
         let next = display_text(&self.remaining_text()[..self.word_length().max(mark.len_utf8())]);
-        let same_line = !self.text[self.last_end..self.at].contains('\n');
-        let number = begins_with_number(value);
+        let is_same_line = !self.text[self.last_end..self.at].contains('\n');
+        let is_number = begins_with_number(value);
         // The text up to the end of the item, as in `2700.0 kg/m3` and `2.7*1000`.
         let rest = self.remaining_text();
         let end = rest.find([',', ')', ']', '}', '(', '[', '"', ':', '\n', '\r']).unwrap_or(rest.len());
         let end = rest[..end].find("//").unwrap_or(end);
         let ends_item = !rest[end..].starts_with([':', '(', '[', '"']);
-        if number && same_line && ends_item && (mark.is_alphabetic() || "*/^%\u{b0}\u{b7}".contains(mark)) {
+        if is_number && is_same_line && ends_item && (mark.is_alphabetic() || "*/^%\u{b0}\u{b7}".contains(mark)) {
             let at = self.last_end - value.len();
             let begin = self.at;
             self.advance(rest[..end].trim_end().len());
             let found = display_text(&self.text[at..self.at]);
-            let term = |part: &str| part.trim().parse::<f64>().is_ok();
-            let computed = self.text[begin..self.at].split(['*', '/', '^', '%']).skip(1).any(term);
-            let expected = if computed && !mark.is_alphabetic() {
+            let is_term = |part: &str| part.trim().parse::<f64>().is_ok();
+            let is_arithmetic = self.text[begin..self.at].split(['*', '/', '^', '%']).skip(1).any(is_term);
+            let expected = if is_arithmetic && !mark.is_alphabetic() {
                 "expected one number: arithmetic is not supported"
             } else {
                 "expected a number without unit"
@@ -559,7 +567,7 @@ impl<'a> RonParser<'a> {
             }
         } else if mark.is_alphanumeric() || "\"'([{-+._".contains(mark) {
             self.add_fault(self.last_end, path, &format!("no ',' before '{next}'"), "expected ',' here");
-            if number && same_line && rest[next.len()..].trim_start().starts_with(':') {
+            if is_number && is_same_line && rest[next.len()..].trim_start().starts_with(':') {
                 self.give_up();
             }
         } else {
