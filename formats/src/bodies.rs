@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::error::Faults;
 use crate::foreign::foreign_bodies;
 use crate::geometry::faces::FLATNESS_OF_FILES;
-use crate::geometry::surface::{with_joined_vertices, without_unused_vertices};
+use crate::geometry::surface::{CleanedSurface, with_joined_vertices, without_unused_vertices};
 use crate::names::number_text;
 use crate::ron_text::known_names;
 use crate::scan::parts::{put_records, read_records};
@@ -349,21 +349,17 @@ fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord
         scan.add_fault(line.number, found, "expected at least 4 of each: a closed surface");
         return None;
     }
-    let (vertices, triangles) = read_mesh(scan, counts[0], &lines);
-    let (vertices, triangles) = match with_joined_vertices(&vertices, &triangles, FLATNESS_OF_FILES) {
-        Some((joined, renumbered, count)) => {
-            (0..count).for_each(|_| scan.add_form(LenientForm::JoinedVertex, line.number));
-            (joined, renumbered)
-        }
-        None => (vertices, triangles),
+    let (mut vertices, mut triangles) = read_mesh(scan, counts[0], &lines);
+    let mut replace_by = |cleaned: CleanedSurface, form: LenientForm| {
+        (0..cleaned.removed).for_each(|_| scan.add_form(form, line.number));
+        (cleaned.vertices, cleaned.triangles)
     };
-    let (vertices, triangles) = match without_unused_vertices(&vertices, &triangles, FLATNESS_OF_FILES) {
-        Some((used, renumbered, count)) => {
-            (0..count).for_each(|_| scan.add_form(LenientForm::UnusedVertex, line.number));
-            (used, renumbered)
-        }
-        None => (vertices, triangles),
-    };
+    if let Some(joined) = with_joined_vertices(&vertices, &triangles, FLATNESS_OF_FILES) {
+        (vertices, triangles) = replace_by(joined, LenientForm::JoinedVertex);
+    }
+    if let Some(used) = without_unused_vertices(&vertices, &triangles, FLATNESS_OF_FILES) {
+        (vertices, triangles) = replace_by(used, LenientForm::UnusedVertex);
+    }
     Some(ShapeRecord::Polyhedron { vertices, triangles })
 }
 

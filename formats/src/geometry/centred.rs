@@ -1,4 +1,5 @@
-//! Bodies about their centres of mass, in their principal axes, with inertia lines: as LMGC90 writes BODIES.OUT.
+//! Conversion of bodies of BODIES.DAT to their centres of mass and principal axes, with lines of inertia, as LMGC90 writes
+//! them to BODIES.OUT and cd-solve with `--text`.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -31,9 +32,9 @@ impl Body {
     /// assert_eq!(body.centred().unwrap().position, [1.0; 3]);
     /// ```
     pub fn centred(&self) -> Result<Body, SurfaceFaults> {
-        let lone = self.contactors.len() == 1;
-        let hollow = |c: &Contactor| matches!(c.shape, ShapeRecord::Cylinder { hollow: true, .. });
-        if !lone && self.contactors.iter().any(hollow) {
+        let is_single = self.contactors.len() == 1;
+        let is_hollow = |c: &Contactor| matches!(c.shape, ShapeRecord::Cylinder { hollow: true, .. });
+        if !is_single && self.contactors.iter().any(is_hollow) {
             return Ok(self.clone());
         }
         let own = self.mass_properties()?;
@@ -42,7 +43,8 @@ impl Body {
         let frame = self.computed_frame(&own);
         let axes =
             frame.map_or(Matrix3::identity(), |f| Matrix3::from_rows(&f.axes.map(|a| Vec3::from(a).transpose())));
-        let contactors = self.contactors.iter().map(|contactor| contactor.seen_from(lone, &offset, &axes)).collect();
+        let in_new_frame = |contactor: &Contactor| contactor.in_frame(&offset, &axes, is_single);
+        let contactors = self.contactors.iter().map(in_new_frame).collect();
         Ok(Body {
             equivalent_radius: if self.equivalent_radius == 0.0 { inertial.radius } else { self.equivalent_radius },
             inertia: Some(inertial.inertia),
@@ -54,26 +56,28 @@ impl Body {
 }
 
 impl Contactor {
-    /// The contactor in a frame with this origin, m, and these axes, one a row.
-    fn seen_from(&self, lone: bool, origin: &Vec3, axes: &Matrix3<f64>) -> Contactor {
-        let at = |point: [f64; 3]| -> [f64; 3] { (axes * (Vec3::from(point) - origin)).into() };
+    /// The contactor in a frame with this origin, m, and these axes, one a row; `is_single`: it is the only one of its body.
+    fn in_frame(&self, origin: &Vec3, axes: &Matrix3<f64>, is_single: bool) -> Contactor {
+        let transformed = |point: [f64; 3]| -> [f64; 3] { (axes * (Vec3::from(point) - origin)).into() };
         let (mut shape, mut local_frame) = (self.shape.clone(), self.local_frame.clone());
         match &mut shape {
             ShapeRecord::Sphere { radius } => {
-                let offset = at([0.0; 3]);
+                let offset = transformed([0.0; 3]);
                 if offset != [0.0; 3] {
                     shape = ShapeRecord::OffsetSphere { radius: *radius, offset };
                 }
             }
-            ShapeRecord::OffsetSphere { offset, .. } | ShapeRecord::Point { offset } => *offset = at(*offset),
-            ShapeRecord::Polyhedron { vertices, .. } => vertices.iter_mut().for_each(|vertex| *vertex = at(*vertex)),
-            // A lone one lends its frame to the body.
-            ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } if lone => local_frame = None,
+            ShapeRecord::OffsetSphere { offset, .. } | ShapeRecord::Point { offset } => *offset = transformed(*offset),
+            ShapeRecord::Polyhedron { vertices, .. } => {
+                vertices.iter_mut().for_each(|vertex| *vertex = transformed(*vertex));
+            }
+            // The frame of the body is that of its only plate or cylinder.
+            ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } if is_single => local_frame = None,
             ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {
                 let fixed = LocalFrame { axes: Matrix3::identity().into(), offset: [0.0; 3] };
                 let frame = local_frame.map_or(fixed, |frame| *frame);
                 let axes = frame.axes.map(|axis| (axes * Vec3::from(axis)).into());
-                local_frame = Some(LocalFrame { axes, offset: at(frame.offset) }.into());
+                local_frame = Some(LocalFrame { axes, offset: transformed(frame.offset) }.into());
             }
         }
         Contactor { colour: self.colour.clone(), shape, local_frame }

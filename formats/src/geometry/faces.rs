@@ -84,7 +84,9 @@ pub struct ConvexMesh {
     /// Vertices around each face, counter-clockwise seen from outside, then the edge from each to the next; face f has
     /// `starts[f]..starts[f + 1]`.
     pub loops: Vec<FeatureIndex>,
+    /// Position in `loops` at which each face begins, and the end of the last.
     pub starts: Vec<u32>,
+    /// Largest distance of a vertex from the centre of mass, m.
     pub circumradius: f64,
 }
 
@@ -130,20 +132,20 @@ impl ConvexMesh {
             return Err(MeshError::NotConvex(reason));
         }
         // Remaining vertices, renumbered.
-        let mut number = vec![FeatureIndex::MAX; vertices.len()];
-        loops.iter().flatten().for_each(|&v| number[v as usize] = 0);
-        let mut kept = Vec::new();
-        for (v, number) in number.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
-            *number = kept.len() as FeatureIndex;
-            kept.push(vertices[v]);
+        let mut new_numbers = vec![FeatureIndex::MAX; vertices.len()];
+        loops.iter().flatten().for_each(|&v| new_numbers[v as usize] = 0);
+        let mut corners = Vec::new();
+        for (v, number) in new_numbers.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
+            *number = corners.len() as FeatureIndex;
+            corners.push(vertices[v]);
         }
-        let mut faces = ConvexMesh::from_vertices(kept, circumradius);
-        for corners in &loops {
-            faces.add_loop(corners.iter().map(|&v| number[v as usize]));
-            faces.add_plane(flatness)?;
+        let mut mesh = ConvexMesh::from_vertices(corners, circumradius);
+        for face_corners in &loops {
+            mesh.add_loop(face_corners.iter().map(|&v| new_numbers[v as usize]));
+            mesh.add_plane(flatness)?;
         }
-        faces.add_edges()?;
-        Ok(faces)
+        mesh.add_edges()?;
+        Ok(mesh)
     }
 
     /// Vertices, m, without faces yet; `circumradius`: largest distance of one from the origin, m.
@@ -159,7 +161,7 @@ impl ConvexMesh {
         self.starts.push(end as u32);
     }
 
-    /// Adds the plane of the last face.
+    /// Adds the plane of the last face. Errors: vertices lie farther outside of the face than `flatness` allows.
     fn add_plane(&mut self, flatness: f64) -> Result<(), MeshError> {
         let face = self.starts.len() - 2;
         let corners = self.face_corners(face);
@@ -173,15 +175,14 @@ impl ConvexMesh {
             }
         }
         let normal = area / area.norm();
-        let heights = |corners: &[Vec3]| corners.iter().map(|v| normal.dot(v)).fold(f64::NEG_INFINITY, f64::max);
-        let offset = heights(&self.vertices);
+        let offset = self.vertices.iter().map(|v| normal.dot(v)).fold(f64::NEG_INFINITY, f64::max);
         // Accuracy of a sliver's plane: that of its corners over its width.
         let width = area.norm() / longest;
         let allowed = 4.0 * flatness * self.circumradius * (1.0 + self.circumradius / width);
-        let outside = (0..corners.len()).map(|k| offset - normal.dot(&at(k))).fold(0.0, f64::max);
-        if !offset.is_finite() || outside > allowed {
-            let about: Vec<String> = base.iter().map(|x| format!("{x:.4}")).collect();
-            let reason = format!("not convex: {outside:.3e} m outside the face at ({})", about.join(", "));
+        let excess = (0..corners.len()).map(|k| offset - normal.dot(&at(k))).fold(0.0, f64::max);
+        if !offset.is_finite() || excess > allowed {
+            let coordinates: Vec<String> = base.iter().map(|x| format!("{x:.4}")).collect();
+            let reason = format!("not convex: {excess:.3e} m outside the face at ({})", coordinates.join(", "));
             return Err(MeshError::NotConvex(reason));
         }
         self.planes.push(PolyhedronPlane { normal, offset });
@@ -190,12 +191,12 @@ impl ConvexMesh {
 
     /// Adds the edges after all faces are there.
     pub fn add_edges(&mut self) -> Result<(), MeshError> {
-        let mut known: BTreeMap<[FeatureIndex; 2], usize> = BTreeMap::new();
+        let mut edges_by_ends: BTreeMap<[FeatureIndex; 2], usize> = BTreeMap::new();
         for face in 0..self.starts.len() - 1 {
             let corners = self.face_corners(face).to_vec();
             for (k, &a) in corners.iter().enumerate() {
                 let b = corners[(k + 1) % corners.len()];
-                let edge = *known.entry([a.min(b), a.max(b)]).or_insert_with(|| {
+                let edge = *edges_by_ends.entry([a.min(b), a.max(b)]).or_insert_with(|| {
                     self.edges.push(PolyhedronEdge { ends: [a, b], faces: [face as FeatureIndex, FeatureIndex::MAX] });
                     self.edges.len() - 1
                 });
@@ -209,13 +210,14 @@ impl ConvexMesh {
                 self.loops[side] = edge as FeatureIndex;
             }
         }
-        let euler = self.vertices.len() + self.planes.len() == self.edges.len() + 2;
-        if !euler || self.edges.iter().any(|edge| edge.faces[1] == FeatureIndex::MAX) {
+        let satisfies_euler = self.vertices.len() + self.planes.len() == self.edges.len() + 2;
+        if !satisfies_euler || self.edges.iter().any(|edge| edge.faces[1] == FeatureIndex::MAX) {
             return Err(MeshError::NotConvex("its faces do not close".into()));
         }
         Ok(())
     }
 
+    /// Vertices around a face, in their order.
     fn face_corners(&self, face: usize) -> &[FeatureIndex] {
         let [start, end] = [self.starts[face], self.starts[face + 1]].map(|k| k as usize);
         &self.loops[start..start + (end - start) / 2]
@@ -225,8 +227,9 @@ impl ConvexMesh {
 /// Regions of coplanar triangles.
 struct CoplanarRegions {
     region_of_triangle: Vec<u32>,
-    /// Triangle of each directed edge.
-    with_edge: BTreeMap<[u32; 2], usize>,
+    /// Triangle of each directed edge, by the numbers of its vertices.
+    triangle_of_edge: BTreeMap<[u32; 2], usize>,
+    /// Number of regions.
     count: usize,
 }
 
@@ -234,86 +237,89 @@ impl CoplanarRegions {
     /// Grows regions from the largest triangle on: each takes its neighbours that lie within `tolerance` (m) of its
     /// plane, and their neighbours.
     fn grow_regions(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> Result<Self, MeshError> {
-        let mut with_edge = BTreeMap::new();
+        let mut triangle_of_edge = BTreeMap::new();
         for (k, t) in triangles.iter().enumerate() {
             for edge in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
-                if with_edge.insert(edge, k).is_some() {
+                if triangle_of_edge.insert(edge, k).is_some() {
                     return Err(MeshError::NotConvex("its triangles are not oriented alike".into()));
                 }
             }
         }
         let corners = |k: usize| triangles[k].map(|v| vertices[v as usize]);
-        let doubled: Vec<Vec3> = (0..triangles.len())
+        // Twice the area of each triangle times its normal, m².
+        let doubled_areas: Vec<Vec3> = (0..triangles.len())
             .map(|k| {
                 let [a, b, c] = corners(k);
                 (b - a).cross(&(c - a))
             })
             .collect();
         let mut seeds: Vec<usize> = (0..triangles.len()).collect();
-        seeds.sort_by(|&i, &j| doubled[j].norm().total_cmp(&doubled[i].norm()).then(i.cmp(&j)));
-        let mut of = vec![u32::MAX; triangles.len()];
+        seeds.sort_by(|&i, &j| doubled_areas[j].norm().total_cmp(&doubled_areas[i].norm()).then(i.cmp(&j)));
+        let mut region_of_triangle = vec![u32::MAX; triangles.len()];
         let mut count = 0;
         for seed in seeds {
-            if of[seed] != u32::MAX {
+            if region_of_triangle[seed] != u32::MAX {
                 continue;
             }
-            let normal = doubled[seed] / doubled[seed].norm();
+            let normal = doubled_areas[seed] / doubled_areas[seed].norm();
             let base = corners(seed)[0];
-            let mut open = vec![seed];
-            of[seed] = count;
-            while let Some(k) = open.pop() {
+            let mut pending = vec![seed];
+            region_of_triangle[seed] = count;
+            while let Some(k) = pending.pop() {
                 let t = triangles[k];
                 for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
-                    let Some(&next) = with_edge.get(&[b, a]) else {
+                    let Some(&next) = triangle_of_edge.get(&[b, a]) else {
                         return Err(MeshError::NotConvex("its triangles do not close".into()));
                     };
-                    let near = corners(next).iter().all(|v| normal.dot(&(v - base)).abs() <= tolerance);
-                    // The normal of such a thin triangle is dominated by rounding.
+                    let is_in_plane = corners(next).iter().all(|v| normal.dot(&(v - base)).abs() <= tolerance);
+                    // The normal of a triangle thinner than the tolerance is dominated by rounding.
                     let longest = triangle_sides(&corners(next)).fold(0.0, f64::max);
-                    let alike = normal.dot(&doubled[next]) > 0.0 || doubled[next].norm() <= tolerance * longest;
-                    if of[next] == u32::MAX && near && alike {
-                        of[next] = count;
-                        open.push(next);
+                    let is_thin = doubled_areas[next].norm() <= tolerance * longest;
+                    let faces_alike = normal.dot(&doubled_areas[next]) > 0.0 || is_thin;
+                    if region_of_triangle[next] == u32::MAX && is_in_plane && faces_alike {
+                        region_of_triangle[next] = count;
+                        pending.push(next);
                     }
                 }
             }
             count += 1;
         }
-        Ok(CoplanarRegions { region_of_triangle: of, with_edge, count: count as usize })
+        Ok(CoplanarRegions { region_of_triangle, triangle_of_edge, count: count as usize })
     }
 
     /// Corners around each region, without vertices where only two regions meet.
-    fn boundary_loops(&self, vertices: usize, triangles: &[[u32; 3]]) -> Result<Vec<Vec<u32>>, MeshError> {
-        let mut meeting = vec![Vec::new(); vertices];
-        let mut next: Vec<BTreeMap<u32, u32>> = vec![BTreeMap::new(); self.count];
+    fn boundary_loops(&self, vertex_count: usize, triangles: &[[u32; 3]]) -> Result<Vec<Vec<u32>>, MeshError> {
+        // Regions that meet at each vertex, and for each region the next vertex behind each on its border.
+        let mut regions_at_vertex = vec![Vec::new(); vertex_count];
+        let mut borders: Vec<BTreeMap<u32, u32>> = vec![BTreeMap::new(); self.count];
         for (t, &region) in triangles.iter().zip(&self.region_of_triangle) {
             for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
-                if !meeting[a as usize].contains(&region) {
-                    meeting[a as usize].push(region);
+                if !regions_at_vertex[a as usize].contains(&region) {
+                    regions_at_vertex[a as usize].push(region);
                 }
-                let border = self.region_of_triangle[self.with_edge[&[b, a]]] != region;
-                if border && next[region as usize].insert(a, b).is_some() {
+                let is_border = self.region_of_triangle[self.triangle_of_edge[&[b, a]]] != region;
+                if is_border && borders[region as usize].insert(a, b).is_some() {
                     return Err(MeshError::NotConvex("not convex: a face touches itself".into()));
                 }
             }
         }
         let mut loops = Vec::with_capacity(self.count);
-        for border in &next {
+        for border in &borders {
             // Never empty: a closed surface has more than one plane, or its Euler number is found wrong.
             let first =
                 border.keys().min().copied().ok_or_else(|| MeshError::NotConvex("it has only one face".into()))?;
-            let (mut corners, mut at, mut walked) = (Vec::new(), first, 0);
+            let (mut corners, mut vertex, mut edge_count) = (Vec::new(), first, 0);
             loop {
-                if meeting[at as usize].len() > 2 {
-                    corners.push(at);
+                if regions_at_vertex[vertex as usize].len() > 2 {
+                    corners.push(vertex);
                 }
-                walked += 1;
-                at = *border.get(&at).ok_or_else(|| MeshError::NotConvex("its faces do not close".into()))?;
-                if at == first || walked > border.len() {
+                edge_count += 1;
+                vertex = *border.get(&vertex).ok_or_else(|| MeshError::NotConvex("its faces do not close".into()))?;
+                if vertex == first || edge_count > border.len() {
                     break;
                 }
             }
-            if walked != border.len() || corners.len() < 3 {
+            if edge_count != border.len() || corners.len() < 3 {
                 return Err(MeshError::NotConvex("not convex: a face is no polygon".into()));
             }
             loops.push(corners);
@@ -322,6 +328,7 @@ impl CoplanarRegions {
     }
 }
 
+/// Lengths of the sides of a triangle, m.
 fn triangle_sides(&[a, b, c]: &[Vec3; 3]) -> impl Iterator<Item = f64> {
     [b - a, c - b, a - c].into_iter().map(|side| side.norm())
 }

@@ -51,8 +51,8 @@ impl Contactor {
     /// Moments of inertia of a contactor about its own axes; `own` are its mass properties.
     fn own_moments(&self, own: &MassProperties) -> [f64; 3] {
         let axes = self.local_frame.as_ref().map_or(Matrix3::identity(), |f| Matrix3::from_fn(|i, j| f.axes[j][i]));
-        let turn = nearest_rotation(&axes);
-        let local = turn.transpose() * Matrix3::from(own.inertia) * turn;
+        let rotation = nearest_rotation(&axes);
+        let local = rotation.transpose() * Matrix3::from(own.inertia) * rotation;
         [local.m11, local.m22, local.m33]
     }
 }
@@ -117,6 +117,9 @@ const EQUAL_MOMENTS: f64 = 1e-7;
 /// digits: those of a flat body are equal to it.
 const MOMENT_ROUNDING: f64 = 1e-6;
 
+/// Largest relative difference of the radius of a sphere and its `avrd`, of which the file has 7 or 8 digits.
+const RADIUS_ROUNDING: f64 = 1e-6;
+
 /// Largest relative error of the volume of a radius that has been rounded to 7 digits.
 const VOLUME_ROUNDING: f64 = 1e-6;
 
@@ -149,8 +152,7 @@ impl Body {
         }
         if let [Contactor { shape: ShapeRecord::Sphere { radius }, .. }] = self.contactors.as_slice() {
             let avrd = self.equivalent_radius;
-            // The file has 7 or 8 digits of both.
-            if avrd != 0.0 && (avrd - radius).abs() > 1e-6 * radius {
+            if avrd != 0.0 && (avrd - radius).abs() > RADIUS_ROUNDING * radius {
                 let expected =
                     format!("expected 0 or the contactor's radius {radius}: a sphere's mass follows from its own size");
                 return Err(RecordFault::new(format!("avrd {avrd}"), expected));
@@ -187,21 +189,21 @@ impl Body {
     /// Vector from `position` to the centre of mass, m; `own` are the mass properties of all contactors together. Zero
     /// for a single SPHEb, and for several contactors with `avrd`, whose coordinates are relative to the centre of mass.
     pub fn centre_of_mass_offset(&self, own: &MassProperties) -> [f64; 3] {
-        let about_centre = match self.contactors.as_slice() {
+        let is_relative_to_centre = match self.contactors.as_slice() {
             [single] => matches!(single.shape, ShapeRecord::OffsetSphere { .. }),
             _ => self.equivalent_radius != 0.0,
         };
-        if about_centre { [0.0; 3] } else { own.centre }
+        if is_relative_to_centre { [0.0; 3] } else { own.centre }
     }
 
     /// Principal axes in the frame of the file, if they have to be found: of a polyhedron or of several contactors without
     /// given inertia. `own` are the mass properties of all contactors together. A lone sphere, plate or cylinder keeps its
     /// own axes; with a given inertia the axes of the file are the principal ones.
     pub fn computed_frame(&self, own: &MassProperties) -> Option<PrincipalFrame> {
-        let simple =
+        let has_own_axes =
             matches!(self.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::Polyhedron { .. }));
         let has_inertia = self.inertia.is_some_and(|inertia| inertia != [0.0; 3]);
-        (!simple && !has_inertia).then(|| own.about(self.centre_of_mass_offset(own)).lmgc90_frame())
+        (!has_own_axes && !has_inertia).then(|| own.about(self.centre_of_mass_offset(own)).lmgc90_frame())
     }
 
     /// Mass properties at a density (kg/m^3); `own` are those of all contactors together. Given values of `avrd` and
@@ -214,16 +216,16 @@ impl Body {
         let frame_moments = || own.about(self.centre_of_mass_offset(own)).lmgc90_frame().moments;
         let own_moments = || simple.map_or_else(frame_moments, |contactor| contactor.own_moments(own));
         let inertia = file_inertia.unwrap_or_else(own_moments);
-        let declared = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
+        let declared_volume = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
         let uses_declared_volume = match simple.map(|contactor| &contactor.shape) {
             // Computed directly, the volume has more digits.
             Some(ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }) => {
-                (declared / own.volume - 1.0).abs() > VOLUME_ROUNDING
+                (declared_volume / own.volume - 1.0).abs() > VOLUME_ROUNDING
             }
             Some(_) => false,
             None => true,
         };
-        let volume = if uses_declared_volume && declared != 0.0 { declared } else { own.volume };
+        let volume = if uses_declared_volume && declared_volume != 0.0 { declared_volume } else { own.volume };
         let radius = match single.map(|contactor| &contactor.shape) {
             Some(ShapeRecord::Sphere { radius }) => *radius,
             _ => libm::cbrt(volume * 0.75 / PI),

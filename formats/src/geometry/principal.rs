@@ -17,10 +17,13 @@ const SMALL_PRODUCT: f64 = 1e-17;
 const MAX_NEGLECTED: f64 = 1e-5;
 /// Relative difference of two moments below which rounding decides about their axes.
 const EQUAL_MOMENTS: f64 = 1e-13;
+/// Rows and columns of the products of inertia in the tensor.
+const OFF_DIAGONAL: [(usize, usize); 6] = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)];
 
 /// Whether LMGC90 has the same axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AxesMatch {
+    /// LMGC90 has these axes.
     Same,
     /// Two moments are equal up to rounding, which decides about the axes and their signs.
     Arbitrary,
@@ -58,25 +61,26 @@ impl MassProperties {
     pub fn lmgc90_frame(&self) -> PrincipalFrame {
         let inertia = Matrix3::from(self.inertia);
         let largest = inertia.diagonal().amax();
-        let (mut kept, mut neglected) = (inertia, 0.0f64);
-        for (j, k) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
+        // The matrix that LMGC90 uses, and the largest product of inertia that it neglects.
+        let (mut reduced, mut neglected) = (inertia, 0.0f64);
+        for (j, k) in OFF_DIAGONAL {
             let (moment, product) = (inertia[(j, j)].abs(), inertia[(j, k)].abs());
             let bound = if moment > SMALL_MOMENT { ROUNDING * moment } else { SMALL_PRODUCT };
             if product < bound {
-                kept[(j, k)] = 0.0;
+                reduced[(j, k)] = 0.0;
                 neglected = neglected.max(product);
             }
         }
-        let too_small = neglected > MAX_NEGLECTED * largest;
-        let matrix = if too_small { inertia } else { kept };
-        let diagonal = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)].iter().all(|&at| matrix[at] == 0.0);
+        let is_too_small = neglected > MAX_NEGLECTED * largest;
+        let matrix = if is_too_small { inertia } else { reduced };
+        let is_diagonal = OFF_DIAGONAL.iter().all(|&entry| matrix[entry] == 0.0);
         let (moments, axes) =
-            if diagonal { (matrix.diagonal().into(), Matrix3::identity().into()) } else { eigen_axes(&matrix) };
-        let equal =
+            if is_diagonal { (matrix.diagonal().into(), Matrix3::identity().into()) } else { eigen_axes(&matrix) };
+        let has_equal_moments =
             moments[1] - moments[0] < EQUAL_MOMENTS * largest || moments[2] - moments[1] < EQUAL_MOMENTS * largest;
-        let lmgc90 = match (too_small, diagonal) {
+        let lmgc90 = match (is_too_small, is_diagonal) {
             (true, _) => AxesMatch::TooSmall,
-            (false, false) if equal => AxesMatch::Arbitrary,
+            (false, false) if has_equal_moments => AxesMatch::Arbitrary,
             (false, false) if has_arbitrary_signs(&matrix, &axes) => AxesMatch::ArbitrarySigns,
             _ => AxesMatch::Same,
         };
@@ -93,16 +97,15 @@ fn eigen_axes(matrix: &Matrix3<f64>) -> ([f64; 3], [[f64; 3]; 3]) {
 
 /// Whether changes by roundings reverse two of the eigenvectors `axes`: LMGC90 adds up moments in another order.
 fn has_arbitrary_signs(matrix: &Matrix3<f64>, axes: &[[f64; 3]; 3]) -> bool {
-    let changed = |(j, k): (usize, usize), ulps: f64| {
+    let is_reversed_by = |(j, k): (usize, usize), roundings: f64| {
         let mut changed = *matrix;
-        changed[(j, k)] *= 1.0 + ulps * f64::EPSILON;
+        changed[(j, k)] *= 1.0 + roundings * f64::EPSILON;
         changed[(k, j)] = changed[(j, k)];
-        let (_, found) = eigen_axes(&changed);
-        (0..3).any(|axis| Vector3::from(found[axis]).dot(&Vector3::from(axes[axis])) < 0.0)
+        let (_, changed_axes) = eigen_axes(&changed);
+        (0..3).any(|axis| Vector3::from(changed_axes[axis]).dot(&Vector3::from(axes[axis])) < 0.0)
     };
-    [(0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1)]
-        .iter()
-        .any(|&at| [-2.0, -1.0, 1.0, 2.0].iter().any(|&n| changed(at, n)))
+    let lower_triangle = [(0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1)];
+    lower_triangle.iter().any(|&entry| [-2.0, -1.0, 1.0, 2.0].iter().any(|&roundings| is_reversed_by(entry, roundings)))
 }
 
 /// Eigenvalues, ascending, and eigenvectors, as columns, of a symmetric matrix, whose entries above the diagonal are not
@@ -148,7 +151,7 @@ struct Tridiagonal {
 }
 
 /// Unit round-off, as in LAPACK.
-const UNIT: f64 = f64::EPSILON / 2.0;
+const UNIT_ROUNDOFF: f64 = f64::EPSILON / 2.0;
 
 /// Number of QL or QR steps after which the matrix is taken as it is; each eigenvalue needs two or three.
 const MAX_STEPS: usize = 90;
@@ -181,7 +184,7 @@ impl Tridiagonal {
                 self.e[first - 1] = 0.0;
             }
             let negligible =
-                |k: &usize| self.e[*k].abs() <= self.d[*k].abs().sqrt() * self.d[k + 1].abs().sqrt() * UNIT;
+                |k: &usize| self.e[*k].abs() <= self.d[*k].abs().sqrt() * self.d[k + 1].abs().sqrt() * UNIT_ROUNDOFF;
             let last = (first..2).find(negligible).unwrap_or(2);
             if last < 2 {
                 self.e[last] = 0.0;
@@ -197,10 +200,10 @@ impl Tridiagonal {
 
     /// Whether the entry `e` next to the diagonal is negligible between the rows `near` and `far`.
     fn splits_between(&self, near: usize, far: usize, e: f64) -> bool {
-        e * e <= UNIT * UNIT * self.d[near].abs() * self.d[far].abs() + f64::MIN_POSITIVE
+        e * e <= UNIT_ROUNDOFF * UNIT_ROUNDOFF * self.d[near].abs() * self.d[far].abs() + f64::MIN_POSITIVE
     }
 
-    /// QL steps on rows `l` to `last`.
+    /// QL steps on rows `l` to `last`; letters as in LAPACK's `dsteqr`.
     fn chase_down(&mut self, mut l: usize, last: usize, steps: &mut usize) {
         while l <= last {
             let m = (l..last).find(|&k| self.splits_between(k, k + 1, self.e[k])).unwrap_or(last);
@@ -243,7 +246,7 @@ impl Tridiagonal {
         }
     }
 
-    /// QR steps on rows `l` down to `first`.
+    /// QR steps on rows `l` down to `first`; letters as in LAPACK's `dsteqr`.
     fn chase_up(&mut self, first: usize, l: usize, steps: &mut usize) {
         // One more than the present row.
         let mut rows = l + 1;

@@ -1,9 +1,9 @@
-//! Rotations from axes in files.
+//! Rotations from axes in files, which are orthonormal up to the rounding of their digits.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
-/// Largest difference of axes in a file, which are orthonormal to 1e-4, from their nearest rotation.
-const NEAR: f64 = 0.01;
+/// Largest difference of axes in a file, which are orthonormal to 1e-4, from their nearest rotation, with a margin.
+const MAX_AXES_ERROR: f64 = 0.01;
 
 /// Rotation that is nearest to right-handed axes, the columns of `axes`, which are orthonormal to about 1e-4.
 ///
@@ -16,7 +16,7 @@ const NEAR: f64 = 0.01;
 pub fn nearest_rotation(axes: &Matrix3<f64>) -> Rotation3<f64> {
     let refined = |guess| Rotation3::from_matrix_eps(axes, 1e-15, 100, guess);
     let rotation = refined(Rotation3::identity());
-    if (rotation.matrix() - axes).norm() < NEAR {
+    if (rotation.matrix() - axes).norm() < MAX_AXES_ERROR {
         return rotation;
     }
     // The iteration does not leave a rotation that is half a turn away: its direction is not determined there.

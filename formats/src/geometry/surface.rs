@@ -104,12 +104,13 @@ impl Surface {
     /// Source: J. Blow, A. J. Binstock, How to find the inertia tensor (or other mass properties) of a 3D solid body
     /// represented by a triangle mesh (2004).
     pub fn mass_properties(&self) -> MassProperties {
-        let near = mean_vertex(&self.vertices);
-        let centre = near + self.moments_about(&near).1;
-        let (volume, rest, second) = self.moments_about(&centre);
-        let second = second - rest * rest.transpose() * volume;
-        let inertia = Matrix3::identity() * second.trace() - second;
-        MassProperties { volume, centre: (centre + rest).into(), inertia: inertia.into() }
+        let start = mean_vertex(&self.vertices);
+        let centre = start + self.moments_about(&start).1;
+        // The offset of the true centre from `centre` is the rounding of the first integration.
+        let (volume, offset, second_moment) = self.moments_about(&centre);
+        let second_moment = second_moment - offset * offset.transpose() * volume;
+        let inertia = Matrix3::identity() * second_moment.trace() - second_moment;
+        MassProperties { volume, centre: (centre + offset).into(), inertia: inertia.into() }
     }
 
     /// Whether every vertex is behind every triangle, if vertices may move by `tolerance` times the extent.
@@ -137,16 +138,17 @@ impl Surface {
         })
     }
 
-    /// Volume, centre relative to `about`, and ∫ x x' about it.
+    /// Volume (m^3), centre relative to `about` (m), and ∫ x x' about it (m^5); letters as in
+    /// [`Surface::mass_properties`].
     fn moments_about(&self, about: &Vec3) -> (f64, Vec3, Matrix3<f64>) {
-        let (mut six, mut first, mut second) = (0.0, Vec3::zeros(), Matrix3::zeros());
+        let (mut sum_d, mut sum_t_d, mut sum_x_x) = (0.0, Vec3::zeros(), Matrix3::zeros());
         for [a, b, c] in self.triangle_corners(about) {
             let (d, t) = (a.dot(&b.cross(&c)), a + b + c);
-            six += d;
-            first += t * d;
-            second += (a * a.transpose() + b * b.transpose() + c * c.transpose() + t * t.transpose()) * d;
+            sum_d += d;
+            sum_t_d += t * d;
+            sum_x_x += (a * a.transpose() + b * b.transpose() + c * c.transpose() + t * t.transpose()) * d;
         }
-        (six / 6.0, first / (4.0 * six), second / 120.0)
+        (sum_d / 6.0, sum_t_d / (4.0 * sum_d), sum_x_x / 120.0)
     }
 
     /// Corners of the triangles, relative to `about`.
@@ -183,6 +185,7 @@ impl MassProperties {
     }
 }
 
+/// Mean of the vertices, m.
 fn mean_vertex(vertices: &[[f64; 3]]) -> Vec3 {
     // Coordinates relative to the first vertex, so that no digits are lost far from the origin.
     let first = Vec3::from(vertices[0]);
@@ -228,12 +231,18 @@ fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> 
     faults
 }
 
-/// Vertices of a surface, m.
-pub type VertexList = Vec<[f64; 3]>;
-/// Triangles of a surface by the numbers of their vertices, from 0.
-pub type TriangleList = Vec<[u32; 3]>;
+/// Triangulated surface of which some vertices have been removed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CleanedSurface {
+    /// Remaining vertices, m.
+    pub vertices: Vec<[f64; 3]>,
+    /// Triangles by the numbers of their vertices in `vertices`, from 0.
+    pub triangles: Vec<[u32; 3]>,
+    /// Number of vertices that were removed.
+    pub removed: usize,
+}
 
-/// Surface without the vertices that no triangle has as a corner, numbered anew, and the number of these vertices.
+/// Surface without the vertices that no triangle has as a corner.
 ///
 /// Such a vertex must be behind the planes of all triangles, up to `tolerance` times the extent: it is then inside of the
 /// body. Another may be meant as a corner. Returns `None` if there is such a vertex, if all vertices are used, or if the
@@ -242,7 +251,8 @@ pub fn without_unused_vertices(
     vertices: &[[f64; 3]],
     triangles: &[[u32; 3]],
     tolerance: f64,
-) -> Option<(VertexList, TriangleList, usize)> {
+) -> Option<CleanedSurface> {
+    // New number of each vertex; `None` for an unused one.
     let mut numbers: Vec<Option<u32>> = vec![None; vertices.len()];
     for &corner in triangles.iter().flatten() {
         *numbers.get_mut(corner as usize)? = Some(0);
@@ -252,24 +262,22 @@ pub fn without_unused_vertices(
         return None;
     }
     numbers.iter_mut().flatten().zip(0..).for_each(|(number, k)| *number = k);
-    let kept: Vec<[f64; 3]> = numbers.iter().zip(vertices).filter(|(n, _)| n.is_some()).map(|(_, v)| *v).collect();
+    let used: Vec<[f64; 3]> = numbers.iter().zip(vertices).filter(|(n, _)| n.is_some()).map(|(_, v)| *v).collect();
     let renumbered: Vec<[u32; 3]> =
         triangles.iter().map(|triangle| triangle.map(|k| numbers[k as usize].unwrap_or(k))).collect();
-    let surface = Surface::new(&kept, &renumbered).ok()?;
-    let is_inside = |vertex: &[f64; 3]| surface.is_behind_all(vertex, tolerance);
-    unused.iter().all(is_inside).then_some((kept, renumbered, unused.len()))
+    let surface = Surface::new(&used, &renumbered).ok()?;
+    if !unused.iter().all(|vertex| surface.is_behind_all(vertex, tolerance)) {
+        return None;
+    }
+    Some(CleanedSurface { vertices: used, triangles: renumbered, removed: unused.len() })
 }
 
 /// Surface with vertices that coincide made one, if it is closed only then: triangles that share no vertices in the file.
 ///
-/// Vertices coincide if their coordinates differ by at most `tolerance` times the extent. Returns vertices, triangles and the
-/// number of vertices that were joined to another; `None` if the surface is closed as it is, or has other faults.
-pub fn with_joined_vertices(
-    vertices: &[[f64; 3]],
-    triangles: &[[u32; 3]],
-    tolerance: f64,
-) -> Option<(VertexList, TriangleList, usize)> {
-    // A closed surface without holes needs no further check.
+/// Vertices coincide if their coordinates differ by at most `tolerance` times the extent; each is joined to the first at its
+/// position. `None` if the surface is closed as it is, or has other faults.
+pub fn with_joined_vertices(vertices: &[[f64; 3]], triangles: &[[u32; 3]], tolerance: f64) -> Option<CleanedSurface> {
+    // A closed surface without holes, by Euler's formula, needs no further check.
     if triangles.len() + 4 == 2 * vertices.len() || Surface::new(vertices, triangles).is_ok() {
         return None;
     }
@@ -277,32 +285,34 @@ pub fn with_joined_vertices(
         let all = || vertices.iter().map(|vertex| vertex[k]);
         all().fold(f64::NEG_INFINITY, f64::max) - all().fold(f64::INFINITY, f64::min)
     };
-    let near = tolerance * (0..3).map(extent).fold(0.0, f64::max);
-    let mut order: Vec<usize> = (0..vertices.len()).collect();
-    order.sort_by(|&a, &b| vertices[a][0].total_cmp(&vertices[b][0]).then(a.cmp(&b)));
-    // One vertex of each position, by x, and that of the position of each vertex.
-    let (mut firsts, mut first_of) = (Vec::new(), vec![0; vertices.len()]);
-    for k in order {
-        let is_same = |first: usize| (0..3).all(|c| (vertices[k][c] - vertices[first][c]).abs() <= near);
-        let mut before = firsts.iter().rev().take_while(|&&first: &&usize| vertices[k][0] - vertices[first][0] <= near);
-        let known = before.find(|&&first| is_same(first)).copied();
-        first_of[k] = known.unwrap_or(k);
-        firsts.extend(known.is_none().then_some(k));
+    let distance = tolerance * (0..3).map(extent).fold(0.0, f64::max);
+    let mut by_x: Vec<usize> = (0..vertices.len()).collect();
+    by_x.sort_by(|&a, &b| vertices[a][0].total_cmp(&vertices[b][0]).then(a.cmp(&b)));
+    // One vertex of each position in the order of x, and for each vertex the one of its position.
+    let (mut positions, mut position_of_vertex) = (Vec::new(), vec![0; vertices.len()]);
+    for k in by_x {
+        let coincides = |other: usize| (0..3).all(|c| (vertices[k][c] - vertices[other][c]).abs() <= distance);
+        let mut near_in_x =
+            positions.iter().rev().take_while(|&&other: &&usize| vertices[k][0] - vertices[other][0] <= distance);
+        let known = near_in_x.find(|&&other| coincides(other)).copied();
+        position_of_vertex[k] = known.unwrap_or(k);
+        positions.extend(known.is_none().then_some(k));
     }
+    // New numbers of the positions, in the order of the file.
     let mut numbers: Vec<Option<u32>> = vec![None; vertices.len()];
-    let mut joined = Vec::with_capacity(firsts.len());
-    for (vertex, &first) in vertices.iter().zip(&first_of) {
-        numbers[first].get_or_insert_with(|| {
+    let mut joined = Vec::with_capacity(positions.len());
+    for (vertex, &position) in vertices.iter().zip(&position_of_vertex) {
+        numbers[position].get_or_insert_with(|| {
             joined.push(*vertex);
             joined.len() as u32 - 1
         });
     }
-    let number = |k: u32| first_of.get(k as usize).and_then(|&first| numbers[first]);
+    let number = |vertex: u32| position_of_vertex.get(vertex as usize).and_then(|&position| numbers[position]);
     let renumbered: Vec<[u32; 3]> =
         triangles.iter().map(|&[a, b, c]| Some([number(a)?, number(b)?, number(c)?])).collect::<Option<_>>()?;
     Surface::new(&joined, &renumbered).ok()?;
-    let count = vertices.len() - joined.len();
-    Some((joined, renumbered, count))
+    let removed = vertices.len() - joined.len();
+    Some(CleanedSurface { vertices: joined, triangles: renumbered, removed })
 }
 
 /// Triangles with the orientation of the first. Errors: they do not form one closed surface.
@@ -315,6 +325,7 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaul
         }
     }
     let mut faults = Vec::new();
+    // Neighbours of each triangle, and whether their common edge is traversed alike by both, so that one is reversed.
     let mut neighbours = vec![Vec::new(); triangles.len()];
     for ([a, b], sides) in &edges {
         match sides[..] {
@@ -330,17 +341,18 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaul
             )),
         }
     }
+    // Whether each triangle is oriented against the first; `None` before it is reached from there.
     let mut is_reversed = vec![None; triangles.len()];
     is_reversed[0] = Some(false);
-    let mut open = vec![0];
+    let mut pending = vec![0];
     let mut one_sided = false;
-    while let Some(i) = open.pop() {
-        for &(j, against) in &neighbours[i] {
-            let reversed = is_reversed[i].map(|is_reversed| is_reversed ^ against);
+    while let Some(i) = pending.pop() {
+        for &(j, are_opposite) in &neighbours[i] {
+            let reversed = is_reversed[i].map(|is_reversed| is_reversed ^ are_opposite);
             one_sided |= is_reversed[j].is_some() && is_reversed[j] != reversed;
             if is_reversed[j].is_none() {
                 is_reversed[j] = reversed;
-                open.push(j);
+                pending.push(j);
             }
         }
     }
@@ -353,10 +365,10 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaul
     if !faults.is_empty() {
         return Err(SurfaceFaults(faults));
     }
-    let turn = |(&[a, b, c], is_reversed): (&[u32; 3], Option<bool>)| {
+    let oriented = |(&[a, b, c], is_reversed): (&[u32; 3], Option<bool>)| {
         if is_reversed == Some(true) { [a, c, b] } else { [a, b, c] }
     };
-    Ok(triangles.iter().zip(is_reversed).map(turn).collect())
+    Ok(triangles.iter().zip(is_reversed).map(oriented).collect())
 }
 
 #[cfg(test)]
@@ -588,8 +600,8 @@ mod tests {
         let mut soup: Vec<[f64; 3]> = faces.iter().flatten().map(|&k: &u32| corners[k as usize]).collect();
         let own: Vec<[u32; 3]> = (0..4).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
         soup[7] = [-1e-7, 1.0, 1e-7]; // up to the digits of files
-        let (vertices, triangles, count) = with_joined_vertices(&soup, &own, 1e-6).unwrap();
-        assert_eq!((&vertices[..], &triangles[..], count), (&corners[..], &faces[..], 8));
+        let joined = CleanedSurface { vertices: corners.to_vec(), triangles: faces.to_vec(), removed: 8 };
+        assert_eq!(with_joined_vertices(&soup, &own, 1e-6), Some(joined));
         // Closed as it is, apart by more than the digits, or faulty in another way.
         assert_eq!(with_joined_vertices(&corners, &faces, 1e-6), None);
         soup[7] = [-1e-5, 1.0, 0.0];
@@ -604,9 +616,9 @@ mod tests {
     fn unused_vertices_inside_are_dropped() {
         let corners = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.1], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let faces = [[0, 2, 3], [0, 2, 4], [0, 3, 4], [2, 3, 4]];
-        let (vertices, triangles, count) = without_unused_vertices(&corners, &faces, 1e-6).unwrap();
-        assert_eq!((&vertices, count), (&[&corners[..1], &corners[2..]].concat(), 1));
-        assert_eq!(triangles, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]);
+        let used = without_unused_vertices(&corners, &faces, 1e-6).unwrap();
+        assert_eq!((&used.vertices, used.removed), (&[&corners[..1], &corners[2..]].concat(), 1));
+        assert_eq!(used.triangles, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]);
 
         let with = |second: [f64; 3]| [&corners[..1], &[second], &corners[2..]].concat();
         // A copy of a corner, up to the digits of files; then points outside, points that are not finite, and other faults.
@@ -616,6 +628,6 @@ mod tests {
         }
         assert_eq!(without_unused_vertices(&corners, &faces[..3], 1e-6), None);
         assert_eq!(without_unused_vertices(&corners, &[[0, 2, 9]], 1e-6), None);
-        assert_eq!(without_unused_vertices(&vertices, &triangles, 1e-6), None);
+        assert_eq!(without_unused_vertices(&used.vertices, &used.triangles, 1e-6), None);
     }
 }
