@@ -76,8 +76,8 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
         let path = format!("grains.{k}");
         check_material_and_colour(scene, report, &path, &grains.material, &grains.colour);
         check_grains(report, &path, grains);
-        let turns = grains.is_single_body() || scene.compute.allows_rotation_about(&grains.spin);
-        report.require(turns, &format!("{path}.spin"), vector_text(&grains.spin), ROTATION_ABOUT_PERIOD);
+        let may_rotate = grains.is_single_body() || scene.compute.allows_rotation_about(&grains.spin);
+        report.require(may_rotate, &format!("{path}.spin"), vector_text(&grains.spin), ROTATION_ABOUT_PERIOD);
     }
     for (k, wall) in scene.walls.iter().enumerate() {
         let path = format!("walls.{k}");
@@ -85,49 +85,56 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
         check_wall(report, &path, wall);
     }
     check_contacts(scene, report);
-    let free = scene.grains.is_empty() || scene.grains.iter().any(|grains| !grains.is_imposed());
+    let is_some_free = scene.grains.is_empty() || scene.grains.iter().any(|grains| !grains.is_imposed());
     report.require(
-        free,
+        is_some_free,
         "grains",
         "none is free to move",
         "at least one body of grains whose motion is not all imposed",
     );
     scene.compute.check_in(report, "compute.");
-    check_turning(report, &scene.compute, driven_in_part(&scene.grains, &scene.walls));
-    let used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
-    let laws: Vec<(&str, LawModel)> = scene.laws.iter().filter(used).map(|law| (law.name.as_str(), law.kind)).collect();
+    check_rotating_frame(report, &scene.compute, partly_driven_paths(&scene.grains, &scene.walls));
+    let is_used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
+    let laws: Vec<(&str, LawModel)> =
+        scene.laws.iter().filter(is_used).map(|law| (law.name.as_str(), law.kind)).collect();
     check_laws_of_events(report, &scene.compute.events, &laws);
     check_moments(report, scene.compute.solver, &laws);
 }
 
 /// Reports laws in use, with their names, whose moments `solver` does not support.
 pub(crate) fn check_moments(report: &mut FaultReport, solver: ContactSolver, laws: &[(&str, LawModel)]) {
-    let knows = matches!(solver, ContactSolver::Auto | ContactSolver::Nlgs);
+    let has_moments = matches!(solver, ContactSolver::Auto | ContactSolver::Nlgs);
     for (name, law) in laws.iter().filter(|(_, law)| law.rolling().is_some()) {
         let found = format!("{solver} with law '{name}', {}", law.label());
-        report.require(knows, "compute.solver", found, "auto or nlgs");
+        report.require(has_moments, "compute.solver", found, "auto or nlgs");
     }
 }
 
 /// Paths of the motions of grains and walls that are imposed in some components only.
-pub(crate) fn driven_in_part<'a>(
+pub(crate) fn partly_driven_paths<'a>(
     grains: &'a [Grains],
     walls: &'a [SceneWall],
 ) -> impl Iterator<Item = String> + use<'a> {
-    let in_part = |grains: &Grains| !grains.is_imposed() && (grains.driven.is_some() || grains.driven_spin.is_some());
-    let driven_grains = (0..).zip(grains).filter(move |(_, grains)| in_part(grains));
+    let is_partly_driven =
+        |grains: &Grains| !grains.is_imposed() && (grains.driven.is_some() || grains.driven_spin.is_some());
+    let driven_grains = (0..).zip(grains).filter(move |(_, grains)| is_partly_driven(grains));
     let pushed_walls = (0..).zip(walls).filter(move |(_, wall)| wall.is_pushed());
-    let name = |grains: &Grains| if grains.driven.is_some() { "driven" } else { "driven_spin" };
-    let load = |wall: &SceneWall| if wall.has_force() { "force" } else { "moment" };
+    let motion_field = |grains: &Grains| if grains.driven.is_some() { "driven" } else { "driven_spin" };
+    let load_field = |wall: &SceneWall| if wall.has_force() { "force" } else { "moment" };
     driven_grains
-        .map(move |(k, grains)| format!("grains.{k}.{}", name(grains)))
-        .chain(pushed_walls.map(move |(k, wall)| format!("walls.{k}.{}", load(wall))))
+        .map(move |(k, grains)| format!("grains.{k}.{}", motion_field(grains)))
+        .chain(pushed_walls.map(move |(k, wall)| format!("walls.{k}.{}", load_field(wall))))
 }
 
 /// Rejects bodies with partly imposed motion, given by their paths, in rotating axes.
-pub(crate) fn check_turning(report: &mut FaultReport, options: &Compute, paths: impl IntoIterator<Item = String>) {
-    let turns = |field: &ExternalField| matches!(field, ExternalField::RotatingFrame { rate, .. } if *rate != [0.0; 3]);
-    if options.fields.iter().any(turns) {
+pub(crate) fn check_rotating_frame(
+    report: &mut FaultReport,
+    options: &Compute,
+    paths: impl IntoIterator<Item = String>,
+) {
+    let rotates =
+        |field: &ExternalField| matches!(field, ExternalField::RotatingFrame { rate, .. } if *rate != [0.0; 3]);
+    if options.fields.iter().any(rotates) {
         let expected = "motion imposed along all axes or none: Coriolis' force on such a body is not computed";
         paths.into_iter().for_each(|path| report.add_fault(&path, "driven in part in a rotating frame", expected));
     }
@@ -142,7 +149,8 @@ pub(crate) fn check_laws_of_events(report: &mut FaultReport, events: &[Event], l
         match laws.iter().find(|(known, _)| known == name) {
             None => {
                 let names: Vec<&str> = laws.iter().map(|(name, _)| *name).collect();
-                unknown(report, &path, format!("law '{name}' is not in use"), name, &names, "a law of contacts");
+                let known = KnownNames { noun: "a law of contacts", names: &names };
+                known.report_unknown(report, &path, format!("law '{name}' is not in use"), name);
             }
             Some((_, law)) => {
                 let holds = law.has_settable_cohesion() || matches!(event.action, EventAction::SetFriction(..));
@@ -174,15 +182,25 @@ fn is_valid_name(name: &str) -> bool {
     (1..=5).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_graphic())
 }
 
-/// Reports a name that is not in `names`; `one` describes the expected name if none of them is valid.
-pub(crate) fn unknown(report: &mut FaultReport, path: &str, found: String, name: &str, names: &[&str], one: &str) {
-    let valid: Vec<&str> = names.iter().copied().filter(|name| is_valid_name(name)).collect();
-    if names.is_empty() {
-        report.add_fault(path, found, format!("{one}: none is defined"));
-    } else if valid.is_empty() {
-        report.add_fault(path, found, format!("{one}: none is defined under a valid name"));
-    } else {
-        report.add_unknown_name(path, found, name, &valid);
+/// Names among which a scene refers to one.
+pub(crate) struct KnownNames<'a> {
+    /// Description of one of them, for messages: `a material`.
+    pub noun: &'static str,
+    pub names: &'a [&'a str],
+}
+
+impl KnownNames<'_> {
+    /// Reports that `name`, the value at `path`, is none of these names.
+    pub fn report_unknown(&self, report: &mut FaultReport, path: &str, found: String, name: &str) {
+        let KnownNames { noun, names } = self;
+        let valid: Vec<&str> = names.iter().copied().filter(|name| is_valid_name(name)).collect();
+        if names.is_empty() {
+            report.add_fault(path, found, format!("{noun}: none is defined"));
+        } else if valid.is_empty() {
+            report.add_fault(path, found, format!("{noun}: none is defined under a valid name"));
+        } else {
+            report.add_unknown_name(path, found, name, &valid);
+        }
     }
 }
 
@@ -190,24 +208,23 @@ pub(crate) fn unknown(report: &mut FaultReport, path: &str, found: String, name:
 fn check_material_and_colour(scene: &Scene, report: &mut FaultReport, path: &str, material: &str, colour: &str) {
     let names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
     if !names.contains(&material) {
-        let path = format!("{path}.material");
-        unknown(report, &path, format!("'{material}' is not defined"), material, &names, "a material");
+        let known = KnownNames { noun: "a material", names: &names };
+        known.report_unknown(report, &format!("{path}.material"), format!("'{material}' is not defined"), material);
     }
     check_name_length(report, &format!("{path}.colour"), colour);
 }
 
-/// Checks the field `name` of the value at `path`.
-fn check_value(report: &mut FaultReport, path: &str, name: &str, x: f64, holds: bool, expected: &str) {
-    let path = format!("{path}.{name}");
+/// Reports the number `x` at `path` unless it satisfies `holds` and DATBOX can hold it.
+fn check_value(report: &mut FaultReport, path: &str, x: f64, holds: bool, expected: &str) {
     if holds {
-        require_in_files(report, fits_files(x), &path, x, expected);
+        require_in_files(report, fits_files(x), path, x, expected);
     } else {
-        report.require_number(false, &path, x, expected);
+        report.require_number(false, path, x, expected);
     }
 }
 
 /// Checks a condition on each number of a list or tuple at `path`.
-fn each(report: &mut FaultReport, path: &str, numbers: &[f64], holds: impl Fn(f64) -> bool, expected: &str) {
+fn check_each(report: &mut FaultReport, path: &str, numbers: &[f64], holds: impl Fn(f64) -> bool, expected: &str) {
     for (k, x) in numbers.iter().enumerate() {
         require_in_files(report, holds(*x), &format!("{path}.{k}"), *x, expected);
     }
@@ -215,7 +232,7 @@ fn each(report: &mut FaultReport, path: &str, numbers: &[f64], holds: impl Fn(f6
 
 /// Checks that the components are finite.
 pub(crate) fn check_vector(report: &mut FaultReport, path: &str, vector: &[f64; 3], unit: &str) {
-    each(report, path, vector, fits_files, &format!("a finite number ({unit})"));
+    check_each(report, path, vector, fits_files, &format!("a finite number ({unit})"));
 }
 
 /// Rejects laws with parameters out of their limits, and laws that scenes cannot have.
@@ -227,7 +244,8 @@ pub(crate) fn check_law(report: &mut FaultReport, path: &str, law: &Law) {
         report.add_fault(path, law.label(), expected);
     }
     for (parameter, x) in law.parameter_values() {
-        check_value(report, path, parameter.name(), x, parameter.accepts(x), &parameter.expected());
+        let path = format!("{path}.{}", parameter.name());
+        check_value(report, &path, x, parameter.accepts(x), &parameter.expected());
     }
     for fault in law.relation_faults() {
         report.add_fault(&format!("{path}.{}", fault.parameter.name()), fault.found, fault.expected);
@@ -241,21 +259,22 @@ fn check_bulk_strength(report: &mut FaultReport, path: &str, law: &Law) {
         let expected = "a law with cohesion of pairs, such as IQS_COH_DS_CLB, or no bulk_strength";
         return report.add_fault(&format!("{path}.bulk_strength"), law.kind.label(), expected);
     };
-    let at = |name: &str| format!("{path}.bulk_strength.{name}");
-    let tension = bulk.tension >= 0.0 && fits_files(bulk.tension);
-    require_in_files(report, tension, &at("tension"), bulk.tension, "a stress >= 0 Pa");
-    report.require_number(bulk.nu > 0.0 && bulk.nu <= 1.0, &at("nu"), bulk.nu, "a solid fraction > 0 and <= 1");
-    check_positive(report, &at("z"), bulk.z, "a coordination number > 0");
+    let field_path = |name: &str| format!("{path}.bulk_strength.{name}");
+    let holds = bulk.tension >= 0.0 && fits_files(bulk.tension);
+    require_in_files(report, holds, &field_path("tension"), bulk.tension, "a stress >= 0 Pa");
+    let holds = bulk.nu > 0.0 && bulk.nu <= 1.0;
+    report.require_number(holds, &field_path("nu"), bulk.nu, "a solid fraction > 0 and <= 1");
+    check_positive(report, &field_path("z"), bulk.z, "a coordination number > 0");
     match (pair.strength, bulk.diameter) {
         (PairStrength::VanDerWaals { .. }, None) => {
             report.add_fault(&format!("{path}.bulk_strength"), "no diameter", "diameter: the strength depends on it");
         }
         (PairStrength::VanDerWaals { .. }, Some(diameter)) => {
-            check_positive(report, &at("diameter"), diameter, "a diameter > 0 m");
+            check_positive(report, &field_path("diameter"), diameter, "a diameter > 0 m");
         }
         (PairStrength::Stress(_), Some(diameter)) => {
-            let found = report.number_text(&at("diameter"), diameter);
-            report.add_fault(&at("diameter"), found, "no diameter: the strength does not depend on it");
+            let found = report.number_text(&field_path("diameter"), diameter);
+            report.add_fault(&field_path("diameter"), found, "no diameter: the strength does not depend on it");
         }
         (PairStrength::Stress(_), None) => {}
     }
@@ -274,11 +293,11 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
     match &grains.sizes {
         Some(sizes) => check_sizes(report, &format!("{path}.sizes"), sizes),
         None => {
-            let own =
+            let has_own_size =
                 matches!(grains.shape, GrainShape::Box { .. } | GrainShape::Vertices(_) | GrainShape::Model { .. });
-            let fragments = matches!(grains.placement, GrainPlacement::Fragments { .. });
+            let are_fragments = matches!(grains.placement, GrainPlacement::Fragments { .. });
             let expected = "sizes, or a shape with a size of its own (Box, Vertices, Model)";
-            report.require(own || fragments, path, "no sizes", expected);
+            report.require(has_own_size || are_fragments, path, "no sizes", expected);
         }
     }
     check_placement(report, &format!("{path}.placement"), &grains.placement);
@@ -311,11 +330,12 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
     }
 }
 
-/// Fewest and most vertices or sides of a shape: a plane needs three, and a pair of polyhedra costs as the square.
+/// Smallest and largest number of vertices or sides of a shape: a plane needs three, and the cost of a pair of polyhedra
+/// grows with the square.
 const CORNER_RANGE: std::ops::RangeInclusive<usize> = 3..=1000;
 
 /// Whether the scene leaves orientation and size convention of polyhedra at their defaults.
-fn is_plain(grains: &Grains) -> bool {
+fn has_default_orientation_and_radius(grains: &Grains) -> bool {
     grains.grain_orientation == GrainOrientations::default() && grains.radius == RadiusKind::default()
 }
 
@@ -323,15 +343,16 @@ fn is_plain(grains: &Grains) -> bool {
 fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
     let shape = format!("{path}.shape");
     match &grains.shape {
-        &GrainShape::Random { vertices: (fewest, most), ratios, angularity } => {
-            let fits = 4 <= fewest && fewest <= most && most <= *CORNER_RANGE.end();
+        &GrainShape::Random { vertices: (min, max), ratios, angularity } => {
+            let fits = 4 <= min && min <= max && max <= *CORNER_RANGE.end();
             let expected = format!("4 to {}, the fewest first", CORNER_RANGE.end());
-            report.require(fits, &format!("{shape}.vertices"), format!("{fewest} to {most}"), &expected);
-            each(report, &format!("{shape}.ratios"), &ratios, is_positive, "a number > 0");
-            check_value(report, &shape, "angularity", angularity, (0.0..=1.0).contains(&angularity), "0 to 1");
+            report.require(fits, &format!("{shape}.vertices"), format!("{min} to {max}"), &expected);
+            check_each(report, &format!("{shape}.ratios"), &ratios, is_positive, "a number > 0");
+            let path = format!("{shape}.angularity");
+            check_value(report, &path, angularity, (0.0..=1.0).contains(&angularity), "0 to 1");
         }
         GrainShape::Box { lengths } => {
-            each(report, &format!("{shape}.lengths"), lengths, is_positive, "a length > 0 m");
+            check_each(report, &format!("{shape}.lengths"), lengths, is_positive, "a length > 0 m");
         }
         &GrainShape::Prism { sides, slenderness } => {
             let expected = format!("{} to {}", CORNER_RANGE.start(), CORNER_RANGE.end() / 2);
@@ -351,7 +372,8 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
             check_scale(report, &shape, scale);
             if let &ContactSurface::Pieces { max_pieces, concavity, max_vertices } = contact_shape {
                 let pieces = format!("{shape}.contact_shape");
-                check_value(report, &pieces, "concavity", concavity, (0.0..=1.0).contains(&concavity), "0 to 1");
+                let path = format!("{pieces}.concavity");
+                check_value(report, &path, concavity, (0.0..=1.0).contains(&concavity), "0 to 1");
                 let expected = format!("1 to {MAX_PIECES}");
                 report.require(
                     (1..=MAX_PIECES).contains(&max_pieces),
@@ -374,7 +396,7 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
         }
         GrainShape::Sphere if !matches!(grains.placement, GrainPlacement::Fragments { .. }) => {
             report.require(
-                is_plain(grains),
+                has_default_orientation_and_radius(grains),
                 path,
                 "grain_orientation or radius given for spheres",
                 "neither: they are for polyhedra",
@@ -387,9 +409,10 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
         | GrainShape::Dodecahedron
         | GrainShape::Icosahedron => {}
     }
-    let measured =
+    // The fault of spheres is reported above.
+    let radius_has_sizes =
         grains.shape == GrainShape::Sphere || grains.sizes.is_some() || grains.radius == RadiusKind::default();
-    report.require(measured, path, "radius given without sizes", "sizes, whose meaning it says");
+    report.require(radius_has_sizes, path, "radius given without sizes", "sizes, whose meaning it says");
     let orientation = format!("{path}.grain_orientation");
     match &grains.grain_orientation {
         GrainOrientations::Random => {}
@@ -409,6 +432,7 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
 /// Largest number of convex pieces of a grain. The decomposition uses 64 voxels along a side: more pieces would be dust.
 const MAX_PIECES: u32 = 1024;
 
+/// Checks the size of a model; `path` is that of the model.
 fn check_scale(report: &mut FaultReport, path: &str, scale: &ModelScale) {
     let (name, x, expected) = match *scale {
         ModelScale::Factor(x) => ("Factor", x, "a number > 0"),
@@ -422,6 +446,7 @@ fn check_scale(report: &mut FaultReport, path: &str, scale: &ModelScale) {
     report.require(is_positive(x), &path, format!("{name} {found}"), &expected);
 }
 
+/// Checks a distribution of sizes.
 fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
     if matches!(sizes, SizeDistribution::List(radii) if radii.is_empty()) {
         return report.add_fault(path, "an empty list", "at least one radius (m)");
@@ -448,10 +473,10 @@ fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
     }
     match *sizes {
         SizeDistribution::PowerLaw { exponent, .. } => {
-            check_value(report, path, "exponent", exponent, exponent > 0.0, "a number > 0");
+            check_value(report, &format!("{path}.exponent"), exponent, exponent > 0.0, "a number > 0");
         }
         SizeDistribution::LogNormal { median, sigma, .. } => {
-            check_value(report, path, "sigma", sigma, sigma > 0.0, "a number > 0");
+            check_value(report, &format!("{path}.sigma"), sigma, sigma > 0.0, "a number > 0");
             let share = |r: f64| normal_share(libm::log(r / median) / sigma);
             // The difference of two shares near 1 then still has ten digits.
             if is_positive(sigma) && min < max && share(max) - share(min) < 1e-6 {
@@ -467,6 +492,7 @@ fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
 /// Largest number of Lloyd relaxations. After that many, cells hardly change.
 const MAX_RELAXATIONS: usize = 100;
 
+/// Checks a placement, with its envelope.
 fn check_placement(report: &mut FaultReport, path: &str, placement: &GrainPlacement) {
     let (envelope, jitter) = match placement {
         GrainPlacement::List { positions, .. } => {
@@ -485,45 +511,33 @@ fn check_placement(report: &mut FaultReport, path: &str, placement: &GrainPlacem
             (envelope, 0.0)
         }
     };
-    check_value(report, path, "jitter", jitter, (0.0..=1.0).contains(&jitter), "0 to 1");
-    let path = format!("{path}.envelope");
-    let triples = [
-        match *envelope {
-            Envelope::Ellipsoid { semi_axes, .. } => ("semi_axes", semi_axes),
-            Envelope::Box { lengths, .. } => ("lengths", lengths),
-            _ => ("", None),
-        },
-        match *envelope {
-            Envelope::Ellipsoid { ratios, .. } | Envelope::Box { ratios, .. } => ("ratios", ratios),
-            _ => ("", None),
-        },
-    ];
-    for (name, lengths) in triples {
-        each(
-            report,
-            &format!("{path}.{name}"),
-            lengths.as_ref().map_or(&[], |three| &three[..]),
-            is_positive,
-            "a length > 0 m",
-        );
-    }
-    let singles = match *envelope {
-        Envelope::Ball { radius } => [("radius", radius), ("", None)],
-        Envelope::Cylinder { half_height, radius } => [("radius", Some(radius)), ("half_height", Some(half_height))],
-        _ => [("", None); 2],
+    check_value(report, &format!("{path}.jitter"), jitter, (0.0..=1.0).contains(&jitter), "0 to 1");
+    check_envelope(report, &format!("{path}.envelope"), envelope);
+}
+
+/// Checks the lengths of an envelope.
+fn check_envelope(report: &mut FaultReport, path: &str, envelope: &Envelope) {
+    let check_length = |report: &mut FaultReport, name: &str, length: f64| {
+        check_positive(report, &format!("{path}.{name}"), length, "a length > 0 m");
     };
-    for (name, length) in singles {
-        length
-            .into_iter()
-            .for_each(|length| check_positive(report, &format!("{path}.{name}"), length, "a length > 0 m"));
-    }
-    if let Envelope::Model { scale: Some(scale), .. } = envelope {
-        check_scale(report, &path, scale);
-    }
-    if let Envelope::Ellipsoid { semi_axes: Some(_), ratios: Some(_) }
-    | Envelope::Box { lengths: Some(_), ratios: Some(_) } = envelope
-    {
-        report.add_fault(&path, "both its size and ratios", "one of them");
+    let check_lengths = |report: &mut FaultReport, name: &str, lengths: &Option<[f64; 3]>| {
+        let lengths = lengths.as_ref().map_or(&[][..], |lengths| lengths);
+        check_each(report, &format!("{path}.{name}"), lengths, is_positive, "a length > 0 m");
+    };
+    match envelope {
+        Envelope::Ball { radius } => radius.iter().for_each(|radius| check_length(report, "radius", *radius)),
+        Envelope::Ellipsoid { semi_axes: lengths, ratios } | Envelope::Box { lengths, ratios } => {
+            let name = if let Envelope::Ellipsoid { .. } = envelope { "semi_axes" } else { "lengths" };
+            check_lengths(report, name, lengths);
+            check_lengths(report, "ratios", ratios);
+            let are_both_given = lengths.is_some() && ratios.is_some();
+            report.require(!are_both_given, path, "both its size and ratios", "one of them");
+        }
+        Envelope::Cylinder { half_height, radius } => {
+            check_length(report, "radius", *radius);
+            check_length(report, "half_height", *half_height);
+        }
+        Envelope::Model { scale, .. } => scale.iter().for_each(|scale| check_scale(report, path, scale)),
     }
 }
 
@@ -541,32 +555,25 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
         let path = format!("{path}.solid_fraction");
         report.require_number(share > 0.0 && share < 1.0, &path, share, "more than 0 and less than 1");
     }
-    let listed = match &grains.sizes {
+    let radius_count = match &grains.sizes {
         Some(SizeDistribution::List(radii)) => Some(radii.len()),
         _ => None,
     };
     if let GrainPlacement::List { positions, .. } = &grains.placement {
         let count = positions.len();
-        let agree = |other: Option<usize>| other.is_none_or(|number| number == count);
-        if !agree(listed) {
-            report.add_fault(
-                &format!("{path}.sizes"),
-                format!("{} radii", listed.unwrap_or(0)),
-                format!("one for each of {count} positions"),
-            );
+        if let Some(radius_count) = radius_count.filter(|radius_count| *radius_count != count) {
+            let expected = format!("one for each of {count} positions");
+            report.add_fault(&format!("{path}.sizes"), format!("{radius_count} radii"), expected);
         }
-        if !agree(grains.number) {
-            report.add_fault(
-                &format!("{path}.number"),
-                format!("{} for {count} positions", grains.number.unwrap_or(0)),
-                "their number, or none",
-            );
+        if let Some(number) = grains.number.filter(|number| *number != count) {
+            let found = format!("{number} for {count} positions");
+            report.add_fault(&format!("{path}.number"), found, "their number, or none");
         }
-        let no_share = grains.solid_fraction.is_none();
-        report.require(no_share, &format!("{path}.solid_fraction"), "given for listed positions", "none");
+        let has_no_fraction = grains.solid_fraction.is_none();
+        report.require(has_no_fraction, &format!("{path}.solid_fraction"), "given for listed positions", "none");
         return;
     }
-    if let (Some(count), Some(number)) = (listed, grains.number)
+    if let (Some(count), Some(number)) = (radius_count, grains.number)
         && count != number
     {
         report.add_fault(
@@ -575,16 +582,16 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
             "their number, or none",
         );
     }
-    let sized = grains.placement.envelope().is_none_or(Envelope::has_size);
+    let has_envelope_size = grains.placement.envelope().is_none_or(Envelope::has_size);
     if let GrainPlacement::Fragments { .. } = grains.placement {
-        let shape = grains.shape == GrainShape::Sphere && is_plain(grains);
-        let plain = shape && grains.sizes.is_none() && grains.solid_fraction.is_none();
-        let others = "shape, grain_orientation, radius, sizes or solid_fraction given for fragments";
-        report.require(plain, path, others, "none of them: fragments fill the envelope");
-        let has_number_and_sizes = grains.number.is_some_and(|number| number <= MAX_FRAGMENTS) && sized;
+        let has_default_shape = grains.shape == GrainShape::Sphere && has_default_orientation_and_radius(grains);
+        let holds = has_default_shape && grains.sizes.is_none() && grains.solid_fraction.is_none();
+        let found = "shape, grain_orientation, radius, sizes or solid_fraction given for fragments";
+        report.require(holds, path, found, "none of them: fragments fill the envelope");
+        let has_number = grains.number.is_some_and(|number| number <= MAX_FRAGMENTS);
         let expected = format!("both, and at most {MAX_FRAGMENTS} fragments");
         report.require(
-            has_number_and_sizes,
+            has_number && has_envelope_size,
             path,
             "fragments without number or size of the envelope, or too many",
             &expected,
@@ -592,9 +599,9 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
         return;
     }
     let amounts = [
-        (grains.number.is_some() || listed.is_some(), "number"),
+        (grains.number.is_some() || radius_count.is_some(), "number"),
         (grains.solid_fraction.is_some(), "solid_fraction"),
-        (sized, "size of the envelope"),
+        (has_envelope_size, "size of the envelope"),
     ];
     let names: Vec<&str> = amounts.iter().filter(|(is_given, _)| *is_given).map(|(_, name)| *name).collect();
     if names.len() != 2 {
@@ -610,9 +617,10 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
 /// Rejects rotations without a finite axis and angle.
 pub(crate) fn check_rotation(report: &mut FaultReport, path: &str, rotation: &Rotation) {
     check_direction(report, path, "axis", &rotation.axis);
-    check_value(report, path, "angle", rotation.angle, true, "a finite angle (rad)");
+    check_value(report, &format!("{path}.angle"), rotation.angle, true, "a finite angle (rad)");
 }
 
+/// Checks the direction `name` of the value at `path`, a vector of any length but 0.
 fn check_direction(report: &mut FaultReport, path: &str, name: &str, vector: &[f64; 3]) {
     let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
     report.require(
@@ -636,8 +644,8 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_evolution(report, &format!("{path}.spin"), spin, "rad/s");
             moment.iter().for_each(|moment| check_evolution(report, &format!("{path}.moment"), moment, "N m"));
             let found = format!("{}, and a moment about the axis", report.shown_text(&format!("{path}.spin")));
-            let one = moment.is_none() || *spin == TimeFunction::default();
-            report.require(one, &format!("{path}.spin"), found, "one of the two");
+            let is_one_given = moment.is_none() || *spin == TimeFunction::default();
+            report.require(is_one_given, &format!("{path}.spin"), found, "one of the two");
         }
         SceneWall::Plate { centre, normal, first_axis, half_lengths, velocity, force, spin, moment, .. } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
@@ -645,12 +653,12 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             if let Some(first) = first_axis {
                 check_direction(report, path, "first_axis", first);
                 let (first, normal) = (Vector3::from(*first), Vector3::from(*normal));
-                let parallel = first.cross(&normal).norm() <= 1e-6 * first.norm() * normal.norm();
                 // For axes closer to parallel, round-off decides the direction.
+                let are_parallel = first.cross(&normal).norm() <= 1e-6 * first.norm() * normal.norm();
                 let path = format!("{path}.first_axis");
-                report.require(!parallel, &path, "parallel to normal", "two different directions");
+                report.require(!are_parallel, &path, "parallel to normal", "two different directions");
             }
-            each(report, &format!("{path}.half_lengths"), half_lengths, is_positive, "a length > 0 m");
+            check_each(report, &format!("{path}.half_lengths"), half_lengths, is_positive, "a length > 0 m");
             check_velocity_or_force(report, path, velocity, force);
             check_evolutions(report, &format!("{path}.spin"), spin, "rad/s");
             check_evolutions(report, &format!("{path}.moment"), moment.iter().map(Option::as_ref), "N m");
@@ -662,7 +670,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
         }
         SceneWall::Box { centre, lengths, orientation, half_thickness, velocity, .. } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
-            each(report, &format!("{path}.lengths"), lengths, is_positive, "a length > 0 m");
+            check_each(report, &format!("{path}.lengths"), lengths, is_positive, "a length > 0 m");
             check_rotation(report, &format!("{path}.orientation"), orientation);
             check_positive(report, &format!("{path}.half_thickness"), *half_thickness, "a length > 0 m");
             check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
@@ -707,17 +715,17 @@ fn check_evolution(report: &mut FaultReport, path: &str, evolution: &TimeFunctio
         TimeFunction::Constant(value) => vec![*value],
         &TimeFunction::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
             let start = ramp_start.unwrap_or(0.0);
-            let rises = ramp_rate > 0.0 && start >= 1.0;
-            let [from, rate] = [start, ramp_rate].map(number_text);
-            let found = format!("ramp_start {from} and ramp_rate {rate}, a factor of 1 at all times");
-            report.require(!rises, path, found, "a start below 1, or no ramp");
+            let has_no_effect = ramp_rate > 0.0 && start >= 1.0;
+            let [start_text, rate_text] = [start, ramp_rate].map(number_text);
+            let found = format!("ramp_start {start_text} and ramp_rate {rate_text}, a factor of 1 at all times");
+            report.require(!has_no_effect, path, found, "a start below 1, or no ramp");
             vec![constant, amplitude, omega, phase, start, ramp_rate]
         }
         TimeFunction::Table(points) => {
             let found = count_text(points.len(), "point");
             report.require(points.len() >= 2, path, found, "at least two points, their times rising (s)");
-            let falls = |k: &usize| points[*k].0.partial_cmp(&points[k - 1].0) != Some(Ordering::Greater);
-            if let Some(k) = (1..points.len()).find(falls) {
+            let is_not_later = |k: &usize| points[*k].0.partial_cmp(&points[k - 1].0) != Some(Ordering::Greater);
+            if let Some(k) = (1..points.len()).find(is_not_later) {
                 let [time, before] = [points[k].0, points[k - 1].0].map(number_text);
                 let found = format!("the time {time} of point {} after {before}", k + 1);
                 report.add_fault(path, found, "times that rise from point to point (s)");
@@ -732,15 +740,12 @@ fn check_evolution(report: &mut FaultReport, path: &str, evolution: &TimeFunctio
     }
 }
 
-/// Colours of the grains and of the walls, each once.
-fn scene_colours(scene: &Scene) -> (Vec<&str>, Vec<&str>) {
-    let mut spheres: Vec<&str> = scene.grains.iter().map(|grains| grains.colour.as_str()).collect();
-    let mut plates: Vec<&str> = scene.walls.iter().map(SceneWall::colour).collect();
-    for list in [&mut spheres, &mut plates] {
-        list.sort_unstable();
-        list.dedup();
-    }
-    (spheres, plates)
+/// Sorts names and removes repetitions.
+fn sorted_and_distinct<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
+    let mut names: Vec<&str> = names.collect();
+    names.sort_unstable();
+    names.dedup();
+    names
 }
 
 /// Expected value instead of a law between walls.
@@ -758,9 +763,9 @@ pub(crate) fn is_computed_wall_pair(kinds: [&str; 2]) -> bool {
 
 /// Whether contacts can push no body of a colour.
 fn is_imposed(scene: &Scene, colour: &str) -> bool {
-    let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
+    let mut grains = scene.grains.iter().filter(|grains| grains.colour == colour);
     let mut walls = scene.walls.iter().filter(|wall| wall.colour() == colour);
-    !worn.any(Grains::can_be_pushed) && !walls.any(SceneWall::is_pushed)
+    !grains.any(Grains::can_be_pushed) && !walls.any(SceneWall::is_pushed)
 }
 
 /// Whether some wall of the colour `a` can touch another one of the colour `b`.
@@ -772,43 +777,45 @@ fn walls_meet(walls: &[SceneWall], a: &str, b: &str) -> bool {
     walls.iter().enumerate().any(touch)
 }
 
+/// Checks the rows of `contacts`, and that each two colours that can meet have one.
 fn check_contacts(scene: &Scene, report: &mut FaultReport) {
-    let (spheres, plates) = scene_colours(scene);
-    let mut all = [spheres.clone(), plates.clone()].concat();
-    all.sort_unstable();
-    all.dedup();
+    let grain_colours = sorted_and_distinct(scene.grains.iter().map(|grains| grains.colour.as_str()));
+    let wall_colours = sorted_and_distinct(scene.walls.iter().map(SceneWall::colour));
+    let all_colours = sorted_and_distinct(grain_colours.iter().chain(&wall_colours).copied());
     let sorted =
         |a: &str, b: &str| if a <= b { (a.to_string(), b.to_string()) } else { (b.to_string(), a.to_string()) };
-    let mut known = Vec::new();
+    let mut known_pairs = Vec::new();
     for (k, contact) in scene.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
         let (a, b) = &contact.between;
         for (side, colour) in [a].into_iter().chain((a != b).then_some(b)).enumerate() {
-            if !all.contains(&colour.as_str()) {
+            if !all_colours.contains(&colour.as_str()) {
                 let path = format!("{path}.between.{side}");
                 let found = format!("no grains and no wall have the colour '{colour}'");
-                unknown(report, &path, found, colour, &all, "a body of this colour");
+                let known = KnownNames { noun: "a body of this colour", names: &all_colours };
+                known.report_unknown(report, &path, found, colour);
             }
         }
         let pair = sorted(a, b);
-        let between = format!("{path}.between");
-        report.require(!known.contains(&pair), &between, format!("'{a}' and '{b}' are listed twice"), "each pair once");
-        known.push(pair);
+        let found = format!("'{a}' and '{b}' are listed twice");
+        report.require(!known_pairs.contains(&pair), &format!("{path}.between"), found, "each pair once");
+        known_pairs.push(pair);
         let law = contact.law.as_ref().map(|name| (name, scene.laws.iter().find(|law| law.name == *name)));
         if let Some((name, None)) = law {
             let names: Vec<&str> = scene.laws.iter().map(|law| law.name.as_str()).collect();
-            let path = format!("{path}.law");
-            unknown(report, &path, format!("'{name}' is not defined"), name, &names, "a law");
+            let known = KnownNames { noun: "a law", names: &names };
+            known.report_unknown(report, &format!("{path}.law"), format!("'{name}' is not defined"), name);
         }
-        let is_of_walls = |colour: &String| plates.contains(&&colour[..]) && !spheres.contains(&&colour[..]);
-        let walls = contact.law.is_some() && is_of_walls(a) && is_of_walls(b) && !walls_meet(&scene.walls, a, b);
-        report.require(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), NO_WALL_LAW);
-        let exist = [a, b].iter().all(|colour| all.contains(&colour.as_str()));
-        let imposed = exist && is_imposed(scene, a) && is_imposed(scene, b);
-        // If nothing is free, that is the fault.
-        let others_move = scene.grains.iter().any(|grains| !grains.is_imposed());
-        let idle = contact.law.is_some() && imposed && !walls && others_move;
-        report.require(!idle, &path, format!("a law between '{a}' and '{b}'"), NO_IMPOSED_LAW);
+        let is_of_walls =
+            |colour: &String| wall_colours.contains(&&colour[..]) && !grain_colours.contains(&&colour[..]);
+        let is_wall_law = contact.law.is_some() && is_of_walls(a) && is_of_walls(b) && !walls_meet(&scene.walls, a, b);
+        report.require(!is_wall_law, &path, format!("a law between the walls '{a}' and '{b}'"), NO_WALL_LAW);
+        let exist = [a, b].iter().all(|colour| all_colours.contains(&colour.as_str()));
+        let are_imposed = exist && is_imposed(scene, a) && is_imposed(scene, b);
+        // A scene in which nothing is free has another fault.
+        let is_some_free = scene.grains.iter().any(|grains| !grains.is_imposed());
+        let is_idle = contact.law.is_some() && are_imposed && !is_wall_law && is_some_free;
+        report.require(!is_idle, &path, format!("a law between '{a}' and '{b}'"), NO_IMPOSED_LAW);
         if let Some(alert) = contact.alert {
             let path = format!("{path}.alert");
             report.require(contact.law.is_some(), &path, "alert without a law", "no alert, or a law");
@@ -824,17 +831,18 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
         }
     }
     // A single body does not collide with itself, even if it has several pieces.
-    let is_alone = |colour: &str| {
-        let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
-        let one = worn.next().is_some_and(Grains::is_single_body);
-        one && worn.next().is_none()
+    let has_single_body = |colour: &str| {
+        let mut grains = scene.grains.iter().filter(|grains| grains.colour == colour);
+        let begins_with_single = grains.next().is_some_and(Grains::is_single_body);
+        begins_with_single && grains.next().is_none()
     };
-    for (k, a) in spheres.iter().enumerate() {
-        let beyond = plates.iter().filter(|plate| !spheres[..k].contains(plate));
-        for b in spheres[k..].iter().chain(beyond) {
-            let is_alone = a == b && is_alone(a) && !plates.contains(a);
-            if !(known.contains(&sorted(a, b)) || is_alone || is_imposed(scene, a) && is_imposed(scene, b)) {
-                known.push(sorted(a, b));
+    for (k, a) in grain_colours.iter().enumerate() {
+        let further_walls = wall_colours.iter().filter(|colour| !grain_colours[..k].contains(colour));
+        for b in grain_colours[k..].iter().chain(further_walls) {
+            let is_single = a == b && has_single_body(a) && !wall_colours.contains(a);
+            let are_imposed = is_imposed(scene, a) && is_imposed(scene, b);
+            if !(known_pairs.contains(&sorted(a, b)) || is_single || are_imposed) {
+                known_pairs.push(sorted(a, b));
                 report.add_fault(
                     "contacts",
                     format!("no law between '{a}' and '{b}'"),
@@ -874,12 +882,12 @@ impl SceneWall {
 
     /// Whether a force or moment acts on the wall, so that not all of its motion is imposed.
     pub fn is_pushed(&self) -> bool {
-        let turns = match self {
+        let has_moment = match self {
             SceneWall::Plate { moment, .. } => moment.iter().any(Option::is_some),
             SceneWall::Cylinder { moment, .. } => moment.is_some(),
             SceneWall::Box { .. } => false,
         };
-        turns || self.has_force()
+        has_moment || self.has_force()
     }
 
     /// Whether contacts with another wall are computed: one of the two moves by forces, and one is a solid cylinder. Two

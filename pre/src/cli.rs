@@ -1,4 +1,4 @@
-//! Command line of cd-pre.
+//! Command line of cd-pre: its arguments, and the call of the command that they name.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -77,19 +77,19 @@ pub fn command() -> clap::Command {
 /// Returns the exit code: 0 done, 2 input rejected (faults on stderr, no file written).
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = args.into_iter().collect();
-    let first = args.get(1).and_then(|first| first.to_str()).unwrap_or_default();
+    let first_word = args.get(1).and_then(|word| word.to_str()).unwrap_or_default();
     let commands = Arguments::command();
     let commands: Vec<&str> = commands.get_subcommands().map(|command| command.get_name()).collect();
-    let unknown = !commands.contains(&first) && !first.starts_with('-') && !Path::new(first).exists();
-    if let Some(near) = nearest_name(first, &commands).filter(|_| unknown) {
-        print_error(format_args!("cd-pre: {first}: is neither a file nor a command; did you mean {near}?"));
+    let is_unknown = !commands.contains(&first_word) && !first_word.starts_with('-') && !Path::new(first_word).exists();
+    if let Some(near) = nearest_name(first_word, &commands).filter(|_| is_unknown) {
+        print_error(format_args!("cd-pre: {first_word}: is neither a file nor a command; did you mean {near}?"));
         return 2;
     }
     let arguments: Arguments = match parse_arguments(&args) {
         Ok(arguments) => arguments,
         Err(code) => return code,
     };
-    let written = match arguments.command {
+    let result = match arguments.command {
         Some(Command::FromOutbox { case, dir, changes, set }) => {
             from_outbox::write_datbox(&case, changes.as_deref(), &set, &dir)
         }
@@ -100,7 +100,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             write_datbox(&scene, &arguments.set, &folder.join("DATBOX"))
         }
     };
-    match written {
+    match result {
         Ok(summary) => {
             print_line(summary.trim_end());
             0

@@ -13,12 +13,12 @@ pub fn report_doubts(
     walls: &[SceneWall],
     report: &mut FaultReport,
 ) {
-    // The density of a plate sets its mass: a light one follows the grains at once.
-    let is_of_walls = |name: &str| {
+    // Walls may have any density: that of a plate under a force sets its mass, and a light one follows the grains at once.
+    let is_of_walls_only = |name: &str| {
         walls.iter().any(|wall| wall.material() == name) && !grains.iter().any(|grains| grains.material == name)
     };
     for (k, material) in materials.iter().enumerate() {
-        if let Some(question) = density(material.density).filter(|_| !is_of_walls(&material.name)) {
+        if let Some(question) = density(material.density).filter(|_| !is_of_walls_only(&material.name)) {
             let path = format!("materials.{k}.density");
             report.add_warning(&path, report.number_text(&path, material.density), &question);
         }
@@ -32,22 +32,7 @@ pub fn report_doubts(
         }
     }
     for (k, grains) in grains.iter().enumerate() {
-        let all_none = |functions: &Option<[Option<TimeFunction>; 3]>| {
-            functions.as_ref().is_some_and(|functions| functions.iter().all(Option::is_none))
-        };
-        let imposes = grains.imposed_components().iter().any(Option::is_some);
-        if all_none(&grains.driven) && imposes && grains.driven_spin.is_none() {
-            let advice = "write driven_spin: (Constant(0.0), Constant(0.0), Constant(0.0)) alone, or leave driven out";
-            report.add_warning(&format!("grains.{k}.driven"), "imposes no translation, but holds the rotation", advice);
-        } else if !imposes && (all_none(&grains.driven) || all_none(&grains.driven_spin)) {
-            let name = if grains.driven.is_some() { "driven" } else { "driven_spin" };
-            report.add_warning(&format!("grains.{k}.{name}"), "imposes nothing", "give a function, or leave it out");
-        }
-        for (name, functions) in [("driven", &grains.driven), ("driven_spin", &grains.driven_spin)] {
-            for (axis, value) in functions.iter().flatten().enumerate() {
-                value.iter().for_each(|value| check_function(report, &format!("grains.{k}.{name}.{axis}"), value));
-            }
-        }
+        report_imposed_motion(grains, &format!("grains.{k}"), report);
     }
     for (k, grains) in grains.iter().enumerate() {
         check_angle(report, &format!("grains.{k}.orientation"), &grains.orientation);
@@ -64,22 +49,47 @@ pub fn report_doubts(
         if let SceneWall::Box { orientation, .. } = wall {
             check_angle(report, &format!("walls.{k}.orientation"), orientation);
         }
-        type Functions<'a> = (&'a [TimeFunction], &'a [Option<TimeFunction>]);
-        let ((velocity, force), (angular, moment)): (Functions, Functions) = match wall {
-            SceneWall::Plate { velocity, force, spin, moment, .. } => ((velocity, &**force), (spin, &**moment)),
-            SceneWall::Cylinder { velocity, force, spin, moment, .. } => {
-                ((velocity, &**force), (std::slice::from_ref(spin), std::slice::from_ref(moment)))
+        // Functions of each field by axes.
+        let functions: Vec<(&str, Vec<Option<&TimeFunction>>)> = match wall {
+            SceneWall::Plate { velocity, force, spin, moment, .. } => vec![
+                ("velocity", velocity.iter().map(Some).collect()),
+                ("spin", spin.iter().map(Some).collect()),
+                ("force", force.iter().map(Option::as_ref).collect()),
+                ("moment", moment.iter().map(Option::as_ref).collect()),
+            ],
+            SceneWall::Cylinder { velocity, force, spin, moment, .. } => vec![
+                ("velocity", velocity.iter().map(Some).collect()),
+                ("spin", vec![Some(spin)]),
+                ("force", force.iter().map(Option::as_ref).collect()),
+                ("moment", vec![moment.as_ref()]),
+            ],
+            SceneWall::Box { velocity, .. } => vec![("velocity", velocity.iter().map(Some).collect())],
+        };
+        for (name, functions) in functions {
+            for (axis, function) in functions.into_iter().enumerate().filter_map(|(axis, one)| Some((axis, one?))) {
+                check_function(report, &format!("walls.{k}.{name}.{axis}"), function);
             }
-            SceneWall::Box { velocity, .. } => ((velocity, &[]), (&[], &[])),
-        };
-        let mut check = |name: &str, axis: usize, value: &TimeFunction| {
-            check_function(report, &format!("walls.{k}.{name}.{axis}"), value);
-        };
-        velocity.iter().enumerate().for_each(|(axis, value)| check("velocity", axis, value));
-        angular.iter().enumerate().for_each(|(axis, value)| check("spin", axis, value));
-        for (name, loads) in [("force", force), ("moment", moment)] {
-            let pushed_axes = loads.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
-            pushed_axes.for_each(|(axis, value)| check(name, axis, value));
+        }
+    }
+}
+
+/// Reports imposed motion of the grains at `path` that imposes nothing, or the rotation alone by omission, and functions that
+/// are 0 at all times.
+fn report_imposed_motion(grains: &Grains, path: &str, report: &mut FaultReport) {
+    let has_no_function = |functions: &Option<[Option<TimeFunction>; 3]>| {
+        functions.as_ref().is_some_and(|functions| functions.iter().all(Option::is_none))
+    };
+    let is_any_imposed = grains.imposed_components().iter().any(Option::is_some);
+    if has_no_function(&grains.driven) && is_any_imposed && grains.driven_spin.is_none() {
+        let advice = "write driven_spin: (Constant(0.0), Constant(0.0), Constant(0.0)) alone, or leave driven out";
+        report.add_warning(&format!("{path}.driven"), "imposes no translation, but holds the rotation", advice);
+    } else if !is_any_imposed && (has_no_function(&grains.driven) || has_no_function(&grains.driven_spin)) {
+        let name = if grains.driven.is_some() { "driven" } else { "driven_spin" };
+        report.add_warning(&format!("{path}.{name}"), "imposes nothing", "give a function, or leave it out");
+    }
+    for (name, functions) in [("driven", &grains.driven), ("driven_spin", &grains.driven_spin)] {
+        for (axis, function) in functions.iter().flatten().enumerate() {
+            function.iter().for_each(|function| check_function(report, &format!("{path}.{name}.{axis}"), function));
         }
     }
 }
@@ -103,6 +113,7 @@ pub fn report_plate_presses<'a>(
     let plates: Vec<(usize, &SceneWall)> = (0..).zip(walls).filter(|(_, wall)| wall.contactor() == "PLANx").collect();
     let other_plates: Vec<&str> = other_plates.collect();
     for &(k, press) in plates.iter().filter(|(_, wall)| wall.has_force()) {
+        // Whether the scene says that the press and plates of a colour do not touch each other.
         let is_meant = |colour: &str| {
             let pairs = [(press.colour(), colour), (colour, press.colour())];
             contacts.iter().any(|row| row.law.is_none() && pairs.contains(&(&row.between.0, &row.between.1)))

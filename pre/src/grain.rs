@@ -1,4 +1,4 @@
-//! Grains and walls of a scene as bodies.
+//! Grains and walls of a scene as bodies: the result of placing and moving them, from which the files are written.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -56,7 +56,7 @@ impl Grain {
         self.polyhedron.as_ref().map_or_else(|| sphere_volume(self.radius), OrientedPolyhedron::volume)
     }
 
-    /// Its own axes along the fixed ones, one a row; for a sphere, the fixed axes.
+    /// Principal axes in the fixed frame, one a row; for a sphere, the fixed axes.
     pub fn axes(&self) -> Matrix3<f64> {
         self.polyhedron.as_ref().map_or(Matrix3::identity(), |polyhedron| polyhedron.axes)
     }
@@ -64,11 +64,11 @@ impl Grain {
     /// Convex pieces of a polyhedron in its orientation, at its position.
     pub(crate) fn convex_pieces(&self) -> Vec<ConvexPiece> {
         let Some(polyhedron) = &self.polyhedron else { return Vec::new() };
-        let turn = polyhedron.axes.transpose();
+        let to_fixed_axes = polyhedron.axes.transpose();
         let pieces = polyhedron.vertices().into_iter().zip(&polyhedron.solid.pieces);
         pieces
             .map(|(vertices, piece)| {
-                let vertices = vertices.into_iter().map(|v| turn * Vector3::from(v)).collect();
+                let vertices = vertices.into_iter().map(|v| to_fixed_axes * Vector3::from(v)).collect();
                 ConvexPiece::new(self.position, vertices, piece.triangles())
             })
             .collect()

@@ -1,3 +1,5 @@
+//! The program cd-pre: sets the version and runs [`cd_pre::run`].
+
 fn main() {
     cd_formats::atomic::outlive_size_limit();
     cd_formats::case::set_version(cd_version::version!());

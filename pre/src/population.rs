@@ -1,4 +1,5 @@
-//! Bodies of a scene: grains and walls with their initial motion.
+//! Makes the bodies of a scene, grains and walls with their initial motion, and checks that they do not overlap and that the
+//! files can hold their numbers.
 
 use std::cell::OnceCell;
 use std::path::Path;
@@ -49,7 +50,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
     let mut population = Population { grains: Vec::new(), walls, regions: Vec::new(), file_summaries: Vec::new() };
     for (group, grains) in scene.grains.iter().enumerate() {
         let shapes = GrainSampler::from_grains(grains, folder, scene.seed, group);
-        let shapes = shapes.map_err(|wrong| match wrong {
+        let shapes = shapes.map_err(|error| match error {
             ShapeError::File(faults) => report_file_faults(faults, &format!("grains.{group}.shape"), report),
             ShapeError::Shape(misfit) => {
                 report.add_fault(&format!("grains.{group}.shape"), misfit.to_string(), "a non-degenerate convex solid");
@@ -83,7 +84,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
     let balls = population.grains.iter().map(|grain| (grain.position, grain.reach));
     check_extent(&scene.compute, balls, report);
     check_numbers(scene, &population, report);
-    check_level(scene, &population, report);
+    check_inclined_plates(scene, &population, report);
     if report.faults.0.is_empty() {
         check_overlaps(scene, &population, report);
     }
@@ -119,7 +120,7 @@ fn check_drums(scene: &Scene, population: &Population, report: &mut FaultReport)
 }
 
 /// Checks plates that span a period: they must not be inclined along it, since their images would form stairs.
-fn check_level(scene: &Scene, population: &Population, report: &mut FaultReport) {
+fn check_inclined_plates(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let periods = [("xperiode", scene.compute.xperiode), ("yperiode", scene.compute.yperiode)];
     for plate in &population.walls {
         let ShapeRecord::Plane { half_lengths } = plate.shape else { continue };
@@ -142,6 +143,7 @@ fn check_level(scene: &Scene, population: &Population, report: &mut FaultReport)
     }
 }
 
+/// Placed grains of a group with their masses, velocities and angular velocities.
 fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: PlacedGrains) -> Vec<Grain> {
     let density = scene.materials.iter().find(|m| m.name == grains.material).map_or(1.0, |m| m.density);
     let masses: Vec<f64> = placed.grains.iter().map(|grain| density * grain.volume()).collect();
@@ -151,25 +153,24 @@ fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed
         }
         None => (grains.velocity.into(), grains.spin.into()),
     };
-    let rigid = motion::rigid_velocities(&velocity, &spin, &placed.positions, &masses);
+    let rigid_velocities = motion::rigid_velocities(&velocity, &spin, &placed.positions, &masses);
     let mut random = RandomStream::new(scene.seed, group, StreamPurpose::Velocity);
-    let thermal = motion::thermal_velocities(grains.thermal_velocity, &masses, &mut random);
-    // About the axes of each grain.
+    let thermal_velocities = motion::thermal_velocities(grains.thermal_velocity, &masses, &mut random);
     let imposed = grains.imposed_components();
-    let own_spin = Vector3::from_fn(|k, _| imposed[3 + k].map_or(0.0, TimeFunction::initial_value));
-    let grain = |(k, drawn): (usize, SampledGrain)| {
+    let imposed_spin_in_own_axes = Vector3::from_fn(|k, _| imposed[3 + k].map_or(0.0, TimeFunction::initial_value));
+    let grain = |(k, sampled): (usize, SampledGrain)| {
         let mut grain = Grain {
             group,
-            radius: drawn.radius,
-            reach: drawn.reach,
-            polyhedron: drawn.polyhedron,
+            radius: sampled.radius,
+            reach: sampled.reach,
+            polyhedron: sampled.polyhedron,
             mass: masses[k],
             position: placed.positions[k],
-            velocity: rigid[k] + thermal[k],
+            velocity: rigid_velocities[k] + thermal_velocities[k],
             spin,
         };
         if grains.driven_spin.is_some() {
-            grain.spin = grain.axes().tr_mul(&own_spin);
+            grain.spin = grain.axes().tr_mul(&imposed_spin_in_own_axes);
         }
         grain
     };
@@ -215,7 +216,7 @@ pub(crate) fn nearest_images(options: &Compute, separation: &Vector3<f64>) -> Ve
 fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
     let mut reported_paths = Vec::new();
-    let mut fault_as = |path: String, found: String, expected: &str| {
+    let mut report_once = |path: String, found: String, expected: &str| {
         if !reported_paths.contains(&path) {
             report.add_fault(&path, found, expected);
             reported_paths.push(path);
@@ -235,34 +236,35 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
             [moments.iter().fold(f64::INFINITY, |a, b| a.min(*b)), moments.iter().fold(0.0, |a: f64, b| a.max(*b))];
         if smallest <= f64::EPSILON * largest && largest < 1e99 {
             let found = "its moment of inertia about its long axis is lost in the rounding of the other two";
-            fault_as(path(), found.to_string(), "a shape at most 1e7 times as long as it is wide");
+            report_once(path(), found.to_string(), "a shape at most 1e7 times as long as it is wide");
         }
         let inertia = moments.map(|moment| ("inertia", moment));
         for (name, x) in sizes.into_iter().chain(inertia).filter(|(_, x)| !check::is_positive(*x)) {
-            fault_as(path(), number(name, x), expected);
+            report_once(path(), number(name, x), expected);
         }
         let position = body.position.map(|x| ("position", x));
         let velocity = state.velocity.map(|x| ("velocity", x));
         for (name, x) in position.into_iter().chain(velocity).filter(|(_, x)| !check::fits_files(*x)) {
-            fault_as(path(), number(name, x), expected);
+            report_once(path(), number(name, x), expected);
         }
     }
     let alert = write::default_alert(population);
-    let used =
+    let is_alert_used =
         !grains.is_empty() && scene.contacts.iter().any(|contact| contact.law.is_some() && contact.alert.is_none());
-    if used && !check::is_positive(alert) {
-        fault_as("contacts".into(), number("alert", alert), expected);
+    if is_alert_used && !check::is_positive(alert) {
+        report_once("contacts".into(), number("alert", alert), expected);
     }
 }
 
 /// Checks that no two grains, and no grain and wall, overlap, unless a List allows it.
 fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
-    let allowed: Vec<bool> =
+    let may_overlap: Vec<bool> =
         scene.grains.iter().map(|g| matches!(g.placement, GrainPlacement::List { allow_overlap: true, .. })).collect();
     let group_starts: Vec<usize> =
         (0..scene.grains.len()).map(|group| grains.partition_point(|grain| grain.group < group)).collect();
     let name = |k: usize| format!("grain {} of grains {}", k + 1 - group_starts[grains[k].group], grains[k].group + 1);
+    // Index of the first grain, and text, of each overlap.
     let mut overlaps: Vec<(usize, String)> = Vec::new();
     // Pieces are made once, and only for grains that are near another.
     let piece_cache: Vec<OnceCell<Vec<ConvexPiece>>> = vec![OnceCell::new(); grains.len()];
@@ -280,23 +282,24 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         }
     };
 
-    let mut order: Vec<usize> = (0..grains.len()).collect();
-    order.sort_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
-    let mut cells = SphereGrid::new(order.first().map_or(1.0, |&k| grains[k].reach));
-    for &k in &order {
+    let mut by_reach: Vec<usize> = (0..grains.len()).collect();
+    by_reach.sort_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
+    let mut cells = SphereGrid::new(by_reach.first().map_or(1.0, |&k| grains[k].reach));
+    for &k in &by_reach {
         let grain = &grains[k];
         cells.for_each_overlap(&grain.position, grain.reach, |number, overlap| {
-            let (a, b) = (k.min(order[number]), k.max(order[number]));
-            if allowed[grains[a].group] || allowed[grains[b].group] || overlap <= TOUCHING_TOLERANCE * grain.radius {
+            let (a, b) = (k.min(by_reach[number]), k.max(by_reach[number]));
+            let is_allowed = may_overlap[grains[a].group] || may_overlap[grains[b].group];
+            if is_allowed || overlap <= TOUCHING_TOLERANCE * grain.radius {
                 return;
             }
-            let overlap = penetration(k, order[number], overlap);
+            let overlap = penetration(k, by_reach[number], overlap);
             if overlap > TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius) {
                 overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b))));
             }
         });
         cells.add(grain.position, grain.reach);
-        for wall in population.walls.iter().filter(|_| !allowed[grain.group]) {
+        for wall in population.walls.iter().filter(|_| !may_overlap[grain.group]) {
             let image_overlap = |shift: Vector3<f64>| {
                 let overlap = wall.ball_overlap(&(grain.position - shift), grain.reach);
                 if overlap <= TOUCHING_TOLERANCE * grain.radius || grain.polyhedron.is_none() {

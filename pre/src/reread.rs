@@ -1,4 +1,5 @@
-//! Checks of the bodies of DATBOX with the digits that are written: bodies that cd-solve would reject are rejected here.
+//! Checks of the files of DATBOX, with the digits that are to be written, by the functions of cd-solve: bodies that cd-solve
+//! would reject are rejected before anything is written.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -19,14 +20,14 @@ use cd_formats::tact_behav::TactBehav;
 /// Reads the files (name and bytes) of the folder `datbox` and checks each body by the functions that cd-solve uses.
 /// `driven` are the rows of DRV_DOF.DAT, whose tables may not be written yet.
 ///
-/// A fault of body k (from 0) is reported at the path `name(k)` of the scene: the first fault of each value, with a count
+/// A fault of body k (from 0) is reported at the path `scene_path(k)` of the scene: the first fault of each path, with a count
 /// of the others. Faults of the files themselves name the files.
 pub fn check_files<'a>(
     datbox: &Path,
     files: impl Iterator<Item = (&'a str, &'a [u8])>,
     driven: &DrvDof,
     options: &Compute,
-    name: impl Fn(usize) -> String,
+    scene_path: impl Fn(usize) -> String,
     report: &mut FaultReport,
 ) {
     let (mut bodies, mut bulk) = (None, None);
@@ -48,8 +49,7 @@ pub fn check_files<'a>(
         imposed.get_mut(row.body).into_iter().for_each(|imposed| *imposed = true);
     }
     let periods = [options.xperiode, options.yperiode];
-    // Path, body, its fault, and the count of further faults.
-    let mut found: Vec<(String, usize, RecordFault, usize)> = Vec::new();
+    let mut body_faults: Vec<BodyFault> = Vec::new();
     for (k, body) in bodies.0.iter().enumerate() {
         let density = bulk.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
         let fault = match body.check_at_density(density) {
@@ -57,8 +57,8 @@ pub fn check_files<'a>(
             Ok(checked) => {
                 // A larger body could touch more than the nearest image.
                 let extent = 2.0 * checked.bounding_radius(body);
-                let short = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period);
-                let Some(period) = short else { continue };
+                let short_period = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period);
+                let Some(period) = short_period else { continue };
                 let found = format!(
                     "up to {} m long in a scene with the period {} m",
                     rounded_number(extent),
@@ -67,17 +67,26 @@ pub fn check_files<'a>(
                 RecordFault::new(found, "expected less than half of that")
             }
         };
-        let path = name(k);
-        match found.iter_mut().find(|(known, ..)| *known == path) {
-            Some((.., further)) => *further += 1,
-            None => found.push((path, k, fault, 0)),
+        let path = scene_path(k);
+        match body_faults.iter_mut().find(|known| known.path == path) {
+            Some(known) => known.others += 1,
+            None => body_faults.push(BodyFault { path, body: k, fault, others: 0 }),
         }
     }
-    for (path, k, RecordFault { found: fault, expected }, further) in found {
-        let further = if further > 0 { format!(" (and {further} more like it)") } else { String::new() };
-        let found = format!("body {} as written in BODIES.DAT{further}: {fault}", k + 1);
-        report.add_fault(&path, found, expected.trim_start_matches("expected "));
+    for BodyFault { path, body, fault, others } in body_faults {
+        let others = if others > 0 { format!(" (and {others} more like it)") } else { String::new() };
+        let found = format!("body {} as written in BODIES.DAT{others}: {}", body + 1, fault.found);
+        report.add_fault(&path, found, fault.expected.trim_start_matches("expected "));
     }
+}
+
+/// Fault of the first body from a path of the scene.
+struct BodyFault {
+    path: String,
+    body: usize,
+    fault: RecordFault,
+    /// Number of other bodies from this path that have a fault.
+    others: usize,
 }
 
 /// Reports probes, end conditions and sources of bodies that are not among `bodies`.

@@ -1,4 +1,4 @@
-//! Numbers with the digits that the files of DATBOX can hold.
+//! Rounding of numbers to the digits that the files of DATBOX can hold, so that checks see the bodies that cd-solve reads.
 
 use cd_formats::scan::{format_long14, fortran_real};
 use nalgebra::{Matrix3, Vector3};

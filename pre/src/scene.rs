@@ -349,7 +349,7 @@ pub enum Envelope {
     },
     /// A closed surface from a file, its centre of mass at `centre`.
     Model {
-        /// As in `Shape::Model`.
+        /// As in `GrainShape::Model`.
         file: String,
         #[serde(default)]
         scale: Option<ModelScale>,
@@ -457,7 +457,7 @@ fn default_axis() -> [f64; 3] {
     [0.0, 0.0, 1.0]
 }
 
-/// A velocity as a function of time t, s.
+/// Velocity, force or moment as a function of time t, s; its unit is that of the field.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum TimeFunction {
@@ -534,13 +534,14 @@ impl GrainPlacement {
 impl Grains {
     /// Imposed components: velocity along the fixed axes, angular velocity about the principal axes.
     pub fn imposed_components(&self) -> [Option<&TimeFunction>; 6] {
-        const STILL: &TimeFunction = &TimeFunction::Constant(0.0);
-        let turned_by = |k: usize| match &self.driven_spin {
-            Some(spin) => spin[k].as_ref(),
-            None => self.driven.as_ref().map(|_| STILL),
+        const ZERO: &TimeFunction = &TimeFunction::Constant(0.0);
+        let velocity = |axis: usize| self.driven.as_ref().and_then(|velocity| velocity[axis].as_ref());
+        let spin = |axis: usize| match &self.driven_spin {
+            Some(spin) => spin[axis].as_ref(),
+            // With an imposed velocity alone the grains do not rotate.
+            None => self.driven.as_ref().map(|_| ZERO),
         };
-        let moved_by = |k: usize| self.driven.as_ref().and_then(|velocity| velocity[k].as_ref());
-        [0, 1, 2, 3, 4, 5].map(|k| if k < 3 { moved_by(k) } else { turned_by(k - 3) })
+        [velocity(0), velocity(1), velocity(2), spin(0), spin(1), spin(2)]
     }
 
     /// Whether all of the motion is imposed.

@@ -52,15 +52,15 @@ impl SizeDistribution {
             SizeDistribution::Single(_) => 1.0,
             SizeDistribution::Uniform { .. } => (radius - min) / (max - min),
             SizeDistribution::PowerLaw { exponent, .. } => {
-                let fall = |r: f64| -exponent * libm::log(r / min);
-                if nearly_even(*exponent, min, max) {
-                    return libm::expm1(fall(radius)) / libm::expm1(fall(max));
+                if is_nearly_log_uniform(*exponent, min, max) {
+                    let log_of_power = |r: f64| -exponent * libm::log(r / min);
+                    return libm::expm1(log_of_power(radius)) / libm::expm1(log_of_power(max));
                 }
                 (1.0 - libm::pow(radius / min, -exponent)) / (1.0 - libm::pow(max / min, -exponent))
             }
             SizeDistribution::LogNormal { median, sigma, .. } => {
-                let normal = |r: f64| normal_share(libm::log(r / median) / sigma);
-                (normal(radius) - normal(min)) / (normal(max) - normal(min))
+                let share = |r: f64| normal_share(libm::log(r / median) / sigma);
+                (share(radius) - share(min)) / (share(max) - share(min))
             }
             SizeDistribution::List(radii) => radii.iter().filter(|&&r| r < radius).count() as f64 / radii.len() as f64,
         }
@@ -72,9 +72,9 @@ impl SizeDistribution {
         match self {
             SizeDistribution::Single(radius) => *radius,
             SizeDistribution::Uniform { .. } => min + u * (max - min),
-            SizeDistribution::PowerLaw { exponent, .. } if nearly_even(*exponent, min, max) => {
-                let fall = libm::expm1(-exponent * libm::log(max / min));
-                min * libm::exp(-libm::log1p(u * fall) / exponent)
+            SizeDistribution::PowerLaw { exponent, .. } if is_nearly_log_uniform(*exponent, min, max) => {
+                let power_less_one = libm::expm1(-exponent * libm::log(max / min));
+                min * libm::exp(-libm::log1p(u * power_less_one) / exponent)
             }
             SizeDistribution::PowerLaw { exponent, .. } => {
                 min * libm::pow(1.0 - u * (1.0 - libm::pow(max / min, -exponent)), -1.0 / exponent)
@@ -94,16 +94,16 @@ impl SizeDistribution {
         0.5 * (low + high)
     }
 
-    /// Grains that `next` makes from sampled radii, m, rounded to the digits of the files.
+    /// Grains that `make_grain` makes from sampled radii, m, rounded to the digits of the files.
     ///
     /// A `List` gives its radii in a random order, or in its own with `in_order`; any other distribution uses one random
     /// number a grain. `volume`, m^3, is that of a grain.
     pub fn sample_radii<T, E>(
         &self,
-        until: SampleTarget,
+        target: SampleTarget,
         in_order: bool,
         random: &mut RandomStream,
-        mut next: impl FnMut(Option<f64>) -> Result<T, E>,
+        mut make_grain: impl FnMut(Option<f64>) -> Result<T, E>,
         volume: fn(&T) -> f64,
     ) -> Result<Vec<T>, E> {
         if let SizeDistribution::List(radii) = self {
@@ -111,21 +111,21 @@ impl SizeDistribution {
             if !in_order {
                 random.shuffle(&mut radii);
             }
-            return radii.into_iter().map(|radius| next(Some(radius))).collect();
+            return radii.into_iter().map(|radius| make_grain(Some(radius))).collect();
         }
         let (min, max) = self.radius_range();
-        let mut next = || next(Some(round_8_digits(self.quantile(random.uniform()).clamp(min, max))));
-        match until {
-            SampleTarget::Number(number) => (0..number).map(|_| next()).collect(),
-            SampleTarget::Volume(wanted) => {
-                let (mut grains, mut filled) = (Vec::new(), 0.0);
+        let mut next_grain = || make_grain(Some(round_8_digits(self.quantile(random.uniform()).clamp(min, max))));
+        match target {
+            SampleTarget::Number(number) => (0..number).map(|_| next_grain()).collect(),
+            SampleTarget::Volume(target_volume) => {
+                let (mut grains, mut total_volume) = (Vec::new(), 0.0);
                 loop {
-                    let grain = next()?;
+                    let grain = next_grain()?;
                     // The last grain is added if that brings the volume closer to the target.
-                    if filled + 0.5 * volume(&grain) > wanted || grains.len() > MAX_BODIES {
+                    if total_volume + 0.5 * volume(&grain) > target_volume || grains.len() > MAX_BODIES {
                         return Ok(grains);
                     }
-                    filled += volume(&grain);
+                    total_volume += volume(&grain);
                     grains.push(grain);
                 }
             }
@@ -135,7 +135,7 @@ impl SizeDistribution {
 
 /// Whether (max/min)^exponent is so near to 1 that the difference loses digits: radii are then almost uniform in their
 /// logarithm.
-fn nearly_even(exponent: f64, min: f64, max: f64) -> bool {
+fn is_nearly_log_uniform(exponent: f64, min: f64, max: f64) -> bool {
     exponent * libm::log(max / min) < 1e-6
 }
 

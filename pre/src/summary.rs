@@ -30,7 +30,7 @@ fn pair_law_lines(scene: &Scene, population: &Population) -> String {
     let line = |law: &Law| {
         let pair = law.kind.pair_cohesion()?;
         // 1/R of two equal grains is twice that of one.
-        let [low, high] = extremes.map(|radius| digits(pair.force(0.5 * radius)));
+        let [low, high] = extremes.map(|radius| five_digits(pair.force(0.5 * radius)));
         let forces = if low == high { low } else { format!("{low} to {high}") };
         let (parameter, value) = law.kind.parameter_values()[0];
         let mut text = format!("law {}: two equal grains attract each other with {forces} N", law.name);
@@ -38,7 +38,7 @@ fn pair_law_lines(scene: &Scene, population: &Population) -> String {
             text += &format!(
                 ", {} {} {} for a tensile strength of {} Pa",
                 parameter.name(),
-                digits(value),
+                five_digits(value),
                 parameter.quantity().unit(),
                 rounded_number(bulk.tension)
             );
@@ -48,11 +48,12 @@ fn pair_law_lines(scene: &Scene, population: &Population) -> String {
     scene.laws.iter().filter_map(line).collect()
 }
 
-/// Number with five digits behind the point, below 0.01 and from 1e6 on with five digits.
-fn digits(x: f64) -> String {
+/// Number with five decimals; below 0.01 and from 1e6 on with five significant digits and an exponent.
+fn five_digits(x: f64) -> String {
     if (0.01..1e6).contains(&x) { format!("{x:.5}") } else { format!("{x:.4e}") }
 }
 
+/// Line about the number, sizes and mass of some grains, without its end.
 fn group_line(name: String, grains: &[&Grain]) -> String {
     let radii = || grains.iter().map(|grain| grain.radius);
     let (count, min, max) = (grains.len(), radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
@@ -64,7 +65,7 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
         _ if polyhedra == count => format!("{} ({})", count_text(count, "polyhedron"), vertex_count_text(grains)),
         _ => format!("{} and {}", count_text(count - polyhedra, "sphere"), count_text(polyhedra, "polyhedron")),
     };
-    let [min, max, mean] = [min, max, mean].map(digits);
+    let [min, max, mean] = [min, max, mean].map(five_digits);
     format!("{name}: {kind}, radius {min} to {max} m (mean {mean} m), mass {mass:.6e} kg")
 }
 

@@ -1,4 +1,4 @@
-//! Walls as bodies: plates and cylinders.
+//! Walls of a scene as bodies, plates and cylinders, and their overlaps with grains.
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::drv_dof::{Evolution as FileFunction, table_text};
@@ -90,14 +90,14 @@ pub fn ball_overlap(wall: &ShapeRecord, centre: &Vector3<f64>, radius: f64) -> f
             let beyond = centre.abs() - Vector3::from(half_lengths);
             radius - beyond.sup(&Vector3::zeros()).norm() - beyond.max().min(0.0)
         }
-        ShapeRecord::Cylinder { half_height, radius: wide, hollow: false } => {
-            let outside = Vector2::new(centre.xy().norm() - wide, centre.z.abs() - half_height);
-            radius - outside.sup(&Vector2::zeros()).norm() - outside.max().min(0.0)
+        ShapeRecord::Cylinder { half_height, radius: wall_radius, hollow: false } => {
+            let beyond = Vector2::new(centre.xy().norm() - wall_radius, centre.z.abs() - half_height);
+            radius - beyond.sup(&Vector2::zeros()).norm() - beyond.max().min(0.0)
         }
-        ShapeRecord::Cylinder { half_height, radius: wide, hollow: true }
-            if centre.norm() - radius < libm::hypot(wide, half_height) =>
+        ShapeRecord::Cylinder { half_height, radius: wall_radius, hollow: true }
+            if centre.norm() - radius < libm::hypot(wall_radius, half_height) =>
         {
-            radius + distance_beyond(centre, half_height, wide)
+            radius + distance_beyond(centre, half_height, wall_radius)
         }
         _ => f64::NEG_INFINITY,
     }
@@ -113,7 +113,8 @@ pub fn wall_bodies(walls: &[SceneWall]) -> Vec<WallBody> {
     walls.iter().enumerate().flat_map(|(k, wall)| bodies_of_wall(k, wall)).collect()
 }
 
-fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
+/// Bodies of the wall with this index in the scene: one, or the plates of a box.
+fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
     match wall {
         SceneWall::Plate {
             material,
@@ -127,17 +128,16 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
             spin,
             moment,
         } => {
-            let [a, b, c] = velocity.clone();
-            let [d, e, f] = spin.clone();
+            let ([vx, vy, vz], [wx, wy, wz]) = (velocity.clone(), spin.clone());
             let ([fx, fy, fz], [mx, my, mz]) = (*force.clone(), *moment.clone());
             vec![WallBody {
-                wall: number,
+                wall: index,
                 material: material.clone(),
                 colour: colour.clone(),
                 centre: round_point(&(*centre).into()),
                 axes: axes_about(&(*normal).into(), first_axis.map(Vector3::from)),
                 shape: ShapeRecord::Plane { half_lengths: round_point(&(*half_lengths).into()).into() },
-                motion: [a, b, c, d, e, f],
+                motion: [vx, vy, vz, wx, wy, wz],
                 loads: [fx, fy, fz, mx, my, mz],
             }]
         }
@@ -154,10 +154,10 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
             spin,
             moment,
         } => {
-            let [a, b, c] = velocity.clone();
+            let [vx, vy, vz] = velocity.clone();
             let [fx, fy, fz] = *force.clone();
             vec![WallBody {
-                wall: number,
+                wall: index,
                 material: material.clone(),
                 colour: colour.clone(),
                 centre: round_point(&(*centre).into()),
@@ -167,14 +167,14 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                     radius: round_8_digits(*radius),
                     hollow: *hollow,
                 },
-                motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), spin.clone()],
+                motion: [vx, vy, vz, TimeFunction::default(), TimeFunction::default(), spin.clone()],
                 loads: [fx, fy, fz, None, None, moment.clone()],
             }]
         }
         SceneWall::Box { material, colour, centre, lengths, orientation, half_thickness, lid, velocity } => {
-            let turn = rotation_matrix(orientation);
-            let halves = 0.5 * Vector3::from(*lengths);
-            // Floor, four sides, lid: direction of each from the centre of the box.
+            let rotation = rotation_matrix(orientation);
+            let half_lengths = 0.5 * Vector3::from(*lengths);
+            // Floor, four sides, lid: axis and sign of the direction of each from the centre of the box.
             let mut sides = vec![(2, -1.0), (0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)];
             sides.extend(lid.then_some((2, 1.0)));
             let plate = |(axis, sign): (usize, f64)| {
@@ -182,26 +182,26 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                 let (first, second) = ((axis + 1) % 3, (axis + 2) % 3);
                 // The normal points into the box; flipping it flips the second axis too.
                 let local = [unit(first), -sign * unit(second), -sign * unit(axis)];
-                let rows = local.map(|axis| (turn * axis).add_scalar(0.0).transpose()); // no negative zeros
+                let rows = local.map(|axis| (rotation * axis).add_scalar(0.0).transpose()); // no negative zeros
                 // Plates overlap along the edges of the box, so that no grain slips through there.
-                let half_length = |k: usize| halves[k] + 2.0 * half_thickness;
-                let [a, b, c] = velocity.clone();
-                let offset = sign * (halves[axis] + half_thickness) * unit(axis);
+                let plate_half_length = |k: usize| half_lengths[k] + 2.0 * half_thickness;
+                let [vx, vy, vz] = velocity.clone();
+                let offset = sign * (half_lengths[axis] + half_thickness) * unit(axis);
                 WallBody {
-                    wall: number,
+                    wall: index,
                     material: material.clone(),
                     colour: colour.clone(),
-                    centre: round_point(&(Vector3::from(*centre) + turn * offset)),
+                    centre: round_point(&(Vector3::from(*centre) + rotation * offset)),
                     axes: Matrix3::from_rows(&rows),
                     shape: ShapeRecord::Plane {
                         half_lengths: round_point(&Vector3::new(
-                            half_length(first),
-                            half_length(second),
+                            plate_half_length(first),
+                            plate_half_length(second),
                             *half_thickness,
                         ))
                         .into(),
                     },
-                    motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), TimeFunction::default()],
+                    motion: [vx, vy, vz, TimeFunction::default(), TimeFunction::default(), TimeFunction::default()],
                     loads: Default::default(),
                 }
             };
@@ -219,7 +219,7 @@ fn axes_about(normal: &Vector3<f64>, first: Option<Vector3<f64>>) -> Matrix3<f64
     Matrix3::from_rows(&[t.transpose(), n.cross(&t).transpose(), n.transpose()])
 }
 
-/// Functions of time of a scene in the form of DRV_DOF.DAT, and their tables.
+/// Different tables of the functions of time of a scene, which DRV_DOF.DAT names as files.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FunctionTables(Vec<Vec<[f64; 2]>>);
 
@@ -234,11 +234,11 @@ impl FunctionTables {
             }
             TimeFunction::Table(points) => {
                 let points: Vec<[f64; 2]> = points.iter().map(|&(t, v)| [t, v]).collect();
-                let place = self.0.iter().position(|known| *known == points).unwrap_or_else(|| {
+                let index = self.0.iter().position(|known| *known == points).unwrap_or_else(|| {
                     self.0.push(points.clone());
                     self.0.len() - 1
                 });
-                FileFunction::Table { name: table_name(place), points }
+                FileFunction::Table { name: table_name(index), points }
             }
         }
     }
@@ -249,8 +249,9 @@ impl FunctionTables {
     }
 }
 
-fn table_name(place: usize) -> String {
-    format!("evolution-{}.dat", place + 1)
+/// Name of the file of a table by its index.
+fn table_name(index: usize) -> String {
+    format!("evolution-{}.dat", index + 1)
 }
 
 impl TimeFunction {

@@ -55,7 +55,7 @@ pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
             contactors: shapes.into_iter().map(|shape| new_contactor(&group.colour, shape)).collect(),
         }
     };
-    let wall = |wall: &WallBody| {
+    let record_of_wall = |wall: &WallBody| {
         let MassProperties { volume, inertia, .. } = wall.mass_properties();
         Body {
             line: 0,
@@ -66,7 +66,8 @@ pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
             contactors: vec![wall.contactor()],
         }
     };
-    Bodies(population.grains.iter().map(record_of_grain).chain(population.walls.iter().map(wall)).collect())
+    let grains = population.grains.iter().map(record_of_grain);
+    Bodies(grains.chain(population.walls.iter().map(record_of_wall)).collect())
 }
 
 /// Contactors of a polyhedron, one for each convex piece.
@@ -76,6 +77,7 @@ fn polyhedron_shapes(polyhedron: &OrientedPolyhedron) -> Vec<ShapeRecord> {
     polyhedron.vertices().into_iter().zip(triangles).map(shape).collect()
 }
 
+/// Contactor without a frame of its own.
 fn new_contactor(colour: &str, shape: ShapeRecord) -> Contactor {
     Contactor { colour: colour.to_string(), shape, local_frame: None }
 }
@@ -92,62 +94,99 @@ fn no_law_comments(scene: &Scene) -> String {
     pairs_without_law.map(|contact| TactBehav::no_law_comment(&contact.between.0, &contact.between.1)).collect()
 }
 
+/// Contactors of grains, then of walls, in the order in which LMGC90 has the candidate before the antagonist, whatever their
+/// order in the scene.
+const GRAIN_CONTACTORS: [&str; 2] = ["SPHER", "POLYR"];
+const WALL_CONTACTORS: [&str; 3] = ["PLANx", "CYLND", "DNLYC"];
+
+/// Contactors of one kind and colour in a scene.
+#[derive(Clone, Copy)]
+struct ContactorGroup<'a> {
+    contactor: &'static str,
+    colour: &'a str,
+}
+
+impl<'a> ContactorGroup<'a> {
+    /// Groups of a colour in a scene.
+    fn groups_of_colour(scene: &Scene, colour: &'a str) -> Vec<ContactorGroup<'a>> {
+        let has_grains = |contactor: &str| {
+            let is_polyhedral = contactor == "POLYR";
+            scene.grains.iter().any(|grains| grains.colour == colour && grains.is_polyhedral() == is_polyhedral)
+        };
+        let grains = GRAIN_CONTACTORS.into_iter().filter(|contactor| has_grains(contactor));
+        let has_walls =
+            |contactor: &str| scene.walls.iter().any(|wall| wall.colour() == colour && wall.contactor() == contactor);
+        let walls = WALL_CONTACTORS.into_iter().filter(|contactor| has_walls(contactor));
+        grains.chain(walls).map(|contactor| ContactorGroup { contactor, colour }).collect()
+    }
+
+    fn is_of_walls(self) -> bool {
+        WALL_CONTACTORS.contains(&self.contactor)
+    }
+
+    /// Position in the order of candidates; the same for all walls.
+    fn candidate_order(self) -> usize {
+        GRAIN_CONTACTORS.iter().position(|known| *known == self.contactor).unwrap_or(GRAIN_CONTACTORS.len())
+    }
+
+    /// Walls of the group with their indices in the scene.
+    fn walls(self, scene: &Scene) -> Vec<(usize, &SceneWall)> {
+        let is_of_group = |wall: &SceneWall| wall.colour() == self.colour && wall.contactor() == self.contactor;
+        (0..).zip(&scene.walls).filter(|(_, wall)| is_of_group(wall)).collect()
+    }
+
+    /// Whether a wall of this group can touch one of the other.
+    fn can_touch_wall_of(self, other: ContactorGroup, scene: &Scene) -> bool {
+        let others = other.walls(scene);
+        let touches = |(j, one): &(usize, &SceneWall)| others.iter().any(|(k, other)| j != k && one.can_touch(other));
+        self.walls(scene).iter().any(touches)
+    }
+
+    fn to_side(self) -> VisibilitySide {
+        VisibilitySide {
+            body: "RBDY3".to_string(),
+            contactor: self.contactor.to_string(),
+            colour: self.colour.to_string(),
+        }
+    }
+}
+
+/// Candidate and antagonist of two groups in the order of LMGC90; `None` if they never touch, or if the same row follows from
+/// the groups in the other order.
+fn candidate_and_antagonist<'a>(
+    scene: &Scene,
+    first: ContactorGroup<'a>,
+    second: ContactorGroup<'a>,
+) -> Option<[ContactorGroup<'a>; 2]> {
+    // Within one colour each two contactors occur in both orders.
+    let occurs_reversed = first.colour == second.colour;
+    let is_in_order = if first.is_of_walls() && second.is_of_walls() {
+        if !first.can_touch_wall_of(second, scene) {
+            return None;
+        }
+        // LMGC90 has a cylinder before a plate.
+        first.contactor != "PLANx"
+    } else {
+        first.candidate_order() <= second.candidate_order()
+    };
+    if is_in_order { Some([first, second]) } else { (!occurs_reversed).then_some([second, first]) }
+}
+
 /// Contents of TACT_BEHAV.DAT.
 pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
-    // LMGC90 has spheres before polyhedra, and walls last, in any order of the scene.
-    const WALL_CONTACTORS: [&str; 3] = ["PLANx", "CYLND", "DNLYC"];
-    let walls_of = |colour: &str, kind: &str| {
-        let is_of = |wall: &SceneWall| wall.colour() == colour && wall.contactor() == kind;
-        (0..).zip(&scene.walls).filter(|(_, wall)| is_of(wall)).collect::<Vec<(usize, &SceneWall)>>()
-    };
-    let walls_meet = |a: [&str; 2], b: [&str; 2]| {
-        let others = walls_of(b[0], b[1]);
-        let meets = |(j, one): &(usize, &SceneWall)| others.iter().any(|(k, other)| j != k && one.can_touch(other));
-        walls_of(a[0], a[1]).iter().any(meets)
-    };
-    let wearers = |colour: &str| -> Vec<&str> {
-        let worn = |polyhedra: bool| {
-            scene.grains.iter().any(|grains| grains.colour == colour && grains.is_polyhedral() == polyhedra)
-        };
-        let wall = |kind: &str| scene.walls.iter().any(|wall| wall.colour() == colour && wall.contactor() == kind);
-        let walls = WALL_CONTACTORS.map(|kind| (kind, wall(kind)));
-        let all = [("SPHER", worn(false)), ("POLYR", worn(true))].into_iter().chain(walls);
-        all.filter_map(|(contactor, worn)| worn.then_some(contactor)).collect()
-    };
-    let side = |contactor: &str, colour: &str| VisibilitySide {
-        body: "RBDY3".to_string(),
-        contactor: contactor.to_string(),
-        colour: colour.to_string(),
-    };
     let mut visibility = Vec::new();
     for contact in &scene.contacts {
         let Some(law) = &contact.law else { continue };
         let range =
             scene.laws.iter().find(|known| known.name == *law).map_or(0.0, |known| known.kind.attraction_range());
         let alert = contact.alert.unwrap_or_else(|| default_alert(population).max(range));
-        let mut row = |candidate: VisibilitySide, antagonist: VisibilitySide| {
-            visibility.push(VisibilityRow { line: 0, candidate, law: law.clone(), antagonist, alert });
-        };
-        let (a, b) = (contact.between.0.as_str(), contact.between.1.as_str());
-        let candidate_order =
-            |contactor: &str| ["SPHER", "POLYR"].iter().position(|known| *known == contactor).unwrap_or(2);
-        for first in wearers(a) {
-            for second in wearers(b) {
-                let walls = WALL_CONTACTORS.contains(&first) && WALL_CONTACTORS.contains(&second);
-                // LMGC90 has a cylinder before a plate.
-                if walls && walls_meet([a, first], [b, second]) {
-                    match (first, second) {
-                        ("PLANx", _) if a != b => row(side(second, b), side(first, a)),
-                        ("PLANx", _) => {}
-                        _ => row(side(first, a), side(second, b)),
-                    }
-                }
-                // Within one colour every pair of shapes appears once.
-                if !walls && candidate_order(first) <= candidate_order(second) {
-                    row(side(first, a), side(second, b));
-                } else if !walls && a != b {
-                    row(side(second, b), side(first, a));
-                }
+        let [first_groups, second_groups] =
+            [&contact.between.0, &contact.between.1].map(|colour| ContactorGroup::groups_of_colour(scene, colour));
+        for &first in &first_groups {
+            for &second in &second_groups {
+                let Some(sides) = candidate_and_antagonist(scene, first, second) else { continue };
+                let [candidate, antagonist] = sides.map(ContactorGroup::to_side);
+                visibility.push(VisibilityRow { line: 0, candidate, law: law.clone(), antagonist, alert });
             }
         }
     }
@@ -209,6 +248,7 @@ pub fn dof_file(population: &Population) -> Dof {
     Dof { step: 0, time: 0.0, bodies: states.enumerate().map(body).collect() }
 }
 
+/// Rows of a matrix as arrays.
 fn matrix_rows(axes: &Matrix3<f64>) -> [[f64; 3]; 3] {
     [0, 1, 2].map(|k| axes.row(k).transpose().into())
 }

@@ -1,4 +1,5 @@
-//! Polygons over points, the faults of their files, and words of text files.
+//! Common parts of the readers of surfaces: polygons over points, to which each kind of file is read, the faults of files, and
+//! numbers of text files.
 
 use std::borrow::Cow;
 

@@ -1,4 +1,4 @@
-//! Wavefront OBJ: vertices and polygons; the other statements of polygonal files are read and not used.
+//! Reader of Wavefront OBJ: vertices and polygons; the other statements of polygonal files are read and not used.
 
 use std::path::Path;
 

@@ -288,8 +288,8 @@ fn behaviour_tables(
         part.state.bodies.body_driven.iter().any(|imposed| (1..DRIVEN_ALL).contains(imposed))
     };
     let driven_parts = (0..).zip(parts).filter(driven_in_part).map(|(k, _)| format!("bodies.{k}"));
-    let driven_new = crate::check::driven_in_part(&changes.grains, &changes.walls);
-    crate::check::check_turning(report, options, driven_parts.chain(driven_new));
+    let driven_new = crate::check::partly_driven_paths(&changes.grains, &changes.walls);
+    crate::check::check_rotating_frame(report, options, driven_parts.chain(driven_new));
     tables
 }
 

@@ -91,7 +91,8 @@ fn merge_materials(changes: &Changes, parts: &[SourcePart], records: &Bodies, re
     let wall_materials = changes.walls.iter().enumerate().map(|(k, wall)| (format!("walls.{k}"), wall.material()));
     for (path, material) in grain_materials.chain(wall_materials).filter(|(_, material)| !names.contains(material)) {
         let found = format!("'{material}' is not defined");
-        check::unknown(report, &format!("{path}.material"), found, material, &names, "a material");
+        let known = check::KnownNames { noun: "a material", names: &names };
+        known.report_unknown(report, &format!("{path}.material"), found, material);
     }
     all.retain(|material| records.0.iter().any(|body| body.material == material.name));
     let used: Vec<&str> = all.iter().map(|material| material.name.as_str()).collect();
@@ -261,7 +262,8 @@ fn merge_visibility(
         for (side, colour) in [&contact.between.0, &contact.between.1].into_iter().enumerate() {
             if !colours.contains(&colour.as_str()) {
                 let path = format!("{path}.between.{side}");
-                check::unknown(report, &path, format!("no body has the colour '{colour}'"), colour, &colours, "a body");
+                let known = check::KnownNames { noun: "a body", names: &colours };
+                known.report_unknown(report, &path, format!("no body has the colour '{colour}'"), colour);
             }
         }
         if named[..k].contains(&named[k]) {
@@ -279,7 +281,8 @@ fn merge_visibility(
         let Some(law) = laws.iter().find(|law| law.nickname == *name) else {
             let names: Vec<&str> = laws.iter().map(|law| law.nickname.as_str()).collect();
             let found = format!("'{name}' is not defined");
-            check::unknown(report, &format!("{path}.law"), found, name, &names, "a law");
+            let known = check::KnownNames { noun: "a law", names: &names };
+            known.report_unknown(report, &format!("{path}.law"), found, name);
             continue;
         };
         let alert = contact.alert.unwrap_or_else(|| default_alert(parts, grains).max(attraction_range(law)));

@@ -9,9 +9,13 @@ use rustc_hash::FxHashMap;
 /// Spheres must be added by falling radius: then all spheres that a new one can touch lie in the 27 cells around it of
 /// every grid.
 pub struct SphereGrid {
+    /// Largest radius, m.
     largest: f64,
+    /// Number of octaves that have spheres.
     octaves: u32,
+    /// Numbers of the spheres in each cell, by octave and position of the cell.
     cells: FxHashMap<(u32, [i64; 3]), Vec<u32>>,
+    /// Centre and radius, m, of each sphere in the order of addition.
     spheres: Vec<(Vector3<f64>, f64)>,
 }
 
@@ -21,14 +25,15 @@ impl SphereGrid {
         SphereGrid { largest, octaves: 0, cells: FxHashMap::default(), spheres: Vec::new() }
     }
 
+    /// Position of the cell of an octave that contains a point.
     fn cell_index(&self, octave: u32, centre: &Vector3<f64>) -> [i64; 3] {
         let edge = 2.0 * self.largest * 0.5f64.powi(octave as i32);
         [0, 1, 2].map(|k| (centre[k] / edge).floor() as i64)
     }
 
-    /// Calls `meet` with the number (in order of addition) and the overlap, m, > 0, of every sphere that overlaps the
+    /// Calls `visit` with the number (in order of addition) and the overlap, m, > 0, of every sphere that overlaps the
     /// ball.
-    pub fn for_each_overlap(&self, centre: &Vector3<f64>, radius: f64, mut meet: impl FnMut(usize, f64)) {
+    pub fn for_each_overlap(&self, centre: &Vector3<f64>, radius: f64, mut visit: impl FnMut(usize, f64)) {
         for octave in 0..self.octaves {
             let cell = self.cell_index(octave, centre);
             for offset in (0..27).map(|k| [k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1]) {
@@ -37,7 +42,7 @@ impl SphereGrid {
                     let (other, other_radius) = &self.spheres[number as usize];
                     let overlap = radius + other_radius - (centre - other).norm();
                     if overlap > 0.0 {
-                        meet(number as usize, overlap);
+                        visit(number as usize, overlap);
                     }
                 }
             }

@@ -1,4 +1,5 @@
-//! A solid broken into convex fragments without gaps: the cells of points at random (Voronoi 1908).
+//! Division of a solid into convex fragments without gaps, the placement `Fragments`: the cells of points at random (Voronoi
+//! 1908).
 
 use cd_formats::surface::{Surface, SurfaceFaults};
 use nalgebra::Vector3;
@@ -56,6 +57,7 @@ pub fn region_polyhedron(region: &GrainRegion, number: usize) -> Result<Surface,
     to_surface(&centred, solid.triangles())
 }
 
+/// Surface of vertices and triangles. Errors: faults of the surface.
 fn to_surface(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surface, HullError> {
     Surface::new(vertices, triangles).map_err(|faults| HullError::Unsound(faults.to_string()))
 }
@@ -72,14 +74,15 @@ fn ellipsoid_surface(axes: [f64; 3], number: usize) -> Result<Surface, HullError
 
 /// Prism about the third axis, with about two sides for each fragment along a rim and at least 32.
 fn prism_surface(half_height: f64, radius: f64, number: usize) -> Result<Surface, HullError> {
-    let turn = std::f64::consts::TAU;
-    let fragment = libm::cbrt(std::f64::consts::PI * radius * radius * 2.0 * half_height / number as f64);
-    let sides = (2.0 * turn * radius / fragment).clamp(32.0, 2000.0) as usize;
-    let angle = turn / sides as f64;
-    let outer = radius * (angle / libm::sin(angle)).sqrt();
+    let fragment_size = libm::cbrt(std::f64::consts::PI * radius * radius * 2.0 * half_height / number as f64);
+    let rim_length = std::f64::consts::TAU * radius;
+    let sides = (2.0 * rim_length / fragment_size).clamp(32.0, 2000.0) as usize;
+    let angle = std::f64::consts::TAU / sides as f64;
+    // Radius of the corners with which the polygon has the area of the circle.
+    let corner_radius = radius * (angle / libm::sin(angle)).sqrt();
     let corner = |k: usize| {
         let (sin, cos) = libm::sincos(angle * (k / 2) as f64);
-        [outer * cos, outer * sin, if k.is_multiple_of(2) { -half_height } else { half_height }]
+        [corner_radius * cos, corner_radius * sin, if k.is_multiple_of(2) { -half_height } else { half_height }]
     };
     hull::convex_hull(&(0..2 * sides).map(corner).collect::<Vec<_>>())
 }
@@ -96,7 +99,7 @@ pub fn voronoi_fragments(
     random: &mut RandomStream,
 ) -> Result<Vec<Surface>, FragmentError> {
     let extent = solid.vertices().iter().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
-    let halves = solid.vertices().iter().fold(Vector3::zeros(), |halves, &v| Vector3::from(v).abs().sup(&halves));
+    let half_extents = solid.vertices().iter().fold(Vector3::zeros(), |halves, &v| Vector3::from(v).abs().sup(&halves));
     let planes: Vec<CutPlane> = solid
         .triangles()
         .iter()
@@ -106,12 +109,13 @@ pub fn voronoi_fragments(
             CutPlane { normal, offset: normal.dot(&a) }
         })
         .collect();
-    let inside = |p: &Vector3<f64>| planes.iter().all(|plane| plane.signed_distance(p) < 0.0);
+    let is_inside = |p: &Vector3<f64>| planes.iter().all(|plane| plane.signed_distance(p) < 0.0);
     let mut seeds = Vec::with_capacity(number);
     for _ in 0..number {
         // For thin bodies hardly any point of the cube lies inside.
-        let seed = (0..MAX_ATTEMPTS).map(|_| extent * random.in_cube()).find(inside);
-        let seed = seed.or_else(|| (0..MAX_ATTEMPTS).map(|_| halves.component_mul(&random.in_cube())).find(inside));
+        let seed = (0..MAX_ATTEMPTS).map(|_| extent * random.in_cube()).find(is_inside);
+        let seed =
+            seed.or_else(|| (0..MAX_ATTEMPTS).map(|_| half_extents.component_mul(&random.in_cube())).find(is_inside));
         seeds.push(seed.ok_or(FragmentError::NoSeed)?);
     }
     for _ in 0..relaxation {
@@ -121,6 +125,7 @@ pub fn voronoi_fragments(
     voronoi_cells(&planes, extent, &seeds)
 }
 
+/// Cells of all seeds in the solid with these planes; `extent`: radius of a ball about the origin that contains it, m.
 fn voronoi_cells(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>]) -> Result<Vec<Surface>, FragmentError> {
     (0..seeds.len()).map(|k| voronoi_cell(planes, extent, seeds, k)).collect()
 }
@@ -128,19 +133,20 @@ fn voronoi_cells(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>]) -> Re
 /// Part of the solid that is nearer to seed `k` than to all others.
 fn voronoi_cell(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>], k: usize) -> Result<Surface, FragmentError> {
     let seed = seeds[k];
+    // Squared distance and index of each other seed.
     let mut others: Vec<(f64, usize)> =
         (0..seeds.len()).filter(|&j| j != k).map(|j| ((seeds[j] - seed).norm_squared(), j)).collect();
-    let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    let by_distance = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
     // With many seeds only the nearest matter: the others are rarely sorted.
-    let nearest = NEAREST_SEEDS.min(others.len());
-    if nearest < others.len() {
-        others.select_nth_unstable_by(nearest, nearer);
+    let near_count = NEAREST_SEEDS.min(others.len());
+    if near_count < others.len() {
+        others.select_nth_unstable_by(near_count, by_distance);
     }
-    let (near, far) = others.split_at_mut(nearest);
-    near.sort_by(nearer);
+    let (near, far) = others.split_at_mut(near_count);
+    near.sort_by(by_distance);
     // Coordinates relative to the seed, so that small cells keep their digits.
     let mut cell = VoronoiCell::cube(2.0 * extent);
-    let closed = cell.cut_between(&seed, seeds, near, SAME_VERTEX_TOLERANCE * extent);
+    let is_complete = cell.cut_between(&seed, seeds, near, SAME_VERTEX_TOLERANCE * extent);
     // Cells at the surface are unbounded until the planes of the solid cut them.
     let reach = cell.bounding_radius();
     for plane in planes {
@@ -149,10 +155,10 @@ fn voronoi_cell(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>], k: usi
             cell.cut_above(&CutPlane { normal: plane.normal, offset }, SAME_VERTEX_TOLERANCE * extent);
         }
     }
-    if !closed {
+    if !is_complete {
         let reach = cell.bounding_radius();
         let mut far: Vec<(f64, usize)> = far.iter().copied().filter(|other| 0.5 * other.0.sqrt() <= reach).collect();
-        far.sort_by(nearer);
+        far.sort_by(by_distance);
         cell.cut_between(&seed, seeds, &far, SAME_VERTEX_TOLERANCE * extent);
     }
     cell.to_surface(&seed)
@@ -160,11 +166,14 @@ fn voronoi_cell(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>], k: usi
 
 /// Cutting plane; keeps the points x with normal.x < offset.
 struct CutPlane {
+    /// Unit normal.
     normal: Vector3<f64>,
+    /// Distance from the origin along the normal, m.
     offset: f64,
 }
 
 impl CutPlane {
+    /// Distance of a point above the plane, m; negative below.
     fn signed_distance(&self, point: &Vector3<f64>) -> f64 {
         self.normal.dot(point) - self.offset
     }
@@ -172,6 +181,7 @@ impl CutPlane {
 
 /// Convex polyhedron that is cut plane by plane.
 struct VoronoiCell {
+    /// Vertices relative to the seed, m.
     vertices: Vec<Vector3<f64>>,
     /// Vertices of each face, counter-clockwise seen from outside.
     faces: Vec<Vec<usize>>,
@@ -185,28 +195,35 @@ impl VoronoiCell {
         VoronoiCell { vertices: (0..8).map(corner).collect(), faces: faces.map(|face| face.to_vec()).into() }
     }
 
+    /// Largest distance of a vertex from the seed, m.
     fn bounding_radius(&self) -> f64 {
         self.faces.iter().flatten().map(|&k| self.vertices[k].norm()).fold(0.0, f64::max)
     }
 
-    /// Removes the part nearer to the `others` than to the cell's seed; `others` are in order of their squared distance.
-    /// Returns whether seeds farther away cannot cut the cell.
-    fn cut_between(&mut self, seed: &Vector3<f64>, seeds: &[Vector3<f64>], others: &[(f64, usize)], same: f64) -> bool {
+    /// Removes the part nearer to the `others`, by increasing squared distance, than to the cell's seed. `tolerance` as in
+    /// [`VoronoiCell::cut_above`]. Returns whether seeds farther away cannot cut the cell.
+    fn cut_between(
+        &mut self,
+        seed: &Vector3<f64>,
+        seeds: &[Vector3<f64>],
+        others: &[(f64, usize)],
+        tolerance: f64,
+    ) -> bool {
         for &(square, other) in others {
             let distance = square.sqrt();
             if 0.5 * distance > self.bounding_radius() {
                 return true;
             }
             let normal = (seeds[other] - seed) / distance;
-            self.cut_above(&CutPlane { normal, offset: 0.5 * distance }, same);
+            self.cut_above(&CutPlane { normal, offset: 0.5 * distance }, tolerance);
         }
         false
     }
 
-    /// Removes the part above the plane; vertices within `same` of it stay.
-    fn cut_above(&mut self, plane: &CutPlane, same: f64) {
+    /// Removes the part above the plane; vertices within `tolerance` (m) of it stay.
+    fn cut_above(&mut self, plane: &CutPlane, tolerance: f64) {
         let heights: Vec<f64> = self.vertices.iter().map(|v| plane.signed_distance(v)).collect();
-        if self.faces.iter().flatten().all(|&k| heights[k] <= same) {
+        if self.faces.iter().flatten().all(|&k| heights[k] <= tolerance) {
             return;
         }
         // Vertex where an edge crosses the plane, by the ends of the edge, so that both of its faces share it.
@@ -214,7 +231,7 @@ impl VoronoiCell {
         let vertices = &mut self.vertices;
         let mut crossing = |low: usize, high: usize| {
             *crossings.entry([low, high]).or_insert_with(|| {
-                if heights[low].abs() <= same {
+                if heights[low].abs() <= tolerance {
                     return low;
                 }
                 let share = heights[low] / (heights[low] - heights[high]);
@@ -222,41 +239,42 @@ impl VoronoiCell {
                 vertices.len() - 1
             })
         };
+        // Edges of the new face in the plane, from vertex to vertex.
         let mut cap: FxHashMap<usize, usize> = FxHashMap::default();
         let mut faces = Vec::with_capacity(self.faces.len() + 1);
         for face in &self.faces {
-            let mut kept = Vec::with_capacity(face.len() + 1);
-            let (mut leaves, mut enters) = (None, None);
-            for (i, &from) in face.iter().enumerate() {
-                let to = face[(i + 1) % face.len()];
-                match (heights[from] <= same, heights[to] <= same) {
-                    (true, true) => kept.push(from),
+            let mut corners = Vec::with_capacity(face.len() + 1);
+            let (mut exit, mut entry) = (None, None);
+            for (i, &start) in face.iter().enumerate() {
+                let end = face[(i + 1) % face.len()];
+                match (heights[start] <= tolerance, heights[end] <= tolerance) {
+                    (true, true) => corners.push(start),
                     (true, false) => {
-                        kept.push(from);
-                        let at = crossing(from, to);
-                        kept.push(at);
-                        leaves = Some(at);
+                        corners.push(start);
+                        let vertex = crossing(start, end);
+                        corners.push(vertex);
+                        exit = Some(vertex);
                     }
                     (false, true) => {
-                        let at = crossing(to, from);
-                        kept.push(at);
-                        enters = Some(at);
+                        let vertex = crossing(end, start);
+                        corners.push(vertex);
+                        entry = Some(vertex);
                     }
                     (false, false) => {}
                 }
             }
-            kept.dedup();
-            if kept.len() > 1 && kept.first() == kept.last() {
-                kept.pop();
+            corners.dedup();
+            if corners.len() > 1 && corners.first() == corners.last() {
+                corners.pop();
             }
-            // The face runs from `leaves` to `enters` along the plane, the cap in the opposite direction.
-            if let (Some(leaves), Some(enters)) = (leaves, enters)
-                && leaves != enters
+            // The face runs from `exit` to `entry` along the plane, the cap in the opposite direction.
+            if let (Some(exit), Some(entry)) = (exit, entry)
+                && exit != entry
             {
-                cap.insert(enters, leaves);
+                cap.insert(entry, exit);
             }
-            if kept.len() > 2 {
-                faces.push(kept);
+            if corners.len() > 2 {
+                faces.push(corners);
             }
         }
         if let Some(&first) = cap.keys().min() {

@@ -32,7 +32,7 @@ impl std::fmt::Debug for SurfaceRegion {
 }
 
 impl SurfaceRegion {
-    /// Errors: a surface of which no mesh can be made.
+    /// Region inside of a surface. Errors: a surface of which no mesh can be made.
     pub fn new(surface: &Surface) -> Result<SurfaceRegion, SurfaceFaults> {
         let properties = surface.mass_properties();
         let centre = Vector3::from(properties.centre);

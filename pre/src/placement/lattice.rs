@@ -32,9 +32,8 @@ pub fn lattice_sites(
     let (mut best, mut largest_count) = (None, 0);
     let mut distance = closest;
     for offset in offsets {
-        let lattice = |d| FccLattice { region, d, offset };
-        let fit = |d| lattice(d).lattice_sites(number).len();
-        let count = fit(distance);
+        let site_count = |d| FccLattice { region, d, offset }.lattice_sites(number).len();
+        let count = site_count(distance);
         largest_count = largest_count.max(count);
         if count < number {
             continue;
@@ -43,7 +42,7 @@ pub fn lattice_sites(
         let (mut low, mut high) = (distance, 2.001 * region.half_extents().min());
         while high - low > 1e-6 * low {
             let middle = 0.5 * (low + high);
-            if fit(middle) >= number { low = middle } else { high = middle }
+            if site_count(middle) >= number { low = middle } else { high = middle }
         }
         distance = low;
         best = Some(offset);
@@ -55,6 +54,7 @@ pub fn lattice_sites(
     Ok((sites, distance))
 }
 
+/// Face-centred cubic lattice in a region.
 struct FccLattice<'a> {
     region: &'a GrainRegion,
     /// Distance of neighbours, m.

@@ -86,29 +86,30 @@ pub fn place_grains(
     group: usize,
 ) -> Result<PlacedGrains, PlacementError> {
     let mut random = RandomStream::new(seed, group, StreamPurpose::Positions);
-    let turn = rotation_matrix(&grains.orientation);
+    let rotation = rotation_matrix(&grains.orientation);
     let centre = Vector3::from(grains.centre);
-    let polyhedral = grains.is_polyhedral();
-    let in_file = |point: Vector3<f64>| if polyhedral { point.map(round_14_columns) } else { round_point(&point) };
-    let to_fixed_axes = |points: Vec<Vector3<f64>>| points.iter().map(|p| in_file(turn * p + centre)).collect();
-    let mut draw = |until| {
+    let are_polyhedra = grains.is_polyhedral();
+    let rounded = |point: Vector3<f64>| if are_polyhedra { point.map(round_14_columns) } else { round_point(&point) };
+    let to_fixed_axes = |points: Vec<Vector3<f64>>| points.iter().map(|p| rounded(rotation * p + centre)).collect();
+    let mut draw = |target| {
         let in_order = matches!(grains.placement, GrainPlacement::List { .. });
         draw_grains(
             grains.sizes.as_ref(),
-            until,
+            target,
             in_order,
             shapes,
             &mut RandomStream::new(seed, group, StreamPurpose::Sizes),
         )
     };
-    let (mut region, sized) = match (&grains.placement, region) {
+    let (mut region, has_size) = match (&grains.placement, region) {
         (GrainPlacement::List { positions, .. }, _) => {
             let points = positions.iter().map(|&p| p.into()).collect();
             let grains = draw(SampleTarget::Number(positions.len()))?;
             return Ok(PlacedGrains { grains, positions: to_fixed_axes(points), region: None });
         }
         (GrainPlacement::Fragments { relaxation, .. }, Some(region)) => {
-            return place_fragments(&region, grains.number.unwrap_or(0), *relaxation, &turn, &centre, &mut random);
+            let pose = FragmentPose { rotation, centre };
+            return place_fragments(&region, grains.number.unwrap_or(0), *relaxation, pose, &mut random);
         }
         (
             GrainPlacement::JitteredLattice { envelope, .. } | GrainPlacement::RandomSequential { envelope },
@@ -117,59 +118,67 @@ pub fn place_grains(
         (_, None) => return Err(PlacementError { found: "no envelope".to_string(), expected: "an envelope" }),
     };
 
-    let until = match (grains.number, grains.solid_fraction) {
-        (None, Some(share)) => SampleTarget::Volume(share * region.volume()),
+    let target = match (grains.number, grains.solid_fraction) {
+        (None, Some(fraction)) => SampleTarget::Volume(fraction * region.volume()),
         (number, _) => SampleTarget::Number(number.unwrap_or(0)),
     };
-    // No grain is larger than the ball of the largest radius.
-    let min_count = match (until, &grains.sizes) {
+    // Lower bound of the number of grains: none is larger than the ball of the largest radius.
+    let min_count = match (target, &grains.sizes) {
         (_, Some(SizeDistribution::List(_)) | None) | (SampleTarget::Number(_), _) => 0.0,
-        (SampleTarget::Volume(wanted), Some(sizes)) => wanted / sphere_volume(sizes.radius_range().1),
+        (SampleTarget::Volume(volume), Some(sizes)) => volume / sphere_volume(sizes.radius_range().1),
     };
-    let mut drawn = if min_count > MAX_BODIES as f64 { Vec::new() } else { draw(until)? };
+    let mut drawn = if min_count > MAX_BODIES as f64 { Vec::new() } else { draw(target)? };
     let is_too_many = min_count > MAX_BODIES as f64 || drawn.len() > MAX_BODIES;
     if drawn.is_empty() || is_too_many {
         let count = if is_too_many { format!("more than {MAX_BODIES} grains") } else { "no grain".to_string() };
         let found = format!("{count} for a solid fraction of {} in {region}", grains.solid_fraction.unwrap_or(0.0));
         return Err(PlacementError { found, expected: "another solid fraction, envelope or size of grains" });
     }
-    if let (false, Some(share)) = (sized, grains.solid_fraction) {
-        region = region.scaled_to(drawn.iter().map(SampledGrain::volume).sum::<f64>() / share);
+    if let (false, Some(fraction)) = (has_size, grains.solid_fraction) {
+        region = region.scaled_to(drawn.iter().map(SampledGrain::volume).sum::<f64>() / fraction);
     }
+    expect_smaller(&region, &drawn)?;
     // Positions are rounded to 8 digits later, by at most sqrt(3) 5e-8 of the largest coordinate. Grains keep slightly
     // more than that from each other and from the envelope.
-    expect_smaller(&region, &drawn)?;
     let margin = 1e-7 * (region.half_extents().norm() + centre.amax());
-    let in_envelope = match &grains.placement {
+    let positions = match &grains.placement {
         GrainPlacement::JitteredLattice { jitter, .. } => {
             jittered_lattice(&region, &drawn, margin, *jitter, &mut random)
         }
         _ => random_sequential(&region, &mut drawn, margin, &mut random),
     };
-    let in_envelope = in_envelope
+    // A margin that is a tenth of the grains or more may be the reason why they do not fit.
+    let positions = positions
         .map_err(|misfit| if margin < 0.1 * largest_reach(&drawn) { misfit } else { misfit.with_margin(margin) })?;
-    Ok(PlacedGrains { grains: drawn, positions: to_fixed_axes(in_envelope), region: Some(region) })
+    Ok(PlacedGrains { grains: drawn, positions: to_fixed_axes(positions), region: Some(region) })
 }
 
-/// Fragments of a solid at their positions in it, the solid turned about its centre and moved to `centre`.
+/// Rotation of a solid about its centre, and its position, m.
+#[derive(Debug, Clone, Copy)]
+struct FragmentPose {
+    rotation: Matrix3<f64>,
+    centre: Vector3<f64>,
+}
+
+/// Breaks a solid in `pose` into `number` fragments, whose seeds are moved `relaxation` times; returns them at their positions.
 fn place_fragments(
     region: &GrainRegion,
     number: usize,
     relaxation: usize,
-    turn: &Matrix3<f64>,
-    centre: &Vector3<f64>,
+    pose: FragmentPose,
     random: &mut RandomStream,
 ) -> Result<PlacedGrains, PlacementError> {
+    let FragmentPose { rotation, centre } = pose;
     let solid = fragments::region_polyhedron(region, number).map_err(PlacementError::from_shape)?;
     let cells = fragments::voronoi_fragments(&solid, number, relaxation, random).map_err(PlacementError::from_shape)?;
     let solids = cells.iter().map(PrincipalSolid::from_convex).collect::<Result<Vec<PrincipalSolid>, _>>();
     let solids = solids.map_err(PlacementError::from_shape)?;
     let centres: Vec<Vector3<f64>> = solids.iter().map(|solid| solid.shift).collect();
     let order = z_order(region, &centres);
-    let positions = order.iter().map(|&k| (turn * centres[k] + centre).map(round_14_columns)).collect();
-    let drawn =
-        |k: usize| SampledGrain::from_polyhedron(OrientedPolyhedron::new(Rc::new(solids[k].clone()), 1.0, turn));
-    let grains = order.iter().map(|&k| drawn(k)).collect();
+    let positions = order.iter().map(|&k| (rotation * centres[k] + centre).map(round_14_columns)).collect();
+    let grain =
+        |k: usize| SampledGrain::from_polyhedron(OrientedPolyhedron::new(Rc::new(solids[k].clone()), 1.0, &rotation));
+    let grains = order.iter().map(|&k| grain(k)).collect();
     let region = if let GrainRegion::Inside(_) = region {
         GrainRegion::Inside(SurfaceRegion::new(&solid).map_err(PlacementError::from_shape)?)
     } else {
@@ -181,47 +190,48 @@ fn place_fragments(
 /// Draws grains with their sizes one after the other; without `sizes` all have the shape's own size.
 fn draw_grains(
     sizes: Option<&SizeDistribution>,
-    until: SampleTarget,
+    target: SampleTarget,
     in_order: bool,
     shapes: &mut GrainSampler,
     random: &mut RandomStream,
 ) -> Result<Vec<SampledGrain>, PlacementError> {
-    let mut next = |size| shapes.next_grain(size).map_err(PlacementError::from_shape);
+    let mut next_grain = |size| shapes.next_grain(size).map_err(PlacementError::from_shape);
     match sizes {
-        Some(sizes) => sizes.sample_radii(until, in_order, random, next, SampledGrain::volume),
-        None => match until {
-            SampleTarget::Number(number) => (0..number).map(|_| next(None)).collect(),
-            SampleTarget::Volume(wanted) => {
-                let first = next(None)?;
-                let number = libm::round(wanted / first.volume()).min(MAX_BODIES as f64 + 1.0) as usize;
+        Some(sizes) => sizes.sample_radii(target, in_order, random, next_grain, SampledGrain::volume),
+        None => match target {
+            SampleTarget::Number(number) => (0..number).map(|_| next_grain(None)).collect(),
+            SampleTarget::Volume(volume) => {
+                let first = next_grain(None)?;
+                let number = libm::round(volume / first.volume()).min(MAX_BODIES as f64 + 1.0) as usize;
                 if number == 0 {
                     Ok(Vec::new())
                 } else {
-                    std::iter::once(Ok(first)).chain((1..number).map(|_| next(None))).collect()
+                    std::iter::once(Ok(first)).chain((1..number).map(|_| next_grain(None))).collect()
                 }
             }
         },
     }
 }
 
-/// Errors: grains that are larger than the region itself.
+/// Checks that grains fit into the region one by one. Errors: grains that are larger than the region itself.
 fn expect_smaller(region: &GrainRegion, grains: &[SampledGrain]) -> Result<(), PlacementError> {
-    let half = region.half_extents().min();
+    let half_width = region.half_extents().min();
     let sizes = grains.iter().map(|grain| grain.reach);
     let (smallest, largest) = (sizes.clone().fold(f64::INFINITY, f64::min), sizes.fold(0.0, f64::max));
-    let larger = |which: &str, radius: f64| PlacementError {
-        found: format!("the {which} grain, of radius {} m, is larger than {region}", number_text(radius)),
+    let error = |superlative: &str, radius: f64| PlacementError {
+        found: format!("the {superlative} grain, of radius {} m, is larger than {region}", number_text(radius)),
         expected: "smaller grains or a larger envelope, lengths in m",
     };
-    if smallest > half {
-        Err(larger("smallest", smallest))
-    } else if largest > half {
-        Err(larger("largest", largest))
+    if smallest > half_width {
+        Err(error("smallest", smallest))
+    } else if largest > half_width {
+        Err(error("largest", largest))
     } else {
         Ok(())
     }
 }
 
+/// Radius of the largest bounding ball, m.
 fn largest_reach(grains: &[SampledGrain]) -> f64 {
     grains.iter().map(|grain| grain.reach).fold(0.0, f64::max)
 }
@@ -260,8 +270,8 @@ fn random_sequential(
     random: &mut RandomStream,
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     grains.sort_by(|a, b| b.reach.total_cmp(&a.reach));
-    let padded: Vec<f64> = grains.iter().map(|grain| grain.reach + margin).collect();
-    let centres = sequential::place_spheres(region, &padded, random).map_err(|placed| PlacementError {
+    let padded_radii: Vec<f64> = grains.iter().map(|grain| grain.reach + margin).collect();
+    let centres = sequential::place_spheres(region, &padded_radii, random).map_err(|placed| PlacementError {
         found: format!(
             "{placed} of {} grains (largest first) could be placed in {region} before {} tries found no free position for the next",
             grains.len(),

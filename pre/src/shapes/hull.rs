@@ -1,4 +1,4 @@
-//! Convex hulls by parry, each one checked.
+//! Convex hulls of points by the library parry, each one checked to be closed, convex and around all points.
 
 use cd_formats::surface::Surface;
 use nalgebra::{Matrix3, Rotation3, SymmetricEigen, Vector3};
@@ -13,7 +13,7 @@ const OUTSIDE_TOLERANCE: f64 = 1e-9;
 const FLATNESS_LIMIT: f64 = 1e-9;
 
 /// Largest number of rotations of the points that are tried until a hull is found that contains all of them.
-const MAX_TURNS: usize = 20;
+const MAX_ROTATIONS: usize = 20;
 
 /// Relative outward shift of a point, over the square of its distance from the middle of points that have size 1. The shift
 /// puts points in faces and edges behind the corners.
@@ -51,13 +51,10 @@ impl std::error::Error for HullError {}
 ///
 /// Errors: too few points, points in a plane, or no hull that contains them all.
 pub fn convex_hull(points: &[[f64; 3]]) -> Result<Surface, HullError> {
-    let bounds = |k: usize| {
-        let of = |start: f64, choose: fn(f64, f64) -> f64| points.iter().map(|p| p[k]).fold(start, choose);
-        (of(f64::INFINITY, f64::min), of(f64::NEG_INFINITY, f64::max))
-    };
-    let sides = [0, 1, 2].map(|k| bounds(k).1 - bounds(k).0);
-    let middle = Vector3::from([0, 1, 2].map(|k| 0.5 * (bounds(k).0 + bounds(k).1)));
-    let size = sides.iter().copied().fold(0.0, f64::max);
+    let low = Vector3::from_fn(|k, _| points.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min));
+    let high = Vector3::from_fn(|k, _| points.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max));
+    let middle = (low + high).map(|sum| 0.5 * sum);
+    let size = (high - low).iter().copied().fold(0.0, f64::max);
     if points.len() < 4 || !(size > 0.0 && size.is_finite()) {
         return Err(HullError::Flat);
     }
@@ -68,8 +65,8 @@ pub fn convex_hull(points: &[[f64; 3]]) -> Result<Surface, HullError> {
 /// Hull in the first rotation in which it is sound; `unit` are the points in a frame in which they have size 1.
 fn find_sound_hull(points: &[[f64; 3]], unit: &[Vector3<f64>], bulge: f64) -> Result<Surface, HullError> {
     let mut reason = HullError::Flat;
-    for turn in 0..MAX_TURNS {
-        match try_hull(unit, bulge, turn).and_then(|triangles| compact_surface(points, &triangles)) {
+    for attempt in 0..MAX_ROTATIONS {
+        match try_hull(unit, bulge, attempt).and_then(|triangles| compact_surface(points, &triangles)) {
             Ok(surface) => return Ok(surface),
             Err(found) => reason = found,
         }
@@ -84,19 +81,19 @@ fn isotropic_points(points: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, HullEr
     let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     let spread: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
     let axes = SymmetricEigen::new(spread).eigenvectors.transpose();
-    let along: Vec<Vector3<f64>> = points.iter().map(|p| axes * (p - mean)).collect();
-    let reach = along.iter().fold(Vector3::zeros(), |reach, p| p.abs().sup(&reach));
+    let principal_points: Vec<Vector3<f64>> = points.iter().map(|p| axes * (p - mean)).collect();
+    let reach = principal_points.iter().fold(Vector3::zeros(), |reach, p| p.abs().sup(&reach));
     if reach.min() < FLATNESS_LIMIT * reach.max() {
         return Err(HullError::Flat);
     }
-    Ok(along.iter().map(|p| p.component_div(&reach)).collect())
+    Ok(principal_points.iter().map(|p| p.component_div(&reach)).collect())
 }
 
 /// Triangles of the hull by numbers of `points`, which have size 1 and are shifted outward by `bulge`, see
-/// [`BULGE_FACTOR`].
-fn try_hull(points: &[Vector3<f64>], bulge: f64, turn: usize) -> Result<Vec<[u32; 3]>, HullError> {
+/// [`BULGE_FACTOR`]. Each `attempt` has its own rotation of the points, the first one none.
+fn try_hull(points: &[Vector3<f64>], bulge: f64, attempt: usize) -> Result<Vec<[u32; 3]>, HullError> {
     // Arbitrary directions without simple ratios.
-    let rotation = Rotation3::from_scaled_axis(Vector3::new(0.31, -0.72, 0.53) * turn as f64);
+    let rotation = Rotation3::from_scaled_axis(Vector3::new(0.31, -0.72, 0.53) * attempt as f64);
     let rotated: Vec<Vector3<f64>> = points.iter().map(|p| rotation * (p * (1.0 + bulge * p.norm_squared()))).collect();
     let hull_input: Vec<Point> = rotated.iter().map(|p| Point::new(p.x, p.y, p.z)).collect();
     let (vertices, triangles) = try_convex_hull(&hull_input).map_err(|error| HullError::Unsound(error.to_string()))?;
@@ -104,8 +101,8 @@ fn try_hull(points: &[Vector3<f64>], bulge: f64, turn: usize) -> Result<Vec<[u32
         hull_input.iter().enumerate().rev().map(|(k, p)| ([p.x, p.y, p.z].map(f64::to_bits), k as u32)).collect();
     let number = |k: u32| {
         let p = vertices[k as usize];
-        let same = || [p.x, p.y, p.z].map(f64::to_bits);
-        indices.get(&same()).copied().or_else(|| {
+        // parry may return a vertex that is not one of the points to the last bit: it is the nearest point then.
+        indices.get(&[p.x, p.y, p.z].map(f64::to_bits)).copied().or_else(|| {
             let distance = |k: &usize| (rotated[*k] - Vector3::new(p.x, p.y, p.z)).norm_squared();
             (0..rotated.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|k| k as u32)
         })
@@ -121,18 +118,18 @@ fn try_hull(points: &[Vector3<f64>], bulge: f64, turn: usize) -> Result<Vec<[u32
     Ok(numbered)
 }
 
-/// Whether the triangles are a closed convex surface around all points.
+/// Checks that the triangles are a convex surface around all points.
 fn validate_hull(points: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Result<(), HullError> {
     let mut volume = 0.0;
     for triangle in triangles {
         let [a, b, c] = triangle.map(|k| points[k as usize]);
         volume += a.dot(&b.cross(&c)) / 6.0;
         let cross = (b - a).cross(&(c - a));
-        // The direction of a sliver is not known: its neighbours decide.
-        let doubt = 1.0 + 1e-6 / cross.norm().max(1e-30);
-        let outside = points.iter().map(|p| cross.dot(&(p - a))).fold(0.0, f64::max);
-        if outside > OUTSIDE_TOLERANCE * doubt * cross.norm() {
-            return Err(HullError::Unsound(format!("one is outside by {:e} of the extent", outside / cross.norm())));
+        // The tolerance grows for slivers, whose direction is not known: their neighbours decide.
+        let sliver_factor = 1.0 + 1e-6 / cross.norm().max(1e-30);
+        let excess = points.iter().map(|p| cross.dot(&(p - a))).fold(0.0, f64::max);
+        if excess > OUTSIDE_TOLERANCE * sliver_factor * cross.norm() {
+            return Err(HullError::Unsound(format!("one is outside by {:e} of the extent", excess / cross.norm())));
         }
     }
     if volume.abs() < FLATNESS_LIMIT {

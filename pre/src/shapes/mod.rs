@@ -59,10 +59,12 @@ impl SampledGrain {
 /// Sampler that returns the grains of one group of grains one after the other.
 pub struct GrainSampler {
     source: ShapeSource,
+    /// Radius that the sizes give.
     radius: RadiusKind,
     orientations: GrainOrientations,
     random: RandomStream,
-    drawn: usize,
+    /// Number of polyhedra so far.
+    count: usize,
 }
 
 /// Fault of a shape: of its points, or of its file.
@@ -83,6 +85,7 @@ impl std::fmt::Display for ShapeError {
 
 impl std::error::Error for ShapeError {}
 
+/// Source of the shapes of grains.
 enum ShapeSource {
     Sphere,
     /// One solid for all grains, and notes on its file.
@@ -119,7 +122,7 @@ impl GrainSampler {
             radius: grains.radius,
             orientations: grains.grain_orientation.clone(),
             random,
-            drawn: 0,
+            count: 0,
         })
     }
 
@@ -140,17 +143,19 @@ impl GrainSampler {
             ShapeSource::Same(solid, _) => solid.clone(),
             ShapeSource::Rocks(rocks) => Rc::new(rocks.draw_rock(&mut self.random)?),
         };
-        let turn = match &self.orientations {
+        let rotation = match &self.orientations {
             GrainOrientations::Random => self.random.uniform_rotation(),
-            GrainOrientations::Same(turn) => rotation_matrix(turn),
-            GrainOrientations::List(turns) => turns.get(self.drawn).map_or(Matrix3::identity(), rotation_matrix),
+            GrainOrientations::Same(rotation) => rotation_matrix(rotation),
+            GrainOrientations::List(rotations) => {
+                rotations.get(self.count).map_or(Matrix3::identity(), rotation_matrix)
+            }
         };
-        self.drawn += 1;
-        let own = match self.radius {
+        self.count += 1;
+        let own_size = match self.radius {
             RadiusKind::EqualVolume => solid.equivalent_radius(),
             RadiusKind::Circumscribed => solid.reach,
         };
-        let scale = size.map_or(1.0, |size| size / own);
-        Ok(SampledGrain::from_polyhedron(OrientedPolyhedron::new(solid, scale, &turn)))
+        let scale = size.map_or(1.0, |size| size / own_size);
+        Ok(SampledGrain::from_polyhedron(OrientedPolyhedron::new(solid, scale, &rotation)))
     }
 }

@@ -1,4 +1,4 @@
-//! Models: surfaces from files at their size, as grains and as regions.
+//! Models: surfaces from files at their size, as the shape of grains, with convex contact shapes, and as regions for grains.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ const CONVEXITY_TOLERANCE: f64 = 1e-6;
 
 /// Deviations from convexity, over the extent, up to which a surface is replaced by its hull, as its coordinates have few
 /// digits. Six decimals of a cube of 1 cm give 5e-5.
-const ROUNDED: [f64; 6] = [2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4];
+const ROUNDING_DEVIATIONS: [f64; 6] = [2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4];
 
 /// Number of voxels along the longest side for the convex decomposition.
 const VOXEL_RESOLUTION: u32 = 64;
@@ -54,8 +54,8 @@ fn scale_factor(surface: &Surface, scale: ModelScale) -> f64 {
 /// Bounding box of a surface: both ends along each axis, m.
 fn bounding_box(surface: &Surface) -> [[f64; 2]; 3] {
     [0, 1, 2].map(|k| {
-        let of = |start: f64, choose: fn(f64, f64) -> f64| surface.vertices().iter().map(|v| v[k]).fold(start, choose);
-        [of(f64::INFINITY, f64::min), of(f64::NEG_INFINITY, f64::max)]
+        let coordinates = || surface.vertices().iter().map(|v| v[k]);
+        [coordinates().fold(f64::INFINITY, f64::min), coordinates().fold(f64::NEG_INFINITY, f64::max)]
     })
 }
 
@@ -88,9 +88,10 @@ pub fn model_solid(
     let solid = match contact_shape {
         ContactSurface::Surface => {
             let expected = "expected a convex one, or contact_shape: Hull, Pieces(...) or Files([...])";
-            let convex = convex(&whole).ok_or_else(|| refuse("surface", "it is not convex".to_string(), expected))?;
-            summary += &convex.1;
-            PrincipalSolid::from_convex(&convex.0)
+            let (surface, note) =
+                convex_surface(&whole).ok_or_else(|| refuse("surface", "it is not convex".to_string(), expected))?;
+            summary += &note;
+            PrincipalSolid::from_convex(&surface)
         }
         ContactSurface::Hull => {
             let hull = hull::convex_hull(whole.vertices());
@@ -108,32 +109,14 @@ pub fn model_solid(
             PrincipalSolid::new(&whole, &pieces)
         }
         ContactSurface::Files(files) => {
+            let model_box = bounding_box(&read.surface);
             let mut faults = Faults::default();
             let mut pieces = Vec::new();
-            let model = bounding_box(&read.surface);
             for file in files {
-                let path = folder.join(file);
-                if let Some(mut read) = faults.gather_result(read::read_surface(&path)) {
-                    match convex(&read.surface) {
-                        Some((surface, note)) if note.is_empty() => read.surface = surface,
-                        Some((surface, note)) => {
-                            read.surface = surface;
-                            summary += &format!(", {file}{note}");
-                        }
-                        None => {
-                            let found = "it is not convex";
-                            faults.push(Fault::new(&path, None, "surface", found, "expected convex pieces"));
-                        }
-                    }
-                    let mut ends = bounding_box(&read.surface).into_iter().zip(&model);
-                    if ends.any(|([low, high], [box_low, box_high])| high <= *box_low || *box_high <= low) {
-                        let expected = "expected a piece of the model, in the same axes";
-                        faults.push(Fault::new(&path, None, "surface", "it is outside the model", expected));
-                    }
-                    if !read.repairs.is_empty() {
-                        summary += &format!(", {file}: {}", read.repairs.join(", "));
-                    }
-                    pieces.extend(faults.gather_result(scale_surface(&path, &read.surface, factor)));
+                let piece = read_piece(folder, file, &model_box, factor);
+                if let Some((piece, notes)) = faults.gather_result(piece) {
+                    pieces.push(piece);
+                    summary += &notes;
                 }
             }
             faults.into_result(())?;
@@ -146,15 +129,45 @@ pub fn model_solid(
     Ok((solid, summary))
 }
 
-/// Convex surface, or its hull if it is convex but for the digits of its coordinates, and a note on that.
-fn convex(surface: &Surface) -> Option<(Surface, String)> {
+/// Convex piece of a model from a file of its own, scaled by `factor`, and notes on it for the summary; `model_box` is the
+/// bounding box of the model in the axes of the file.
+///
+/// Errors: faults of the file, and a piece that is not convex or outside of the model.
+fn read_piece(folder: &Path, file: &str, model_box: &[[f64; 2]; 3], factor: f64) -> Result<(Surface, String), Faults> {
+    let path = folder.join(file);
+    let RepairedSurface { mut surface, repairs, .. } = read::read_surface(&path)?;
+    let (mut faults, mut notes) = (Faults::default(), String::new());
+    match convex_surface(&surface) {
+        Some((convex, note)) => {
+            if !note.is_empty() {
+                notes += &format!(", {file}{note}");
+            }
+            surface = convex;
+        }
+        None => faults.push(Fault::new(&path, None, "surface", "it is not convex", "expected convex pieces")),
+    }
+    let mut sides = bounding_box(&surface).into_iter().zip(model_box);
+    if sides.any(|([low, high], [model_low, model_high])| high <= *model_low || *model_high <= low) {
+        let expected = "expected a piece of the model, in the same axes";
+        faults.push(Fault::new(&path, None, "surface", "it is outside the model", expected));
+    }
+    if !repairs.is_empty() {
+        notes += &format!(", {file}: {}", repairs.join(", "));
+    }
+    let scaled = faults.gather_result(scale_surface(&path, &surface, factor));
+    Ok((faults.into_result(scaled)?.expect("without faults there is a surface"), notes))
+}
+
+/// Convex surface, or its hull if it is convex but for the digits of its coordinates, and a note on that; `None` for a surface
+/// that is not convex.
+fn convex_surface(surface: &Surface) -> Option<(Surface, String)> {
     if surface.is_convex(CONVEXITY_TOLERANCE) {
         return Some((surface.clone(), String::new()));
     }
-    let share = ROUNDED.into_iter().find(|share| surface.is_convex(*share))?;
+    let deviation = ROUNDING_DEVIATIONS.into_iter().find(|deviation| surface.is_convex(*deviation))?;
     let hull = hull::convex_hull(surface.vertices()).ok()?;
     let note = format!(
-        ", replaced by its convex hull, from which it deviates by {share:.0e} of its size (rounded coordinates)"
+        ", replaced by its convex hull, from which it deviates by {deviation:.0e} of its size (rounded coordinates)"
     );
     Some((hull, note))
 }
@@ -170,6 +183,7 @@ fn repair_summary(file: &str, whole: &Surface, read: &RepairedSurface) -> String
     if read.repairs.is_empty() { size } else { format!("{size} ({})", read.repairs.join(", ")) }
 }
 
+/// Text about the number and the volume of convex pieces.
 fn coverage_text(whole: &Surface, pieces: &[Surface]) -> String {
     let sum: f64 = pieces.iter().map(Surface::volume).sum();
     format!(", {} convex pieces, together {:.4} of its volume", pieces.len(), sum / whole.volume())

@@ -14,6 +14,7 @@ pub struct ConvexPiece {
     normals: Vec<Vector3<f64>>,
     /// Unit directions of the edges.
     edges: Vec<Vector3<f64>>,
+    /// Position to which the vertices are relative, m.
     pub centre: Vector3<f64>,
 }
 
@@ -34,9 +35,11 @@ impl ConvexPiece {
         ConvexPiece { normals: distinct_directions(normals), edges: distinct_directions(edges), vertices, centre }
     }
 
-    /// Box about `centre` with half lengths along `axes` (rows).
-    pub fn cuboid(centre: Vector3<f64>, axes: &nalgebra::Matrix3<f64>, half: &Vector3<f64>) -> ConvexPiece {
-        let corner = |k: usize| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half[axis] } else { half[axis] });
+    /// Box about `centre` with half lengths (m) along `axes` (rows).
+    pub fn cuboid(centre: Vector3<f64>, axes: &nalgebra::Matrix3<f64>, half_lengths: &Vector3<f64>) -> ConvexPiece {
+        let corner = |k: usize| {
+            Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half_lengths[axis] } else { half_lengths[axis] })
+        };
         let directions: Vec<Vector3<f64>> = (0..3).map(|k| axes.row(k).transpose()).collect();
         let normals = directions.iter().flat_map(|axis| [*axis, -axis]).collect();
         ConvexPiece {
@@ -52,8 +55,9 @@ impl ConvexPiece {
     pub fn overlap_of_ball(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
         let local = centre - self.centre;
         let height = |n: &Vector3<f64>| local.dot(n) - self.support_distance(n);
-        let highest = self.normals.iter().map(height).fold(f64::NEG_INFINITY, f64::max);
-        if highest <= 0.0 { radius - highest } else { radius - self.distance_to_point(&local) }
+        let height_over_nearest = self.normals.iter().map(height).fold(f64::NEG_INFINITY, f64::max);
+        let is_inside = height_over_nearest <= 0.0;
+        if is_inside { radius - height_over_nearest } else { radius - self.distance_to_point(&local) }
     }
 
     /// Penetration of a cylinder at `centre`, with its axis in the last row of `axes`, of `[half height, radius]`, m,
@@ -77,21 +81,21 @@ impl ConvexPiece {
         let Some(hull) = ConvexPolyhedron::from_convex_hull(&self.vertices().map(local).collect::<Vec<_>>()) else {
             return 0.0;
         };
-        let met = |by: f64| {
-            let cylinder = Cylinder::new((half_height - by) / size, (radius - by) / size);
+        let touches_when_shrunk_by = |length: f64| {
+            let cylinder = Cylinder::new((half_height - length) / size, (radius - length) / size);
             query::intersection_test(&Pose::IDENTITY, &hull, &Pose::IDENTITY, &cylinder)
-                .is_ok_and(|met| met.intersecting)
+                .is_ok_and(|intersection| intersection.intersecting)
         };
-        let mut deepest = half_height.min(radius);
-        if allowed >= deepest || !met(allowed) {
+        let mut upper = half_height.min(radius);
+        if allowed >= upper || !touches_when_shrunk_by(allowed) {
             return 0.0;
         }
-        let mut depth = allowed;
-        while deepest - depth > 1e-3 * deepest {
-            let middle = 0.5 * (depth + deepest);
-            if met(middle) { depth = middle } else { deepest = middle }
+        let mut lower = allowed;
+        while upper - lower > 1e-3 * upper {
+            let middle = 0.5 * (lower + upper);
+            if touches_when_shrunk_by(middle) { lower = middle } else { upper = middle }
         }
-        deepest
+        upper
     }
 
     /// Vertices, m.
@@ -114,15 +118,21 @@ impl ConvexPiece {
     }
 }
 
-/// Distinct directions: triangles of one face have the same normal but for rounding.
+/// Squared length of the difference of two unit vectors that differ by rounding only, as the normals of triangles of one face.
+const SAME_DIRECTION_SQUARE: f64 = 1e-24;
+
+/// Sine of the angle of two edges below which rounding dominates their cross product.
+const MIN_EDGE_SINE: f64 = 1e-9;
+
+/// Directions without repetitions.
 fn distinct_directions(directions: impl Iterator<Item = Vector3<f64>>) -> Vec<Vector3<f64>> {
-    let mut kept: Vec<Vector3<f64>> = Vec::new();
+    let mut distinct: Vec<Vector3<f64>> = Vec::new();
     for direction in directions {
-        if !kept.iter().any(|other| (other - direction).norm_squared() < 1e-24) {
-            kept.push(direction);
+        if !distinct.iter().any(|other| (other - direction).norm_squared() < SAME_DIRECTION_SQUARE) {
+            distinct.push(direction);
         }
     }
-    kept
+    distinct
 }
 
 /// Largest penetration of two bodies, m, over their convex pieces.
@@ -138,12 +148,12 @@ pub fn deepest_overlap(a: &[ConvexPiece], b: &[ConvexPiece], allowed: f64) -> f6
 /// (S. Gottschalk, OBBTree, 1996).
 pub fn overlap_depth(a: &ConvexPiece, b: &ConvexPiece, allowed: f64) -> f64 {
     let separation = b.centre - a.centre;
-    // a lies on the side against n, b on the side along it.
-    let along = |n: &Vector3<f64>| a.support_distance(n) + b.support_distance(&-n) - separation.dot(n);
+    // Length of the translation of b along n that separates the two.
+    let overlap_along = |n: &Vector3<f64>| a.support_distance(n) + b.support_distance(&-n) - separation.dot(n);
     let mut depth = f64::INFINITY;
     let faces = a.normals.iter().copied().chain(b.normals.iter().map(|n| -n));
     for n in faces {
-        depth = depth.min(along(&n));
+        depth = depth.min(overlap_along(&n));
         if depth <= allowed {
             return depth;
         }
@@ -151,10 +161,10 @@ pub fn overlap_depth(a: &ConvexPiece, b: &ConvexPiece, allowed: f64) -> f64 {
     for e in &a.edges {
         for f in &b.edges {
             let cross = e.cross(f);
-            let length = cross.norm();
-            if length > 1e-9 {
-                let n = cross / length;
-                depth = depth.min(along(&n)).min(along(&-n));
+            let sine = cross.norm();
+            if sine > MIN_EDGE_SINE {
+                let n = cross / sine;
+                depth = depth.min(overlap_along(&n)).min(overlap_along(&-n));
                 if depth <= allowed {
                     return depth;
                 }

@@ -1,4 +1,4 @@
-//! Solids in their principal axes.
+//! Polyhedral solids in their principal axes about their centres of mass, and oriented copies of them.
 
 use std::rc::Rc;
 
@@ -30,7 +30,7 @@ pub struct PrincipalSolid {
 }
 
 impl PrincipalSolid {
-    /// Computes volume, centre and inertia of `whole`, and moves and turns the `pieces` (in the same axes) to match.
+    /// Computes volume, centre and inertia of `whole`, and translates and rotates the `pieces` (in the same axes) to match.
     ///
     /// Errors: a piece with triangles so small relative to the rest that they have no area after the translation.
     pub fn new(whole: &Surface, pieces: &[Surface]) -> Result<PrincipalSolid, hull::HullError> {
@@ -84,15 +84,15 @@ impl PrincipalSolid {
 /// Axes (rows, right-handed) in the order and with the signs that are closest to the given ones.
 fn nearest_axes(moments: [f64; 3], axes: [Vector3<f64>; 3]) -> ([f64; 3], Matrix3<f64>) {
     const AXIS_ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
-    let along = |order: &[usize; 3]| (0..3).map(|k| axes[order[k]][k].abs()).sum::<f64>();
-    let order = AXIS_ORDERS.into_iter().rev().max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or([0, 1, 2]);
+    let alignment = |order: &[usize; 3]| (0..3).map(|k| axes[order[k]][k].abs()).sum::<f64>();
+    let order = AXIS_ORDERS.into_iter().rev().max_by(|a, b| alignment(a).total_cmp(&alignment(b))).unwrap_or([0, 1, 2]);
     let signed = |k: usize| axes[order[k]] * axes[order[k]][k].signum();
     let mut rows = [0, 1, 2].map(signed);
     let matrix = |rows: &[Vector3<f64>; 3]| Matrix3::from_rows(&rows.map(|row| row.transpose()));
     if matrix(&rows).determinant() < 0.0 {
         // Axis whose sign matters the least.
-        let smallest = (0..3).min_by(|&a, &b| rows[a][a].total_cmp(&rows[b][b])).unwrap_or(2);
-        rows[smallest] = -rows[smallest];
+        let least_aligned = (0..3).min_by(|&a, &b| rows[a][a].total_cmp(&rows[b][b])).unwrap_or(2);
+        rows[least_aligned] = -rows[least_aligned];
     }
     (order.map(|k| moments[k]), matrix(&rows))
 }
@@ -108,9 +108,9 @@ pub struct OrientedPolyhedron {
 }
 
 impl OrientedPolyhedron {
-    /// Rotates the solid by `turn`, from the axes in which the shape was given to the fixed ones.
-    pub fn new(solid: Rc<PrincipalSolid>, scale: f64, turn: &Matrix3<f64>) -> Self {
-        let axes = round_axes(&(solid.axes * turn.transpose()));
+    /// Solid rotated by `rotation`, from the axes in which the shape was given to the fixed ones.
+    pub fn new(solid: Rc<PrincipalSolid>, scale: f64, rotation: &Matrix3<f64>) -> Self {
+        let axes = round_axes(&(solid.axes * rotation.transpose()));
         OrientedPolyhedron { solid, scale, axes }
     }
 

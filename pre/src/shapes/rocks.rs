@@ -9,7 +9,7 @@ use crate::shapes::principal::PrincipalSolid;
 /// Common properties of the polyhedra of one group of grains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RockGenerator {
-    /// Fewest and most vertices.
+    /// Smallest and largest number of vertices.
     pub vertices: (usize, usize),
     /// Semi-axes of the ellipsoid.
     pub ratios: Vector3<f64>,
@@ -47,21 +47,21 @@ impl RockGenerator {
     ///
     /// Errors: no sound polyhedron in `MAX_ATTEMPTS` draws.
     pub fn draw_rock(&self, random: &mut RandomStream) -> Result<PrincipalSolid, DrawError> {
-        let (fewest, most) = self.vertices;
-        let count = fewest + random.uniform_index(most - fewest + 1);
+        let (min, max) = self.vertices;
+        let count = min + random.uniform_index(max - min + 1);
         let spacing = (EVEN_SPACING + self.angularity * (MIN_SPACING - EVEN_SPACING)) * widest_spacing(count);
         for attempt in 0..MAX_ATTEMPTS {
             // The spacing is reduced slightly with each failed attempt.
             let Some(points) = spread_directions(count, spacing * 0.995f64.powi(attempt as i32), random) else {
                 continue;
             };
-            let Ok(ball) = hull::convex_hull(&points) else { continue };
-            let Ok(round) = PrincipalSolid::from_convex(&ball) else { continue };
-            if ball.vertices().len() != count || inradius(&round) < MIN_INRADIUS * round.reach {
+            let Ok(unit_hull) = hull::convex_hull(&points) else { continue };
+            let Ok(unit_solid) = PrincipalSolid::from_convex(&unit_hull) else { continue };
+            if unit_hull.vertices().len() != count || inradius(&unit_solid) < MIN_INRADIUS * unit_solid.reach {
                 continue;
             }
             let stretched: Vec<[f64; 3]> =
-                ball.vertices().iter().map(|&v| Vector3::from(v).component_mul(&self.ratios).into()).collect();
+                unit_hull.vertices().iter().map(|&v| Vector3::from(v).component_mul(&self.ratios).into()).collect();
             if let Ok(surface) = hull::convex_hull(&stretched)
                 && surface.vertices().len() == count
                 && let Ok(solid) = PrincipalSolid::from_convex(&surface)

@@ -1,4 +1,4 @@
-//! VTK legacy files: polygonal data, ASCII or BINARY, versions 1 to 5.
+//! Reader of VTK legacy files: polygonal data, ASCII or BINARY, versions 1 to 5.
 
 use super::vtk::{CellLists, NumberType, PolyDataPiece};
 use cd_formats::mesh::{PolygonMesh, ReadError, coordinate, parse_real};
@@ -9,27 +9,29 @@ const FIELD: &str = "a field";
 
 /// Reads a file. Binary numbers are big-endian by definition; a file that makes sense only as little-endian is read so.
 pub fn read(bytes: &[u8]) -> Result<PolygonMesh, ReadError> {
-    let whole = |big_endian: bool| {
+    let read_as = |big_endian: bool| {
         let piece = LegacyReader { bytes, at: 0, line: 1 }.read_piece(big_endian)?;
         let mut mesh = PolygonMesh::default();
         piece.add_to(&mut mesh).map_err(|error| ReadError::new(None, error.to_string(), FILE_KIND))?;
         Ok(mesh)
     };
-    whole(true).or_else(|refusal| {
-        let mut mesh = whole(false).map_err(|_| refusal)?;
+    read_as(true).or_else(|error| {
+        let mut mesh = read_as(false).map_err(|_| error)?;
         mesh.notes.push("read as little-endian, which legacy files should not be".into());
         Ok(mesh)
     })
 }
 
+/// Reader of a file, word by word.
 struct LegacyReader<'a> {
     bytes: &'a [u8],
+    /// Next byte.
     at: usize,
     /// Line of the last word, in ASCII files.
     line: usize,
 }
 
-/// How numbers are written.
+/// Form in which numbers are written.
 #[derive(Clone, Copy)]
 struct NumberFormat {
     binary: bool,
@@ -46,7 +48,7 @@ impl<'a> LegacyReader<'a> {
         let Some(version) = version.strip_prefix("# vtk datafile version") else {
             return Err(ReadError::new(1, "no line '# vtk DataFile Version'", FILE_KIND));
         };
-        let offsets = version.trim().split('.').next().and_then(|major| major.parse::<u32>().ok()) >= Some(5);
+        let has_offsets = version.trim().split('.').next().and_then(|major| major.parse::<u32>().ok()) >= Some(5);
         self.next_text_line();
         let form = match self.next_word().to_ascii_lowercase().as_str() {
             "ascii" => NumberFormat { binary: false, big_endian },
@@ -59,19 +61,19 @@ impl<'a> LegacyReader<'a> {
             return Err(self.error_here(found, "DATASET POLYDATA; in ParaView: Extract Surface"));
         }
         let mut piece = PolyDataPiece::default();
-        let mut points = false;
+        let mut has_points = false;
         loop {
             match self.next_word().to_ascii_uppercase().as_str() {
                 "POINTS" => {
                     let count = self.read_count("the number of points")?;
                     let number = self.read_number_type()?;
                     piece.coordinates = self.read_numbers(count.saturating_mul(3), number, form, "points")?;
-                    points = true;
+                    has_points = true;
                 }
-                "POLYGONS" => piece.polygons = self.read_cells(form, offsets)?,
-                "TRIANGLE_STRIPS" => piece.strips = self.read_cells(form, offsets)?,
+                "POLYGONS" => piece.polygons = self.read_cells(form, has_offsets)?,
+                "TRIANGLE_STRIPS" => piece.strips = self.read_cells(form, has_offsets)?,
                 "VERTICES" | "LINES" => {
-                    let cells = self.read_cells(form, offsets)?;
+                    let cells = self.read_cells(form, has_offsets)?;
                     piece.ignored += cells.ends.strip_prefix(&[0.0]).unwrap_or(&cells.ends).len();
                 }
                 "METADATA" => while !self.next_text_line().trim().is_empty() || self.skipped_first_line() {},
@@ -85,7 +87,7 @@ impl<'a> LegacyReader<'a> {
                 }
             }
         }
-        if !points {
+        if !has_points {
             return Err(self.error_here("no POINTS".into(), FILE_KIND));
         }
         if piece.polygons.ends.is_empty() && piece.strips.ends.is_empty() {
@@ -100,9 +102,10 @@ impl<'a> LegacyReader<'a> {
         self.at < self.bytes.len() && before.to_ascii_uppercase().ends_with(b"METADATA")
     }
 
-    fn read_cells(&mut self, form: NumberFormat, offsets: bool) -> Result<CellLists, ReadError> {
+    /// Reads cells; with offsets, as from version 5 on, the ends of cells and their corners are lists of their own.
+    fn read_cells(&mut self, form: NumberFormat, has_offsets: bool) -> Result<CellLists, ReadError> {
         let (count, size) = (self.read_count("the number of cells")?, self.read_count("the number of corners")?);
-        if !offsets {
+        if !has_offsets {
             let numbers = self.read_numbers(size, NumberType::Signed(4), form, "corners")?;
             return CellLists::from_counted(&numbers, count)
                 .map_err(|error| self.error_here(error.to_string(), FILE_KIND));
@@ -139,41 +142,43 @@ impl<'a> LegacyReader<'a> {
             .ok_or_else(|| self.error_here(format!("numbers of the type '{word}'"), "float, double or int"))
     }
 
-    fn read_count(&mut self, what: &str) -> Result<usize, ReadError> {
+    /// Reads a count, which errors call `name`.
+    fn read_count(&mut self, name: &str) -> Result<usize, ReadError> {
         let word = self.next_word();
-        word.parse().map_err(|_| self.error_here(format!("'{word}'"), what))
+        word.parse().map_err(|_| self.error_here(format!("'{word}'"), name))
     }
 
+    /// Reads an array of numbers, which errors call `name`.
     fn read_numbers(
         &mut self,
         count: usize,
         number: NumberType,
         form: NumberFormat,
-        what: &str,
+        name: &str,
     ) -> Result<Vec<f64>, ReadError> {
         if form.binary {
             self.next_text_line();
             let rest = &self.bytes[self.at.min(self.bytes.len())..];
             let size = count.saturating_mul(number.byte_size());
-            let Some(own) = rest.get(..size) else {
-                let found = format!("{what}: {count} numbers announced, {} found", rest.len() / number.byte_size());
+            let Some(array_bytes) = rest.get(..size) else {
+                let found = format!("{name}: {count} numbers announced, {} found", rest.len() / number.byte_size());
                 return Err(self.error_here(found, "a complete file"));
             };
             self.at += size;
-            return Ok(number.decode_all(own, form.big_endian));
+            return Ok(number.decode_all(array_bytes, form.big_endian));
         }
         // Limited by the number of words in the file, not by the announced number.
         let mut numbers = Vec::new();
         while numbers.len() < count {
             let word = self.next_word();
             if word.is_empty() {
-                let found = format!("{what}: {count} numbers announced, {} found", numbers.len());
+                let found = format!("{name}: {count} numbers announced, {} found", numbers.len());
                 return Err(self.error_here(found, "a complete file"));
             }
-            let value = match what {
+            let value = match name {
                 // Fields are not used, and may contain NaN.
                 FIELD if parse_real(&word).is_some() => 0.0,
-                _ => coordinate(&word).map_err(|error| self.error_here(error.to_string(), what))?,
+                _ => coordinate(&word).map_err(|error| self.error_here(error.to_string(), name))?,
             };
             numbers.push(value);
         }

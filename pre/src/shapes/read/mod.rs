@@ -19,7 +19,9 @@ use std::path::Path;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::mesh::{PolygonMesh, ReadError, lines};
 use cd_formats::obj;
-use cd_formats::surface::Surface;
+use cd_formats::surface::{Surface, SurfaceFaults};
+
+use repair::Triangulation;
 
 /// Number of faults of one file that are printed one by one; a broken surface has thousands of the same kind.
 const MAX_PRINTED_FAULTS: usize = 5;
@@ -45,50 +47,46 @@ pub struct RepairedSurface {
 pub fn read_surface(path: &Path) -> Result<RepairedSurface, Faults> {
     let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let refused = |refusals: Vec<ReadError>| {
-        let mut faults = Faults::default();
-        for ReadError { line, found, expected } in refusals.iter().take(MAX_PRINTED_FAULTS) {
-            faults.push(Fault::new(path, *line, "file", found, format!("expected {expected}")));
-        }
-        if refusals.len() > MAX_PRINTED_FAULTS {
-            let further_faults = format!("{} more faults", refusals.len() - MAX_PRINTED_FAULTS);
-            faults.push(Fault::new(path, None, "file", further_faults, format!("expected {}", refusals[0].expected)));
-        }
-        faults
-    };
-    let mesh = read_mesh(&bytes, &ending).map_err(refused)?;
+    let mesh = read_mesh(&bytes, &ending).map_err(|errors| read_faults(path, &errors))?;
     if let Some((found, expected)) = repair::point_fault(&mesh) {
         return Err(Fault::new(path, None, "surface", found, expected).into());
     }
-    let (vertices, triangles, repairs) = repair::triangulate(mesh);
-    match Surface::new(&vertices, &triangles) {
-        Ok(surface) => {
-            let same = surface.triangles().iter().zip(&triangles).filter(|(a, b)| a == b).count();
-            // If all triangles are turned, the surface was coherent but inside out.
-            let turned = (triangles.len() - same).min(same);
-            Ok(RepairedSurface { surface, flipped: turned, repairs })
-        }
-        Err(found) => {
-            let mut faults = Faults::default();
-            for fault in found.0.iter().take(MAX_PRINTED_FAULTS) {
-                let (found, expected) = fault.split_once("; ").unwrap_or((fault, "expected a closed surface"));
-                faults.push(Fault::new(path, None, "surface", found, expected));
-            }
-            if found.0.len() > MAX_PRINTED_FAULTS {
-                let further_faults = format!("{} more faults", found.0.len() - MAX_PRINTED_FAULTS);
-                faults.push(Fault::new(
-                    path,
-                    None,
-                    "surface",
-                    further_faults,
-                    "expected a closed surface in one piece",
-                ));
-            }
-            Err(faults)
-        }
-    }
+    let Triangulation { vertices, triangles, repairs } = repair::triangulate(mesh);
+    let surface = Surface::new(&vertices, &triangles).map_err(|faults| surface_faults(path, &faults))?;
+    let unchanged = surface.triangles().iter().zip(&triangles).filter(|(a, b)| a == b).count();
+    // If all triangles are turned, the surface was coherent but inside out.
+    let flipped = (triangles.len() - unchanged).min(unchanged);
+    Ok(RepairedSurface { surface, flipped, repairs })
 }
 
+/// Faults of a file that is rejected: the first few, and the count of the others.
+fn read_faults(path: &Path, errors: &[ReadError]) -> Faults {
+    let mut faults = Faults::default();
+    for ReadError { line, found, expected } in errors.iter().take(MAX_PRINTED_FAULTS) {
+        faults.push(Fault::new(path, *line, "file", found, format!("expected {expected}")));
+    }
+    if errors.len() > MAX_PRINTED_FAULTS {
+        let others = format!("{} more faults", errors.len() - MAX_PRINTED_FAULTS);
+        faults.push(Fault::new(path, None, "file", others, format!("expected {}", errors[0].expected)));
+    }
+    faults
+}
+
+/// Faults of the surface of a file: the first few, and the count of the others.
+fn surface_faults(path: &Path, found: &SurfaceFaults) -> Faults {
+    let mut faults = Faults::default();
+    for fault in found.0.iter().take(MAX_PRINTED_FAULTS) {
+        let (found, expected) = fault.split_once("; ").unwrap_or((fault, "expected a closed surface"));
+        faults.push(Fault::new(path, None, "surface", found, expected));
+    }
+    if found.0.len() > MAX_PRINTED_FAULTS {
+        let others = format!("{} more faults", found.0.len() - MAX_PRINTED_FAULTS);
+        faults.push(Fault::new(path, None, "surface", others, "expected a closed surface in one piece"));
+    }
+    faults
+}
+
+/// Reads the polygons of a file with this ending. Errors: reasons why it is rejected, at least one.
 fn read_mesh(bytes: &[u8], ending: &str) -> Result<PolygonMesh, Vec<ReadError>> {
     let kind = match ending {
         "obj" => "a Wavefront OBJ file",

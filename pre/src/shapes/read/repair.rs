@@ -18,17 +18,23 @@ const WELD_OF_EXTENT: f64 = 1e-3;
 /// [`cd_formats::surface::Surface`].
 const FLATNESS_LIMIT: f64 = 1e-14;
 
-/// Vertices, triangles of their numbers, and phrases about the repairs.
-pub type Triangulated = (Vec<[f64; 3]>, Vec<[u32; 3]>, Vec<String>);
+/// Triangles that a mesh is converted to.
+pub struct Triangulation {
+    pub vertices: Vec<[f64; 3]>,
+    /// Triangles by the numbers of their vertices, from 0.
+    pub triangles: Vec<[u32; 3]>,
+    /// Phrases about the repairs.
+    pub repairs: Vec<String>,
+}
 
 /// Triangulates a mesh. Faults of the surface are left for [`cd_formats::surface::Surface::new`].
-pub fn triangulate(mesh: PolygonMesh) -> Triangulated {
+pub fn triangulate(mesh: PolygonMesh) -> Triangulation {
     let PolygonMesh { points, polygons, notes } = mesh;
     let mut numbers: FxHashMap<[u64; 3], u32> = FxHashMap::default();
     let (mut vertices, mut triangles): (Vec<[f64; 3]>, Vec<[u32; 3]>) = (Vec::new(), Vec::new());
     for polygon in &polygons {
         let corners = polygon.iter().map(|&point| {
-            let point = points[point].map(|x| x + 0.0); // one zero
+            let point = points[point].map(|x| x + 0.0); // makes -0 the same as 0
             *numbers.entry(point.map(f64::to_bits)).or_insert_with(|| {
                 vertices.push(point);
                 vertices.len() as u32 - 1
@@ -44,7 +50,7 @@ pub fn triangulate(mesh: PolygonMesh) -> Triangulated {
         }
     }
     let exact = remove_degenerate(&vertices, &triangles, notes.clone());
-    if is_closed(&exact.1) || vertices.iter().flatten().any(|x| !x.is_finite()) {
+    if is_closed(&exact.triangles) || vertices.iter().flatten().any(|x| !x.is_finite()) {
         return exact;
     }
     let [largest, extent] = coordinate_and_extent(&vertices);
@@ -58,7 +64,7 @@ pub fn triangulate(mesh: PolygonMesh) -> Triangulated {
         }
         let triangles: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| number[v as usize])).collect();
         let welded = remove_degenerate(&vertices, &triangles, notes);
-        if is_closed(&welded.1) {
+        if is_closed(&welded.triangles) {
             return welded;
         }
     }
@@ -85,8 +91,8 @@ pub fn point_fault(mesh: &PolygonMesh) -> Option<(String, String)> {
     if points.len() > 1 && extent == 0.0 {
         return Some(("all points are at one position".into(), "expected a closed surface".into()));
     }
-    let misfit = points.len() > 1 && !EXTENTS.contains(&extent);
-    misfit.then(|| {
+    let is_extreme = points.len() > 1 && !EXTENTS.contains(&extent);
+    is_extreme.then(|| {
         let expected = format!("expected {:e} to {:e}; write the file in another unit", EXTENTS.start(), EXTENTS.end());
         (format!("its extent is {extent:e}"), expected)
     })
@@ -108,20 +114,20 @@ fn weld_vertices(vertices: &[[f64; 3]], distance: f64) -> (Vec<u32>, usize) {
     let mut cells: FxHashMap<[i64; 3], Vec<u32>> = FxHashMap::default();
     let (mut numbers, mut vertex_count) = (Vec::with_capacity(vertices.len()), 0);
     for (k, v) in (0..).zip(vertices) {
-        let own = cell(v);
-        let near = |other: &&u32| {
+        let own_cell = cell(v);
+        let is_near = |other: &&u32| {
             let other = vertices[**other as usize];
             (0..3).map(|k| (other[k] - v[k]).powi(2)).sum::<f64>() <= distance * distance
         };
         let neighbours = (0..27i64).map(|k| [k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1]);
         let found = neighbours
-            .filter_map(|step| cells.get(&[0, 1, 2].map(|k| own[k].saturating_add(step[k]))))
-            .flat_map(|known| known.iter().filter(near))
+            .filter_map(|step| cells.get(&[0, 1, 2].map(|k| own_cell[k].saturating_add(step[k]))))
+            .flat_map(|known| known.iter().filter(is_near))
             .min()
             .copied();
         numbers.push(found.unwrap_or(k));
         if found.is_none() {
-            cells.entry(own).or_default().push(k);
+            cells.entry(own_cell).or_default().push(k);
             vertex_count += 1;
         }
     }
@@ -137,30 +143,32 @@ fn is_closed(triangles: &[[u32; 3]]) -> bool {
     !triangles.is_empty() && edges.values().all(|count| *count == 2)
 }
 
+/// Edges of a triangle by the numbers of their ends, in its order.
 fn triangle_edges([a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
     [[*a, *b], [*b, *c], [*c, *a]]
 }
 
 /// Drops triangles without area and second copies of triangles, then vertices that are not used.
-fn remove_degenerate(vertices: &[[f64; 3]], triangles: &[[u32; 3]], mut notes: Vec<String>) -> Triangulated {
+fn remove_degenerate(vertices: &[[f64; 3]], triangles: &[[u32; 3]], mut notes: Vec<String>) -> Triangulation {
     let is_flat = |t: &[u32; 3]| apex_of_degenerate(vertices, t).is_some();
-    let mut kept: Vec<[u32; 3]> = triangles.iter().copied().filter(|[a, b, c]| a != b && b != c && c != a).collect();
-    let (distinct, mut known) = (kept.len(), FxHashSet::default());
-    kept.retain(|t| {
+    let has_three_corners = |[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
+    let mut remaining: Vec<[u32; 3]> = triangles.iter().copied().filter(has_three_corners).collect();
+    let (count_with_copies, mut known) = (remaining.len(), FxHashSet::default());
+    remaining.retain(|t| {
         let first = (0..3).min_by_key(|&k| t[k]).unwrap_or(0);
         known.insert([t[first], t[(first + 1) % 3], t[(first + 2) % 3]])
     });
-    let copies = distinct - kept.len();
-    let flat = kept.iter().filter(|t| is_flat(t)).count();
-    if flat > 0 {
-        let without: Vec<[u32; 3]> = kept.iter().copied().filter(|t| !is_flat(t)).collect();
-        kept = if is_closed(&without) { without } else { split_neighbours(vertices, kept) };
+    let copies = count_with_copies - remaining.len();
+    let flat_before = remaining.iter().filter(|t| is_flat(t)).count();
+    if flat_before > 0 {
+        let without_flat: Vec<[u32; 3]> = remaining.iter().copied().filter(|t| !is_flat(t)).collect();
+        remaining = if is_closed(&without_flat) { without_flat } else { split_neighbours(vertices, remaining) };
     }
-    let flat_count = kept.iter().filter(|t| is_flat(t)).count();
-    let degenerate = triangles.len() - distinct + flat.saturating_sub(flat_count);
+    let flat_after = remaining.iter().filter(|t| is_flat(t)).count();
+    let degenerate = triangles.len() - count_with_copies + flat_before.saturating_sub(flat_after);
     let mut numbers: FxHashMap<u32, u32> = FxHashMap::default();
     let mut used = Vec::new();
-    for corner in kept.iter_mut().flatten() {
+    for corner in remaining.iter_mut().flatten() {
         let vertex = *corner;
         *corner = *numbers.entry(vertex).or_insert_with(|| {
             used.push(vertices[vertex as usize]);
@@ -173,7 +181,7 @@ fn remove_degenerate(vertices: &[[f64; 3]], triangles: &[[u32; 3]], mut notes: V
     if copies > 0 {
         notes.push(format!("dropped {}", count_text(copies, "duplicate triangle")));
     }
-    (used, kept, notes)
+    Triangulation { vertices: used, triangles: remaining, repairs: notes }
 }
 
 /// Returns, for a triangle without area, the position of the corner on its longest side.
@@ -190,32 +198,34 @@ fn split_neighbours(vertices: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Vec<
     // Neighbours without area may need several passes.
     const MAX_PASSES: usize = 50;
     for _ in 0..MAX_PASSES {
-        let mut with_edge: FxHashMap<[u32; 2], Vec<usize>> = FxHashMap::default();
+        let mut triangles_of_edge: FxHashMap<[u32; 2], Vec<usize>> = FxHashMap::default();
         for (k, t) in triangles.iter().enumerate() {
-            triangle_edges(t).iter().for_each(|[a, b]| with_edge.entry([*a.min(b), *a.max(b)]).or_default().push(k));
+            for [a, b] in triangle_edges(t) {
+                triangles_of_edge.entry([a.min(b), a.max(b)]).or_default().push(k);
+            }
         }
-        let mut touched = vec![false; triangles.len()];
+        let mut is_changed = vec![false; triangles.len()];
         let mut is_removed = vec![false; triangles.len()];
-        for k in 0..touched.len() {
+        for k in 0..is_changed.len() {
             let t = triangles[k];
-            let Some(at) = apex_of_degenerate(vertices, &t).filter(|_| !touched[k]) else { continue };
-            let (m, a, b) = (t[at], t[(at + 1) % 3], t[(at + 2) % 3]);
+            let Some(position) = apex_of_degenerate(vertices, &t).filter(|_| !is_changed[k]) else { continue };
+            let (apex, a, b) = (t[position], t[(position + 1) % 3], t[(position + 2) % 3]);
             let others: Vec<usize> =
-                with_edge[&[a.min(b), a.max(b)]].iter().copied().filter(|&other| other != k).collect();
+                triangles_of_edge[&[a.min(b), a.max(b)]].iter().copied().filter(|&other| other != k).collect();
             match others[..] {
                 [] => {}
-                [other] if touched[other] => continue,
-                [other] if triangles[other].contains(&m) => (touched[other], is_removed[other]) = (true, true),
+                [other] if is_changed[other] => continue,
+                [other] if triangles[other].contains(&apex) => (is_changed[other], is_removed[other]) = (true, true),
                 [other] => {
-                    let with = |old: u32| triangles[other].map(|v| if v == old { m } else { v });
-                    let halves = [with(a), with(b)];
+                    let with_apex_for = |old: u32| triangles[other].map(|v| if v == old { apex } else { v });
+                    let halves = [with_apex_for(a), with_apex_for(b)];
                     triangles[other] = halves[0];
                     triangles.push(halves[1]);
-                    touched[other] = true;
+                    is_changed[other] = true;
                 }
                 _ => continue,
             }
-            (touched[k], is_removed[k]) = (true, true);
+            (is_changed[k], is_removed[k]) = (true, true);
         }
         if !is_removed.contains(&true) {
             break;
@@ -244,8 +254,8 @@ mod tests {
 
     /// Volume, m^3, and notes.
     fn made(mesh: PolygonMesh) -> (f64, String) {
-        let (vertices, triangles, notes) = triangulate(mesh);
-        (Surface::new(&vertices, &triangles).unwrap().volume(), notes.join(", "))
+        let Triangulation { vertices, triangles, repairs } = triangulate(mesh);
+        (Surface::new(&vertices, &triangles).unwrap().volume(), repairs.join(", "))
     }
 
     #[test]
@@ -299,7 +309,7 @@ mod tests {
             moved[0] += gap;
             mesh.points.push(moved);
             mesh.polygons[1] = vec![4, 5, 8, 6];
-            let (vertices, triangles, notes) = triangulate(mesh);
+            let Triangulation { vertices, triangles, repairs: notes } = triangulate(mesh);
             match Surface::new(&vertices, &triangles) {
                 Ok(surface) => {
                     // The welded corner is displaced by the gap.

@@ -1,4 +1,4 @@
-//! STL, text and binary.
+//! Reader of STL files, text and binary.
 
 use cd_formats::names::count_text;
 
@@ -101,15 +101,16 @@ fn is_utf_16(bytes: &[u8]) -> bool {
 /// Reads a binary file after a few extra bytes, such as a line end, if the remaining length then fits the number of
 /// triangles.
 fn read_after_extra_bytes(bytes: &[u8]) -> Option<PolygonMesh> {
-    const MOST: usize = 8;
-    let fits = |first: &usize| {
-        let count = bytes.get(first + 80..first + HEADER_BYTES)?;
-        let count = u32::from_le_bytes(count.try_into().ok()?) as usize;
-        (count > 0 && bytes.len() - first == HEADER_BYTES + TRIANGLE_BYTES * count).then_some(())
+    const MAX_EXTRA_BYTES: usize = 8;
+    let fits = |extra: &usize| {
+        let count = bytes.get(extra + 80..extra + HEADER_BYTES).and_then(|count| count.try_into().ok());
+        count
+            .map(u32::from_le_bytes)
+            .is_some_and(|count| count > 0 && bytes.len() - extra == HEADER_BYTES + TRIANGLE_BYTES * count as usize)
     };
-    let first = (1..=MOST).find(|first| fits(first).is_some())?;
-    let mut mesh = read(&bytes[first..]).ok()?;
-    mesh.add_note("ignored", first, "byte", " before the header");
+    let extra = (1..=MAX_EXTRA_BYTES).find(fits)?;
+    let mut mesh = read(&bytes[extra..]).ok()?;
+    mesh.add_note("ignored", extra, "byte", " before the header");
     Some(mesh)
 }
 

@@ -1,4 +1,4 @@
-//! Numbers and cells of VTK files, legacy or XML.
+//! Common parts of the readers of VTK files, legacy and XML: types of numbers, and cells of polygonal data.
 
 use cd_formats::mesh::PolygonMesh;
 

@@ -1,4 +1,4 @@
-//! VTK XML polygonal data: arrays as text, binary in place, or appended, plain or in zlib blocks.
+//! Reader of VTK XML polygonal data: arrays as text, binary in place, or appended, plain or in zlib blocks.
 
 use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
 
@@ -30,6 +30,7 @@ struct XmlTag {
     content: String,
 }
 
+/// Kind of a tag: `<name>`, `</name>` or `<name/>`.
 #[derive(PartialEq)]
 enum TagKind {
     Start,
@@ -51,15 +52,17 @@ impl XmlTag {
     }
 }
 
+/// Tags, data and conventions of a file.
 struct VtpFile<'a> {
+    /// All tags up to the appended data.
     tags: Vec<XmlTag>,
     /// Bytes after the `_` of the appended data.
     appended: &'a [u8],
     /// Whether the appended data are in base64.
-    encoded: bool,
+    is_base64: bool,
     big_endian: bool,
     /// Number of bytes of a number in the header of a binary array.
-    head: usize,
+    header_number_size: usize,
     compressed: bool,
 }
 
@@ -68,8 +71,14 @@ impl<'a> VtpFile<'a> {
         // Raw appended data are not XML.
         let appended = find_word(bytes, b"<AppendedData").unwrap_or(bytes.len());
         let mut tags = parse_tags(&String::from_utf8_lossy(&bytes[..appended]))?;
-        let mut file =
-            VtpFile { tags: Vec::new(), appended: &[], encoded: false, big_endian: false, head: 4, compressed: false };
+        let mut file = VtpFile {
+            tags: Vec::new(),
+            appended: &[],
+            is_base64: false,
+            big_endian: false,
+            header_number_size: 4,
+            compressed: false,
+        };
         if appended < bytes.len() {
             let end = find_word(&bytes[appended..], b">").map(|end| appended + end + 1);
             let begin = end.and_then(|end| Some(end + find_word(&bytes[end..], b"_")? + 1));
@@ -77,7 +86,7 @@ impl<'a> VtpFile<'a> {
                 return Err(ReadError::new(None, "AppendedData without '_'", COMPLETE_FILE));
             };
             let tags = self::parse_tags(&String::from_utf8_lossy(&bytes[appended..end]))?;
-            file.encoded = tags.iter().any(|tag| tag.attribute("encoding") == Some("base64"));
+            file.is_base64 = tags.iter().any(|tag| tag.attribute("encoding") == Some("base64"));
             file.appended = &bytes[begin..];
         }
         tags.retain(|tag| tag.name != "?");
@@ -97,7 +106,7 @@ impl<'a> VtpFile<'a> {
             Some("BigEndian") => true,
             Some(other) => return refuse("byte_order", other, "LittleEndian or BigEndian"),
         };
-        file.head = match first.attribute("header_type") {
+        file.header_number_size = match first.attribute("header_type") {
             None | Some("UInt32") => 4,
             Some("UInt64") => 8,
             Some(other) => return refuse("header_type", other, "UInt32 or UInt64"),
@@ -200,7 +209,7 @@ impl<'a> VtpFile<'a> {
             "appended" => {
                 let offset = tag.number_attribute("offset")?.unwrap_or(0);
                 let data = self.appended.get(offset..).unwrap_or_default();
-                if self.encoded { self.decode_binary(&decode_base64(data)) } else { self.decode_binary(data) }
+                if self.is_base64 { self.decode_binary(&decode_base64(data)) } else { self.decode_binary(data) }
             }
             other => return Err(refuse(format!("format=\"{other}\""), "ascii, binary or appended")),
         };
@@ -212,29 +221,31 @@ impl<'a> VtpFile<'a> {
     /// Bytes of an array, after its header: their number, or the sizes of compressed blocks.
     fn decode_binary(&self, data: &[u8]) -> Result<Vec<u8>, ArrayDataError> {
         let mut at = 0;
-        let number = if self.head == 8 { NumberType::Unsigned(8) } else { NumberType::Unsigned(4) };
-        let mut head = || {
-            let bytes = data.get(at..at + self.head).ok_or(ArrayDataError::NoHeader)?;
-            at += self.head;
+        let number = NumberType::Unsigned(self.header_number_size);
+        let mut next_header_number = || {
+            let bytes = data.get(at..at + self.header_number_size).ok_or(ArrayDataError::NoHeader)?;
+            at += self.header_number_size;
             Ok::<usize, ArrayDataError>(number.decode_all(bytes, self.big_endian)[0] as usize)
         };
-        let first = head()?;
         if !self.compressed {
+            let byte_count = next_header_number()?;
             let rest = &data[at..];
-            let own = rest.get(..first).map(<[u8]>::to_vec);
-            return own.ok_or(ArrayDataError::ByteCount { announced: first, found: rest.len() });
+            let bytes = rest.get(..byte_count).map(<[u8]>::to_vec);
+            return bytes.ok_or(ArrayDataError::ByteCount { announced: byte_count, found: rest.len() });
         }
-        let (size, rest) = (head()?, head()?);
-        let mut lengths = Vec::new();
-        for _ in 0..first {
-            lengths.push(head()?);
+        // Number of blocks, size of a block and, if it is not 0, of the last one before compression, then the compressed sizes.
+        let block_count = next_header_number()?;
+        let (block_size, last_block_size) = (next_header_number()?, next_header_number()?);
+        let mut compressed_sizes = Vec::new();
+        for _ in 0..block_count {
+            compressed_sizes.push(next_header_number()?);
         }
         let mut bytes = Vec::new();
-        for (k, length) in lengths.into_iter().enumerate() {
-            let max_size = if k + 1 == first && rest > 0 { rest } else { size };
-            let end = at.saturating_add(length);
+        for (k, compressed_size) in compressed_sizes.into_iter().enumerate() {
+            let max_size = if k + 1 == block_count && last_block_size > 0 { last_block_size } else { block_size };
+            let end = at.saturating_add(compressed_size);
             let block = data.get(at..end).and_then(|block| decompress_to_vec_zlib_with_limit(block, max_size).ok());
-            bytes.extend(block.ok_or(ArrayDataError::ZlibBlock { block: k + 1, count: first })?);
+            bytes.extend(block.ok_or(ArrayDataError::ZlibBlock { block: k + 1, count: block_count })?);
             at = end;
         }
         Ok(bytes)
@@ -266,11 +277,11 @@ impl std::error::Error for ArrayDataError {}
 /// Checks that a piece has the numbers of points and cells that its tag announces.
 fn expect_complete(pieces: &[PolyDataPiece], tag: &XmlTag) -> Result<(), ReadError> {
     let Some(piece) = pieces.last() else { return Ok(()) };
-    let cells = |cells: &CellLists| cells.ends.strip_prefix(&[0.0]).unwrap_or(&cells.ends).len();
+    let cell_count = |cells: &CellLists| cells.ends.strip_prefix(&[0.0]).unwrap_or(&cells.ends).len();
     let counts = [
         ("NumberOfPoints", piece.coordinates.len() / 3),
-        ("NumberOfPolys", cells(&piece.polygons)),
-        ("NumberOfStrips", cells(&piece.strips)),
+        ("NumberOfPolys", cell_count(&piece.polygons)),
+        ("NumberOfStrips", cell_count(&piece.strips)),
     ];
     for (name, count) in counts {
         if let Some(announced) = tag.number_attribute(name)?.filter(|announced| *announced != count) {
@@ -309,7 +320,7 @@ fn parse_tags(text: &str) -> Result<Vec<XmlTag>, ReadError> {
                 (None, None) => (inner, TagKind::Start),
             };
             let (name, attributes) = inner.split_once(char::is_whitespace).unwrap_or((inner, ""));
-            let (name, attributes) = (name.trim().to_string(), attributes_of(attributes));
+            let (name, attributes) = (name.trim().to_string(), parse_attributes(attributes));
             tags.push(XmlTag { line, name, attributes, kind, content: String::new() });
         }
         line += whole.matches('\n').count();
@@ -332,7 +343,7 @@ fn end_of_tag(text: &str) -> Option<usize> {
     None
 }
 
-fn attributes_of(mut text: &str) -> Vec<(String, String)> {
+fn parse_attributes(mut text: &str) -> Vec<(String, String)> {
     let mut all = Vec::new();
     while let Some((name, rest)) = text.split_once('=') {
         let rest = rest.trim_start();
