@@ -377,6 +377,9 @@ impl PeriodicCell {
 
     /// Images of a position in the cell that are in the cell or within `margin` (m) of it.
     pub fn images_near(&self, x: Vec3, margin: f64) -> Vec<Vec3> {
+        if !self.is_periodic() {
+            return vec![x];
+        }
         let along = |axis: usize| {
             let Some(period) = self.0[axis] else { return vec![0.0] };
             let mut shifts = vec![0.0];

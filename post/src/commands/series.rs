@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use vtkio::model::PolyDataPiece;
 
 use crate::derive::Row;
+use crate::derive::fragments::{Fragment, find_fragments};
 use crate::frame::Frame;
 use crate::options::{SeriesOptions, VtkFormat};
 use crate::shapes::ShapeCache;
@@ -58,9 +59,8 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
             atomic::write(&postpro.join(plot.file), plot.to_figure(&rows).to_svg().as_bytes())?;
         }
         let frames: Vec<&Frame> = frames.iter().collect();
-        let picture = |shade| write::picture::svg(last, shade);
-        let ((neighbours, energy), snapshots) = rayon::join(
-            || rayon::join(|| picture(PictureColouring::Neighbours), || picture(PictureColouring::KineticEnergy)),
+        let ([neighbours, energy], snapshots) = rayon::join(
+            || write::picture::svgs(last, [PictureColouring::Neighbours, PictureColouring::KineticEnergy]),
             || write::picture::snapshots_svg(&frames),
         );
         for (name, text) in
@@ -145,8 +145,10 @@ pub fn measure_series<T: Send>(
             .enumerate()
             .map(|(k, (_, path))| {
                 let frame = Frame::read(path, &shapes)?;
-                let row = Row::with_options(&frame, &choices);
-                let pieces = if options.no_vtk { vec![] } else { display_pieces(options, &frame)? };
+                let fragments = find_fragments(&frame);
+                let row = Row::with_fragments(&frame, &fragments, &choices);
+                let pieces = if options.no_vtk { vec![] } else { display_pieces(options, &frame, &fragments)? };
+                drop(fragments);
                 let own: Vec<(u64, f64)> = frame.grains.iter().map(|grain| (grain.id, grain.mass)).collect();
                 let bodies = frame.grains.len() + frame.walls.len() + frame.absent.len();
                 Ok((row, (bodies, own), pieces, keep(first + k, selected.len(), frame)))
@@ -188,9 +190,9 @@ const PICTURE_COUNT: usize = 4;
 type NamedPiece = (&'static str, PolyDataPiece);
 
 /// Writes the ParaView files of one frame, or returns their data if files contain several frames.
-fn display_pieces(options: &SeriesOptions, frame: &Frame) -> Result<Vec<NamedPiece>, Faults> {
+fn display_pieces(options: &SeriesOptions, frame: &Frame, fragments: &[Fragment]) -> Result<Vec<NamedPiece>, Faults> {
     let kinds = display::FILE_KINDS.into_iter();
-    let mut pieces = kinds.filter_map(|kind| Some((kind, display::display_piece(frame, kind)?)));
+    let mut pieces = kinds.filter_map(|kind| Some((kind, display::display_piece(frame, fragments, kind)?)));
     match options.vtk_format {
         VtkFormat::Vtkhdf => Ok(pieces.collect()),
         VtkFormat::Vtp => pieces
@@ -256,7 +258,7 @@ fn finish_display(options: &SeriesOptions, rows: &[Row], last: &Frame) -> Result
     let mut current = HashSet::new();
     let folder = fs::canonicalize(&display).map_err(|error| Fault::from_io(&display, "read", &error))?;
     atomic::write(&display.join("view.py"), display::view_script(&folder).as_bytes())?;
-    for kind in display::FILE_KINDS.into_iter().filter(|kind| display::display_piece(last, kind).is_some()) {
+    for kind in display::FILE_KINDS.into_iter().filter(|kind| display::has_piece(last, kind)) {
         if options.vtk_format == VtkFormat::Vtkhdf {
             current.insert(display::vtkhdf_name(kind));
             continue;

@@ -1,10 +1,11 @@
 //! Groups of grains that touch.
 
+use std::cmp::Reverse;
+
 use cd_formats::groups::{DisjointSets, GroupSize, largest_remnant};
 
 use crate::derive::motion::{AggregateSums, RotatingAxes};
-use crate::frame::{Frame, Grain, GrainId};
-use crate::math::Vec3;
+use crate::frame::{Frame, GrainId};
 
 /// Grains touch if their contact carries force, or if the gap between them is at most this share
 /// of the smaller radius.
@@ -37,18 +38,26 @@ pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
         }
     }
     join_spheres(frame, &mut groups);
-    let mut members: Vec<Vec<GrainId>> = vec![Vec::new(); grains.len()];
+    // The first grain of a group is its number.
+    let mut members: Vec<Vec<GrainId>> = Vec::new();
+    let mut index = vec![0; grains.len()];
     for i in frame.grain_ids() {
-        members[groups.find(i.index())].push(i);
+        let group = groups.find(i.index());
+        if group == i.index() {
+            index[group] = members.len();
+            members.push(vec![i]);
+        } else {
+            members[index[group]].push(i);
+        }
     }
-    members.retain(|group| !group.is_empty());
     let axes = RotatingAxes::from_frame(frame);
     let fragment = |group: Vec<GrainId>| {
-        let whole = AggregateSums::from_grains(&group.iter().map(|&i| grains[i].clone()).collect::<Vec<Grain>>());
+        let whole = AggregateSums::from_grains(group.iter().map(|&i| &grains[i]));
         Fragment { grains: group, whole: whole.in_fixed_axes(&axes) }
     };
     let mut found: Vec<Fragment> = members.into_iter().map(fragment).collect();
-    found.sort_by(|a, b| b.whole.mass.total_cmp(&a.whole.mass));
+    // Bits of positive numbers are in their order.
+    found.sort_by_cached_key(|group| Reverse(group.whole.mass.to_bits()));
     let size = |fragment: &Fragment| GroupSize { mass: fragment.whole.mass, members: fragment.grains.len() };
     if let Some(remnant) = largest_remnant(&found.iter().map(size).collect::<Vec<_>>()) {
         found[..=remnant].rotate_right(1);
@@ -58,26 +67,33 @@ pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
 
 /// Joins spheres that touch.
 ///
-/// Sweeps along x in columns as wide as the largest sphere, each sphere in up to four columns, so that touching spheres
-/// share a column. Images outside the cell are included.
+/// Sweeps along x in square columns, each sphere in all that it reaches, so that touching spheres share a column. Images
+/// outside the cell are included.
 fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
     let grains = &frame.grains;
     let reach = |i: GrainId| grains[i].radius * (1.0 + TOUCHING_GAP);
     let spheres = || frame.grain_ids().filter(|&i| grains[i].solid.is_none());
-    let (cell, width) = (frame.cell(), 2.0 * spheres().map(reach).fold(0.0, f64::max));
-    let mut places: Vec<([i64; 2], f64, GrainId, Vec3)> = Vec::new();
+    let count = spheres().count() as f64;
+    // A sphere is in 2.5 columns on average at most, for any radii: (1 + 2 R / width)^2 <= 2 + 8 R^2 / width^2.
+    let width = 4.0 * (spheres().map(|i| reach(i).powi(2)).sum::<f64>() / count).sqrt();
+    let margin = 2.0 * spheres().map(reach).fold(0.0, f64::max);
+    let (cell, mut images) = (frame.cell(), Vec::new());
+    let mut spans: Vec<([i64; 2], f64, usize)> = Vec::new();
     for i in spheres() {
-        for x in cell.images_near(grains[i].x, width) {
+        for x in cell.images_near(grains[i].x, margin) {
             let columns = |c: f64| ((c - reach(i)) / width).floor() as i64..=((c + reach(i)) / width).floor() as i64;
             let columns_yz = columns(x.y).flat_map(|y| columns(x.z).map(move |z| [y, z]));
-            places.extend(columns_yz.map(|column| (column, x.x - reach(i), i, x)));
+            spans.extend(columns_yz.map(|column| (column, x.x - reach(i), images.len())));
+            images.push((i, x));
         }
     }
-    places.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    for (k, (column, _, i, x)) in places.iter().enumerate() {
-        let end = x.x + reach(*i);
-        for (_, _, j, y) in places[k + 1..].iter().take_while(|other| other.0 == *column && other.1 <= end) {
-            let touching = grains[*i].radius + grains[*j].radius + touching_gap(frame, *i, *j);
+    spans.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    for (k, (column, _, image)) in spans.iter().enumerate() {
+        let (i, x) = images[*image];
+        let end = x.x + reach(i);
+        for (.., other) in spans[k + 1..].iter().take_while(|other| other.0 == *column && other.1 <= end) {
+            let (j, y) = images[*other];
+            let touching = grains[i].radius + grains[j].radius + touching_gap(frame, i, j);
             if (x - y).norm_squared() <= touching * touching {
                 groups.union(i.index(), j.index());
             }
@@ -133,6 +149,35 @@ mod tests {
         assert_eq!(shares(&scene), [0.5, 0.5]);
         scene.push(0, 1, 1.0);
         assert_eq!(shares(&scene), [1.0]);
+    }
+
+    #[test]
+    fn groups_of_unequal_spheres_are_those_of_all_pairs() {
+        // Radii from 0.05 to 20 in a cube, among them some that touch.
+        let mut scene = Scene::default();
+        for k in 1..300 {
+            let digit = |step: u32| f64::from(k * step % 997) / 997.0;
+            let radius = 0.05 * 400f64.powf(digit(331).powi(6));
+            scene.grain([60.0 * digit(613), 60.0 * digit(271) - 30.0, 60.0 * digit(89) - 90.0], radius);
+        }
+        let frame = scene.frame();
+        let mut groups = DisjointSets::new(frame.grains.len());
+        for (i, a) in frame.grains.iter().enumerate() {
+            for (j, b) in frame.grains.iter().enumerate().take(i) {
+                let gap = (a.x - b.x).norm() - a.radius - b.radius;
+                if gap <= touching_gap(&frame, GrainId::new(i), GrainId::new(j)) {
+                    groups.union(i, j);
+                }
+            }
+        }
+        let numbers = |fragment: &Fragment| fragment.grains.iter().map(|i| i.index()).collect::<Vec<usize>>();
+        let mut found: Vec<Vec<usize>> = find_fragments(&frame).iter().map(numbers).collect();
+        let mut expected: Vec<Vec<usize>> = vec![Vec::new(); frame.grains.len()];
+        (0..frame.grains.len()).for_each(|i| expected[groups.find(i)].push(i));
+        expected.retain(|group| !group.is_empty());
+        found.sort();
+        assert_eq!(found, expected);
+        assert!(expected.iter().any(|group| group.len() > 2));
     }
 
     #[test]

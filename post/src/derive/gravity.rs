@@ -4,6 +4,7 @@
 //! (Barnes & Hut 1986; Hernquist 1987), group by group (Dehnen 2002). The result is an energy, for which a part in 10^4 is
 //! enough; `--direct-gravity` sums every pair.
 
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 use crate::math::{Mat3, Vec3};
@@ -42,6 +43,8 @@ struct TreeNode {
     points: (usize, usize),
     /// Indices of the two halves; none of a leaf.
     halves: Option<[usize; 2]>,
+    /// Index into [`GravityTree::leaves`], of a leaf.
+    leaf: usize,
     mass: f64,
     centre: Vec3,
     /// Largest distance of the node's points from the centre, m, extended for flat or long nodes.
@@ -55,16 +58,30 @@ pub struct GravityTree {
     /// Position, m, and mass, kg, in the order of the tree.
     points: Vec<(Vec3, f64)>,
     nodes: Vec<TreeNode>,
+    /// The points of the leaves again, for vectors.
+    leaves: Vec<LeafPoints>,
+    /// Widest vectors of the processor.
+    arch: Arch,
+}
+
+/// Points of a leaf by coordinates, m, and masses, kg; unused ones have no mass.
+#[derive(Clone, Copy, Default)]
+struct LeafPoints {
+    x: [f64; LEAF_SIZE],
+    y: [f64; LEAF_SIZE],
+    z: [f64; LEAF_SIZE],
+    mass: [f64; LEAF_SIZE],
 }
 
 impl GravityTree {
     /// `points`: position in m and mass in kg of each.
     pub fn new(points: &[(Vec3, f64)]) -> GravityTree {
-        let mut tree = GravityTree { points: Vec::new(), nodes: Vec::new() };
+        let mut tree = GravityTree { points: Vec::new(), nodes: Vec::new(), leaves: Vec::new(), arch: Arch::new() };
         if !points.is_empty() {
             let mut order: Vec<usize> = (0..points.len()).collect();
             tree.divide_node(points, &mut order, 0);
             tree.points = order.iter().map(|&i| points[i]).collect();
+            tree.pack_leaves();
         }
         tree
     }
@@ -87,7 +104,15 @@ impl GravityTree {
         let (low, high) = own().fold((centre, centre), |(low, high), (x, _)| (low.inf(&x), high.sup(&x)));
         let index = self.nodes.len();
         let points_of = (first, first + order.len());
-        self.nodes.push(TreeNode { points: points_of, halves: None, mass, centre, reach, quadrupole });
+        self.nodes.push(TreeNode {
+            points: points_of,
+            halves: None,
+            leaf: usize::MAX,
+            mass,
+            centre,
+            reach,
+            quadrupole,
+        });
         if order.len() > LEAF_SIZE {
             let axis = (high - low).imax();
             let middle = order.len() / 2;
@@ -100,6 +125,18 @@ impl GravityTree {
             self.nodes[index].halves = Some(halves);
         }
         index
+    }
+
+    /// Copies the points of each leaf into [`GravityTree::leaves`].
+    fn pack_leaves(&mut self) {
+        for node in self.nodes.iter_mut().filter(|node| node.halves.is_none()) {
+            let mut leaf = LeafPoints::default();
+            for (k, (x, mass)) in self.points[node.points.0..node.points.1].iter().enumerate() {
+                (leaf.x[k], leaf.y[k], leaf.z[k], leaf.mass[k]) = (x.x, x.y, x.z, *mass);
+            }
+            node.leaf = self.leaves.len();
+            self.leaves.push(leaf);
+        }
     }
 
     /// Potential energy, J: W = - sum_{i<j} G m_i m_j / |x_i - x_j|, the same on any number of threads.
@@ -135,7 +172,7 @@ impl GravityTree {
             [Some(halves), _] => (larger, halves, smaller),
             [None, Some(halves)] => (smaller, halves, larger),
             [None, None] => {
-                return self.node_points(a).iter().map(|point| point_attraction(self.node_points(b), point)).sum();
+                return self.arch.dispatch(LeafPair { points: self.node_points(a), leaf: &self.leaves[second.leaf] });
             }
         };
         let (left, right) =
@@ -156,6 +193,36 @@ impl GravityTree {
     ) -> (A, B) {
         let (first, last) = self.nodes[node].points;
         if last - first > PARALLEL_POINTS { rayon::join(a, b) } else { (a(), b()) }
+    }
+}
+
+/// The points of one leaf and those of another. Their distances are most of the time of a sum; with vectors of four
+/// they take a quarter.
+struct LeafPair<'a> {
+    points: &'a [(Vec3, f64)],
+    leaf: &'a LeafPoints,
+}
+
+impl NullaryFnOnce for LeafPair<'_> {
+    type Output = f64;
+
+    /// sum m_i m_j / |x_i - x_j|, kg^2/m, added in the order of [`point_attraction`].
+    #[inline(always)]
+    fn call(self) -> f64 {
+        let LeafPoints { x, y, z, mass } = self.leaf;
+        let mut sum = 0.0;
+        for (at, m) in self.points {
+            let mut terms = [0.0; LEAF_SIZE];
+            for k in 0..LEAF_SIZE {
+                let (dx, dy, dz) = (x[k] - at.x, y[k] - at.y, z[k] - at.z);
+                let square = dx * dx + dy * dy + dz * dz;
+                let term = mass[k] / square.sqrt();
+                // Points at the same position do not attract each other.
+                terms[k] = if square > 0.0 { term } else { 0.0 };
+            }
+            sum += m * terms.iter().sum::<f64>();
+        }
+        sum
     }
 }
 
@@ -190,6 +257,22 @@ mod tests {
             let points = ball(count);
             let (tree, pairs) = (GravityTree::new(&points).potential_energy(2.0), direct_energy(&points, 2.0));
             assert!((tree - pairs).abs() <= 1e-4 * pairs.abs(), "{count}: {tree} {pairs}");
+        }
+    }
+
+    #[test]
+    fn leaves_attract_by_vectors_as_point_by_point() {
+        let points = ball(40);
+        for (count, others) in [(1, 1), (9, 16), (16, 9), (5, 13)] {
+            let (points, other) = points[..count + others].split_at(count);
+            // One of the others at the position of a point.
+            let other: Vec<(Vec3, f64)> = [(points[0].0, 3.0)].into_iter().chain(other[1..].iter().copied()).collect();
+            let mut leaf = LeafPoints::default();
+            for (k, (x, mass)) in other.iter().enumerate() {
+                (leaf.x[k], leaf.y[k], leaf.z[k], leaf.mass[k]) = (x.x, x.y, x.z, *mass);
+            }
+            let one_by_one: f64 = points.iter().map(|point| point_attraction(&other, point)).sum();
+            assert_eq!(Arch::new().dispatch(LeafPair { points, leaf: &leaf }), one_by_one);
         }
     }
 

@@ -229,6 +229,11 @@ impl Row {
 
     /// Measures everything on a frame.
     pub fn with_options(frame: &Frame, choices: &MeasurementOptions) -> Row {
+        Row::with_fragments(frame, &fragments::find_fragments(frame), choices)
+    }
+
+    /// Measures everything on a frame with these groups of touching grains.
+    pub fn with_fragments(frame: &Frame, fragments: &[fragments::Fragment], choices: &MeasurementOptions) -> Row {
         let (grains, summation) = (&frame.grains, choices.summation);
         let count = grains.len() as f64;
         let cell = frame.cell();
@@ -241,18 +246,17 @@ impl Row {
         let fixed = whole.clone().in_fixed_axes(&motion::RotatingAxes::from_frame(frame));
         let spin = fixed.spin();
         let (e_translation, e_rotation) = energy::kinetic_sums(grains);
-        let fragments = fragments::find_fragments(frame);
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / count;
-        let region = choices.region(frame, &fragments);
+        let region = choices.region(frame, fragments);
         let coordination = coordination::mean_coordination(frame, &region.members);
         let stress = region.stress(frame);
         let kinetic_stress = region.kinetic_stress(frame);
         let [sigma, motion_stress] = [stress, kinetic_stress].map(|s| 0.5 * (s + s.transpose()));
         let invariants = stress::StressInvariants::new(&stress);
         let (mobilised, sliding_fraction) = fabric::mean_mobilisation(frame);
-        let largest = LargestFragment::new(&fragments, gravity, whole.mass);
-        let bed = bed::Bed::from_frame(frame, &fragments);
-        let free = FreeSurface::from_frame(frame, &fragments, choices.slope_reach);
+        let largest = LargestFragment::new(fragments, gravity, whole.mass);
+        let bed = bed::Bed::from_frame(frame, fragments);
+        let free = FreeSurface::from_frame(frame, fragments, choices.slope_reach);
         let bed_value = |value: &dyn Fn(&bed::Bed) -> f64| bed.as_ref().map_or(f64::NAN, value);
         let e_grav =
             gravity.map_or(0.0, |g| energy::gravitational_energy(grains.iter().map(|k| (k.x, k.mass)), g, summation));

@@ -51,21 +51,23 @@ const RELATIVE_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 impl AggregateSums {
     /// Sums over some grains; means over none are NaN.
-    pub fn from_grains(grains: &[Grain]) -> AggregateSums {
-        let mass: f64 = grains.iter().map(|g| g.mass).sum();
-        let x = grains.iter().map(|g| g.mass * g.x).sum::<Vec3>() / mass;
-        let momentum: Vec3 = grains.iter().map(|g| g.mass * g.v).sum();
+    pub fn from_grains<'a>(grains: impl IntoIterator<Item = &'a Grain, IntoIter: Clone>) -> AggregateSums {
+        let all = grains.into_iter();
+        let grains = || all.clone();
+        let mass: f64 = grains().map(|g| g.mass).sum();
+        let x = grains().map(|g| g.mass * g.x).sum::<Vec3>() / mass;
+        let momentum: Vec3 = grains().map(|g| g.mass * g.v).sum();
         let velocity = momentum / mass;
         let angular_momentum: Vec3 =
-            grains.iter().map(|g| g.mass * (g.x - x).cross(&(g.v - velocity)) + g.inertia * g.w).sum();
+            grains().map(|g| g.mass * (g.x - x).cross(&(g.v - velocity)) + g.inertia * g.w).sum();
         // Rounding of a zero rotation would give an arbitrary axis.
         let rounding = |g: &Grain| {
             let (arm, speed) = ((g.x - x).norm(), (g.v - velocity).norm());
             g.mass * (arm * (g.v.norm() + velocity.norm()) + speed * (g.x.norm() + x.norm()))
         };
-        let turns = angular_momentum.norm() > RELATIVE_ROUNDING * grains.iter().map(rounding).sum::<f64>();
+        let turns = angular_momentum.norm() > RELATIVE_ROUNDING * grains().map(rounding).sum::<f64>();
         let angular_momentum = if turns { angular_momentum } else { Vec3::zeros() };
-        let inertia = grains.iter().map(|g| g.inertia + point_inertia(g.mass, g.x - x)).sum();
+        let inertia = grains().map(|g| g.inertia + point_inertia(g.mass, g.x - x)).sum();
         AggregateSums { mass, x, momentum, angular_momentum, inertia }
     }
 

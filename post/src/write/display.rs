@@ -25,7 +25,7 @@ use vtkio::model::{
 use crate::derive::coordination::{contact_counts, neighbour_counts};
 use crate::derive::energy::kinetic_energies;
 use crate::derive::fabric::mobilised_share;
-use crate::derive::fragments::{find_fragments, fragment_numbers};
+use crate::derive::fragments::{Fragment, fragment_numbers};
 use crate::derive::motion::AggregateSums;
 use crate::derive::stress::{grain_stresses, kinetic_stress, pressure};
 use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, Wall, WallShape};
@@ -69,29 +69,38 @@ pub fn is_display_file(name: &str) -> bool {
     })
 }
 
-/// Data of one kind; `None` if the frame has none of polyhedra or walls. There are always grains and contacts, possibly none.
-pub fn display_piece(frame: &Frame, kind: &str) -> Option<PolyDataPiece> {
+/// Whether the frame has data of a kind: polyhedra or walls only if there are any, grains and contacts always, possibly none.
+pub fn has_piece(frame: &Frame, kind: &str) -> bool {
     match kind {
-        "grains" => Some(grains_piece(frame)),
-        "polyhedra" => frame.grains.iter().any(|grain| grain.solid.is_some()).then(|| polyhedra_piece(frame)),
-        "contacts" => Some(contacts_piece(frame)),
-        _ => (!frame.walls.is_empty()).then(|| walls_piece(frame)),
+        "polyhedra" => frame.grains.iter().any(|grain| grain.solid.is_some()),
+        "walls" => !frame.walls.is_empty(),
+        _ => true,
     }
 }
 
+/// Data of one kind, if there are any, see [`has_piece`]; `fragments`: groups of touching grains.
+pub fn display_piece(frame: &Frame, fragments: &[Fragment], kind: &str) -> Option<PolyDataPiece> {
+    has_piece(frame, kind).then(|| match kind {
+        "grains" => grains_piece(frame, fragments),
+        "polyhedra" => polyhedra_piece(frame, fragments),
+        "contacts" => contacts_piece(frame),
+        _ => walls_piece(frame),
+    })
+}
+
 /// The grains as points with their state, contact count and stress.
-fn grains_piece(frame: &Frame) -> PolyDataPiece {
+fn grains_piece(frame: &Frame, fragments: &[Fragment]) -> PolyDataPiece {
     let rows: Vec<usize> = (0..frame.grains.len()).collect();
     PolyDataPiece {
         points: flat_components(frame.grains.iter().map(|g| g.x)).into(),
         verts: vertex_numbers(rows.iter().map(|&k| [k as u64])),
-        data: Attributes { point: grain_arrays(frame, &rows), cell: vec![] },
+        data: Attributes { point: grain_arrays(frame, fragments, &rows), cell: vec![] },
         ..Default::default()
     }
 }
 
 /// The faces of the polyhedral grains; each has the arrays of its grain in [`grains_piece`].
-fn polyhedra_piece(frame: &Frame) -> PolyDataPiece {
+fn polyhedra_piece(frame: &Frame, fragments: &[Fragment]) -> PolyDataPiece {
     let (mut points, mut faces, mut rows) = (vec![], vec![], vec![]);
     for (row, grain) in frame.grains.iter().enumerate() {
         let Some(solid) = &grain.solid else { continue };
@@ -104,17 +113,16 @@ fn polyhedra_piece(frame: &Frame) -> PolyDataPiece {
     PolyDataPiece {
         points: flat_components(points.into_iter()).into(),
         polys: vertex_numbers(faces.into_iter()),
-        data: Attributes { point: vec![], cell: grain_arrays(frame, &rows) },
+        data: Attributes { point: vec![], cell: grain_arrays(frame, fragments, &rows) },
         ..Default::default()
     }
 }
 
 /// Arrays of the grains in `rows`.
-fn grain_arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
+fn grain_arrays(frame: &Frame, fragments: &[Fragment], rows: &[usize]) -> Vec<Attribute> {
     let grains: Vec<&Grain> = rows.iter().map(|&row| &frame.grains[row]).collect();
     let (stresses, contacts) = (grain_stresses(frame), contact_counts(frame));
-    let (neighbours, fragments) =
-        (neighbour_counts(frame), fragment_numbers(&find_fragments(frame), frame.grains.len()));
+    let (neighbours, fragments) = (neighbour_counts(frame), fragment_numbers(fragments, frame.grains.len()));
     let velocity = AggregateSums::from_grains(&frame.grains).velocity();
     let motion: Vec<Mat3> =
         grains.iter().map(|g| kinetic_stress(std::slice::from_ref(*g), velocity, g.volume())).collect();
@@ -369,7 +377,9 @@ mod tests {
     #[test]
     fn an_empty_file_still_says_that_it_has_no_points() {
         let frame = Scene::default().frame();
-        for piece in [grains_piece(&frame), polyhedra_piece(&frame), contacts_piece(&frame), walls_piece(&frame)] {
+        let pieces =
+            [grains_piece(&frame, &[]), polyhedra_piece(&frame, &[]), contacts_piece(&frame), walls_piece(&frame)];
+        for piece in pieces {
             let text = String::from_utf8(vtp_bytes(piece)).unwrap();
             assert_eq!(text.matches("NumberOfPoints=\"0\"").count(), 1, "{text}");
         }

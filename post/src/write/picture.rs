@@ -7,6 +7,7 @@
 use std::fmt::Write;
 
 use nalgebra::Rotation3;
+use rayon::prelude::*;
 
 use crate::derive::coordination::neighbour_counts;
 use crate::derive::energy::kinetic_energies;
@@ -167,7 +168,8 @@ struct GrainDisc {
 struct PaintedShape {
     /// Depth of the farthest corner of a face; larger is farther.
     depth: f64,
-    class: u32,
+    /// Its grain, in the order of the frame.
+    grain: usize,
     outline: ShapeOutline,
 }
 
@@ -237,13 +239,23 @@ fn value_range(values: impl Iterator<Item = f64>) -> [f64; 2] {
 /// Outliers are omitted and counted in a line of text: up to one grain in twenty, or more if together they have less than
 /// a third of the mass. No grain is smaller than a pixel.
 pub fn svg(frame: &Frame, colouring: PictureColouring) -> String {
-    let mut text = svg_head(PICTURE_SIDE + STRIP_WIDTH, PICTURE_SIDE);
-    let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
-    let scale = ColourScale::new(colouring, &[frame]);
-    draw_state(frame, &ViewWindow::around_grains(frame), &scale, 0, 1.0, &mut put);
-    scale.draw_legend(PICTURE_SIDE + 20.0, &mut put);
-    put("</svg>".into());
+    let [text] = svgs(frame, [colouring]);
     text
+}
+
+/// Texts as [`svg`] returns them, by each of the quantities.
+pub fn svgs<const N: usize>(frame: &Frame, colourings: [PictureColouring; N]) -> [String; N] {
+    let window = ViewWindow::around_grains(frame);
+    let visible = VisibleState::new(frame, &window, 1.0);
+    colourings.map(|colouring| {
+        let mut text = svg_head(PICTURE_SIDE + STRIP_WIDTH, PICTURE_SIDE);
+        let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
+        let scale = ColourScale::new(colouring, &[frame]);
+        draw_state(frame, &window, &visible, &scale, 0, &mut put);
+        scale.draw_legend(PICTURE_SIDE + 20.0, &mut put);
+        put("</svg>".into());
+        text
+    })
 }
 
 /// Text of the SVG file of several states side by side, on one scale: above by kinetic energy, below by neighbours, each row
@@ -253,9 +265,15 @@ pub fn snapshots_svg(frames: &[&Frame]) -> String {
     let total_width = SMALL * frames.len() as f64;
     let mut text = svg_head(total_width + STRIP_WIDTH, 2.0 * SMALL);
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
-    let windows: Vec<ViewWindow> = frames.iter().map(|frame| ViewWindow::around_grains(frame)).collect();
+    let windows: Vec<ViewWindow> = frames.par_iter().map(|frame| ViewWindow::around_grains(frame)).collect();
     // NaN of states without grains is not the largest.
     let half = windows.iter().map(|window| window.half).fold(f64::NAN, f64::max);
+    let windows: Vec<ViewWindow> = windows.into_iter().map(|window| ViewWindow { half, ..window }).collect();
+    let visible: Vec<VisibleState> = frames
+        .par_iter()
+        .zip(&windows)
+        .map(|(frame, window)| VisibleState::new(frame, window, PICTURE_SIDE / SMALL))
+        .collect();
     for (row, shade) in [PictureColouring::KineticEnergy, PictureColouring::Neighbours].into_iter().enumerate() {
         let scale = ColourScale::new(shade, frames);
         let top = SMALL * row as f64;
@@ -265,8 +283,7 @@ pub fn snapshots_svg(frames: &[&Frame]) -> String {
                 SMALL * column as f64,
                 0.9 * FONT_SIZE * PICTURE_SIDE / SMALL
             ));
-            let window = ViewWindow { half, ..windows[column] };
-            draw_state(frame, &window, &scale, row * frames.len() + column, PICTURE_SIDE / SMALL, &mut put);
+            draw_state(frame, &windows[column], &visible[column], &scale, row * frames.len() + column, &mut put);
             put("</svg>".into());
         }
         put(format!("<g transform=\"translate(0 {top})\">"));
@@ -286,24 +303,42 @@ fn svg_head(width: f64, height: f64) -> String {
     )
 }
 
+/// Visible parts of a state on a square of [`PICTURE_SIDE`] pixels.
+struct VisibleState {
+    /// Far shapes first.
+    shapes: Vec<PaintedShape>,
+    /// Number of grains outside the picture.
+    outside_count: usize,
+    /// Pixels of the square per pixel of the file.
+    pixel_scale: f64,
+}
+
+impl VisibleState {
+    fn new(frame: &Frame, window: &ViewWindow, pixel_scale: f64) -> VisibleState {
+        let discs = project_grains(frame, window, MIN_GRAIN_RADIUS * pixel_scale);
+        let (inside, outside): (Vec<GrainDisc>, Vec<GrainDisc>) = discs.into_iter().partition(|disc| {
+            let is_inside = |c: f64| c > -disc.radius && c < PICTURE_SIDE + disc.radius;
+            is_inside(disc.x) && is_inside(disc.y)
+        });
+        let shapes = visible_shapes(inside.into_iter().flat_map(|disc| disc.shapes).collect());
+        VisibleState { shapes, outside_count: outside.len(), pixel_scale }
+    }
+}
+
 /// Draws one state on a square of [`PICTURE_SIDE`] pixels; `number` distinguishes it from others of the same file.
-/// `pixel_scale`: pixels of the square per pixel of the file.
 fn draw_state(
     frame: &Frame,
     window: &ViewWindow,
+    visible: &VisibleState,
     scale: &ColourScale,
     number: usize,
-    pixel_scale: f64,
     put: &mut impl FnMut(String),
 ) {
     let max_class = scale.max_class();
-    let discs = project_grains(frame, window, &scale.grain_classes(frame), MIN_GRAIN_RADIUS * pixel_scale);
+    let VisibleState { shapes, outside_count, pixel_scale } = visible;
+    let classes = scale.grain_classes(frame);
     let pixels_per_metre = window.pixels_per_metre();
     let edge = EDGE_WIDTH * pixel_scale;
-    let (inside, outside): (Vec<GrainDisc>, Vec<GrainDisc>) = discs.into_iter().partition(|disc| {
-        let is_inside = |c: f64| c > -disc.radius && c < PICTURE_SIDE + disc.radius;
-        is_inside(disc.x) && is_inside(disc.y)
-    });
     put("<defs>".into());
     for class in 0..=max_class {
         put(gradient_svg(number, class, max_class));
@@ -315,8 +350,8 @@ fn draw_state(
         "<g clip-path=\"url(#frame{number})\" stroke=\"black\" stroke-opacity=\"0.35\" stroke-width=\"{edge}\" \
          stroke-linejoin=\"round\">"
     ));
-    for PaintedShape { class, outline, .. } in visible_shapes(inside.into_iter().flat_map(|disc| disc.shapes).collect())
-    {
+    for PaintedShape { grain, outline, .. } in shapes {
+        let class = classes[*grain];
         let share = (outline.radius() / pixel_scale - MIN_EDGED_RADIUS) / (FULL_EDGE_RADIUS - MIN_EDGED_RADIUS);
         let stroke = match share {
             share if share >= 1.0 => String::new(),
@@ -330,7 +365,7 @@ fn draw_state(
                 )
             }
             ShapeOutline::Face { corners, light } => {
-                let [r, g, b] = shaded_colour(class_colour(class, max_class), light);
+                let [r, g, b] = shaded_colour(class_colour(class, max_class), *light);
                 let corners: Vec<String> = corners.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
                 format!("<polygon points=\"{}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"{stroke}/>", corners.join(" "))
             }
@@ -354,10 +389,9 @@ fn draw_state(
         format_six_digits(frame.meta.time),
         frame.grains.len()
     ));
-    if !outside.is_empty() {
+    if *outside_count > 0 {
         put(format!(
-            "<text x=\"{PICTURE_MARGIN}\" y=\"{top}\" dy=\"1.2em\">{} of them outside the picture</text>",
-            outside.len()
+            "<text x=\"{PICTURE_MARGIN}\" y=\"{top}\" dy=\"1.2em\">{outside_count} of them outside the picture</text>"
         ));
     }
 }
@@ -425,19 +459,19 @@ impl ViewWindow {
 }
 
 /// Projections of the grains on `window`, with radii of at least `min_radius` pixels.
-fn project_grains(frame: &Frame, window: &ViewWindow, classes: &[u32], min_radius: f64) -> Vec<GrainDisc> {
+fn project_grains(frame: &Frame, window: &ViewWindow, min_radius: f64) -> Vec<GrainDisc> {
     let view = view_rotation();
     let positions_in_view: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
     let (pixels_per_metre, [x, z]) = (window.pixels_per_metre(), window.middle);
     let to_pixels = |at: &Vec3| {
         [PICTURE_SIDE / 2.0 + pixels_per_metre * (at.x - x), PICTURE_SIDE / 2.0 - pixels_per_metre * (at.z - z)]
     };
-    let disc = |((at, grain), &class): ((&Vec3, &Grain), &u32)| {
+    let disc = |(k, (at, grain)): (usize, (&Vec3, &Grain))| {
         let [x, y] = to_pixels(at);
         let radius = (pixels_per_metre * grain.bounding_radius()).max(min_radius);
         let mut shapes = Vec::new();
         if pixels_per_metre * grain.bounding_radius() <= min_radius {
-            shapes.push(PaintedShape { depth: at.y, class, outline: ShapeOutline::Circle { x, y, radius } });
+            shapes.push(PaintedShape { depth: at.y, grain: k, outline: ShapeOutline::Circle { x, y, radius } });
             return GrainDisc { x, y, radius, shapes };
         }
         if let Some(solid) = &grain.solid {
@@ -449,18 +483,18 @@ fn project_grains(frame: &Frame, window: &ViewWindow, classes: &[u32], min_radiu
                     let depth = at.y + corners.iter().map(|c| c.y).fold(f64::NEG_INFINITY, f64::max);
                     let light = normal.dot(&Vec3::from(LIGHT_DIRECTION)).max(0.0);
                     let corners = corners.iter().map(|c| to_pixels(&(at + c))).collect();
-                    shapes.push(PaintedShape { depth, class, outline: ShapeOutline::Face { corners, light } });
+                    shapes.push(PaintedShape { depth, grain: k, outline: ShapeOutline::Face { corners, light } });
                 }
             }
         }
         for (centre, radius) in grain.balls() {
             let centre = at + view * (centre - grain.x);
             let ([x, y], radius) = (to_pixels(&centre), pixels_per_metre * radius);
-            shapes.push(PaintedShape { depth: centre.y, class, outline: ShapeOutline::Circle { x, y, radius } });
+            shapes.push(PaintedShape { depth: centre.y, grain: k, outline: ShapeOutline::Circle { x, y, radius } });
         }
         GrainDisc { x, y, radius, shapes }
     };
-    positions_in_view.iter().zip(&frame.grains).zip(classes).map(disc).collect()
+    positions_in_view.iter().zip(&frame.grains).enumerate().map(disc).collect()
 }
 
 /// Unit normal of a polygon whose corners are counter-clockwise seen from outside.
@@ -539,14 +573,14 @@ mod tests {
     fn what_is_hidden_is_left_out_and_what_peeps_out_is_not() {
         let circle = |x: f64, radius: f64, depth: f64| PaintedShape {
             depth,
-            class: 0,
+            grain: 0,
             outline: ShapeOutline::Circle { x, y: 400.0, radius },
         };
         let (front, hidden, peeping) = (circle(400.0, 100.0, 0.0), circle(410.0, 50.0, 1.0), circle(480.0, 40.0, 2.0));
         assert_eq!(visible_shapes(vec![hidden.clone(), front.clone(), peeping.clone()]), [peeping.clone(), front]);
         // A square that reaches as far hides them as well; a dot before it is seen, however small.
         let corners = vec![[300.0, 300.0], [530.0, 300.0], [530.0, 500.0], [300.0, 500.0]];
-        let square = PaintedShape { depth: 0.5, class: 0, outline: ShapeOutline::Face { corners, light: 1.0 } };
+        let square = PaintedShape { depth: 0.5, grain: 0, outline: ShapeOutline::Face { corners, light: 1.0 } };
         let dot = circle(310.0, 0.01, 0.1);
         assert_eq!(visible_shapes(vec![dot.clone(), peeping, square.clone(), hidden]), [square, dot]);
     }
@@ -556,7 +590,7 @@ mod tests {
         let mut scene = Scene::default();
         scene.cube([0.0; 3], 1.0);
         let window = ViewWindow::around_grains(&scene.frame());
-        let discs = project_grains(&scene.frame(), &window, &[0], MIN_GRAIN_RADIUS);
+        let discs = project_grains(&scene.frame(), &window, MIN_GRAIN_RADIUS);
         assert!((discs[0].radius / window.pixels_per_metre() - 3f64.sqrt()).abs() < 1e-14);
         let height_and_light = |shape: &PaintedShape| match &shape.outline {
             ShapeOutline::Face { corners, light } => (corners.iter().map(|[_, y]| y).sum::<f64>() / 4.0, *light),
@@ -600,8 +634,7 @@ mod tests {
         let mut scene = Scene::default();
         scene.grain([0.0, 0.0, 0.0], 1.0);
         let window = ViewWindow::around_grains(&scene.frame());
-        let (discs, scale) =
-            (project_grains(&scene.frame(), &window, &[0], MIN_GRAIN_RADIUS), window.pixels_per_metre());
+        let (discs, scale) = (project_grains(&scene.frame(), &window, MIN_GRAIN_RADIUS), window.pixels_per_metre());
         assert!((discs[0].radius - (PICTURE_SIDE / 2.0 - BORDER_MARGIN)).abs() < 1e-9);
         let text = svg(&scene.frame(), PictureColouring::Neighbours);
         let bar = text.split("<path d=\"M30 770h").nth(1).and_then(|rest| rest.split('"').next()).unwrap();

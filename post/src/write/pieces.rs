@@ -144,6 +144,7 @@ pub fn pvtp_text(piece: &PolyDataPiece, files: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::derive::fragments::find_fragments;
     use crate::math::Vec3;
     use crate::samples::Scene;
     use crate::write::display::{FILE_KINDS, display_piece};
@@ -173,7 +174,7 @@ mod tests {
         scene.contact_at(a, cube, [0.0, 0.0, 1.0], Vec3::z());
         let frame = scene.frame();
         for kind in FILE_KINDS {
-            let whole = display_piece(&frame, kind).unwrap();
+            let whole = display_piece(&frame, &find_fragments(&frame), kind).unwrap();
             let count = drawn_cells(&whole).len();
             for max_cells in 1..=count {
                 let pieces: Vec<PolyDataPiece> = split_piece(&whole, max_cells).collect();
@@ -189,13 +190,13 @@ mod tests {
                 }
             }
         }
-        let grains = display_piece(&frame, "grains").unwrap();
+        let grains = display_piece(&frame, &find_fragments(&frame), "grains").unwrap();
         let radii = |piece: &PolyDataPiece| match &piece.data.point[0] {
             Attribute::DataArray(array) => f64s(&array.data).to_vec(),
             Attribute::Field { .. } => panic!(),
         };
         assert_eq!(split_piece(&grains, 2).flat_map(|piece| radii(&piece)).collect::<Vec<_>>(), radii(&grains));
-        let empty = display_piece(&Scene::default().frame(), "contacts").unwrap();
+        let empty = display_piece(&Scene::default().frame(), &[], "contacts").unwrap();
         assert_eq!(split_piece(&empty, 1).map(|piece| drawn_cells(&piece).len()).collect::<Vec<_>>(), [0]);
         let text = pvtp_text(&grains, &["a.vtp".into(), "b.vtp".into()]);
         assert!(text.contains("<PDataArray type=\"Float64\" Name=\"stress\" NumberOfComponents=\"9\"/>"), "{text}");

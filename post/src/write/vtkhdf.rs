@@ -179,6 +179,7 @@ mod tests {
     use hdf5_reader::group::Group;
 
     use super::*;
+    use crate::derive::fragments::find_fragments;
     use crate::frame::Frame;
     use crate::math::Vec3;
     use crate::samples::Scene;
@@ -208,7 +209,7 @@ mod tests {
             let path = folder.path().join(kind);
             let mut file = VtkhdfFile::create(&path).unwrap();
             for (time, frame) in [0.0, 0.5, 2.0].into_iter().zip(&frames) {
-                file.append(time, display_piece(frame, kind).unwrap()).unwrap();
+                file.append(time, display_piece(frame, &find_fragments(frame), kind).unwrap()).unwrap();
             }
             file.finish().unwrap();
             let file = Hdf5File::open(&path).unwrap();
@@ -251,7 +252,7 @@ mod tests {
     fn no_file_appears_unless_it_is_finished() {
         let folder = tempfile::tempdir().unwrap();
         let mut file = VtkhdfFile::create(&folder.path().join("a")).unwrap();
-        file.append(0.0, display_piece(&frame(1), "grains").unwrap()).unwrap();
+        file.append(0.0, display_piece(&frame(1), &find_fragments(&frame(1)), "grains").unwrap()).unwrap();
         drop(file);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
