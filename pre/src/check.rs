@@ -312,6 +312,12 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
     let thermal_path = format!("{path}.thermal_velocity");
     let holds = thermal >= 0.0 && fits_files(thermal);
     require_in_files(report, holds, &thermal_path, thermal, "a speed >= 0 m/s");
+    if grains.orbit.is_some() {
+        let is_free = grains.driven.is_none();
+        let is_alone = is_free && grains.centre == [0.0; 3] && grains.velocity == [0.0; 3];
+        let found = "the grains have a centre, a velocity or an imposed motion as well";
+        report.require(is_alone, &format!("{path}.orbit"), found, "an orbit alone: it gives position and velocity");
+    }
     if let Some(driven) = &grains.driven {
         check_evolutions(report, &format!("{path}.driven"), driven.iter().map(Option::as_ref), "m/s");
         let at_rest = grains.velocity == [0.0; 3] && grains.spin == [0.0; 3] && thermal == 0.0;

@@ -40,12 +40,12 @@
 //! | [`sizes`] | radii of grains |
 //! | [`shapes`] | polyhedra: hulls, solids at random, mass properties |
 //! | [`placement`] | positions of grains |
-//! | [`motion`] | initial velocities |
+//! | [`motion`], `orbits` | initial velocities, orbits of groups of grains |
 //! | [`walls`] | plates and cylinders |
 //! | [`population`] | all bodies of a scene, and checks of their overlaps |
 //! | [`summary`] | summary of the bodies for the user |
 //! | [`random`], [`rotation`], [`rounding`], [`sphere`] | mathematics |
-//! | [`mod@write`] | the files of DATBOX |
+//! | [`mod@write`], `field_surfaces` | the files of DATBOX |
 //! | [`reread`] | check that cd-solve can read them |
 //! | [`from_outbox`] | a DATBOX from the results of a run |
 //! | [`study`] | scenes from a base and parameters |
@@ -59,6 +59,7 @@ mod field_surfaces;
 pub mod from_outbox;
 pub mod grain;
 pub mod motion;
+mod orbits;
 pub mod parse;
 pub mod placement;
 pub mod population;

@@ -20,7 +20,7 @@ use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::shapes::{GrainSampler, SampledGrain, ShapeError};
 use crate::sizes::MAX_BODIES;
 use crate::sphere::sphere_volume;
-use crate::{check, motion, walls, write};
+use crate::{check, motion, orbits, walls, write};
 
 /// Largest overlap of touching bodies, over the smaller radius: rounding to 8 digits of a contact that the user has
 /// computed by hand.
@@ -74,7 +74,9 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
                     [shapes.file_summary(), &file_summary].into_iter().filter(|summary| !summary.is_empty());
                 population.file_summaries.push(summaries.collect::<Vec<_>>().join(", "));
                 population.regions.push(placed.region.clone());
-                population.grains.extend(grains_in_motion(scene, group, grains, placed));
+                let mut moving = grains_in_motion(scene, group, grains, placed);
+                orbits::place_on_orbit(scene, folder, group, &mut moving, &population.grains, report);
+                population.grains.extend(moving);
             }
             Err(misfit) => report.add_fault(&format!("grains.{group}.placement"), misfit.found, misfit.expected),
         }

@@ -4,6 +4,7 @@
 
 use cd_formats::compute::Compute;
 use cd_formats::law_table::{LawModel, SpherePacking};
+use cd_formats::orbit::OrbitSpec;
 use cd_formats::tact_behav::LawRecord;
 use serde::{Deserialize, Deserializer};
 
@@ -123,6 +124,9 @@ pub struct Grains {
     /// Velocity of the centre of mass, m/s.
     #[serde(default)]
     pub velocity: [f64; 3],
+    /// Orbit on which the centre of mass starts, in place of `centre` and `velocity`.
+    #[serde(default)]
+    pub orbit: Option<GroupOrbit>,
     /// Rigid rotation about the centre of mass, rad/s, fixed axes.
     #[serde(default)]
     pub spin: [f64; 3],
@@ -136,6 +140,25 @@ pub struct Grains {
     /// Imposed angular velocity of every grain, rad/s, about its principal axes; free about an axis without a function.
     #[serde(default)]
     pub driven_spin: Option<[Option<TimeFunction>; 3]>,
+}
+
+/// Orbit of the centre of mass of a group of grains.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GroupOrbit {
+    /// Mass about which it moves.
+    pub about: OrbitCentre,
+    /// Position and velocity relative to that mass, as functions of the time of the run.
+    pub path: OrbitSpec,
+}
+
+/// Mass about which a group of grains moves.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub enum OrbitCentre {
+    /// Primary at rest, by its number in the option `fields`, from 1.
+    Primary(usize),
+    /// Grains of this colour in the groups before.
+    Colour(String),
 }
 
 /// Shape of the grains.

@@ -34,6 +34,7 @@ const BUSY: &str = r#"(
         sizes: PowerLaw(min: 8.0, max: 14.0, exponent: 2.5),
         placement: RandomSequential(envelope: Ball()),
         spin: (0.0, 1.0e-4, 0.0),
+        orbit: None,
         thermal_velocity: 0.01,
     )],
     walls: [Plate(

@@ -327,6 +327,7 @@ mod tests {
             orientation: Rotation::default(),
             velocity: [0.0; 3],
             spin: [0.0; 3],
+            orbit: None,
             thermal_velocity: 0.0,
             driven: None,
             driven_spin: None,
