@@ -1,4 +1,4 @@
-//! Contents of the file of changes.
+//! Contents of the file of changes (`cd-pre from-outbox --changes`): the types, each field with its unit.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use crate::scene::{ColourPairLaw, Grains, Law, Material, Rotation, SceneWall};
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Changes {
-    /// Parts taken from each run; left out, all of the case.
+    /// Bodies selected from each run; left out, all of the case.
     pub bodies: Vec<Selection>,
     /// Further bodies, as in a scene.
     pub grains: Vec<Grains>,
@@ -31,7 +31,7 @@ pub struct Changes {
     pub compute: Option<Compute>,
 }
 
-/// Part taken from one run, and how it is moved.
+/// Bodies selected from one run, and changes of their position and motion.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Selection {
@@ -39,9 +39,9 @@ pub struct Selection {
     pub case: Option<PathBuf>,
     /// Step of the snapshot; left out, the last.
     pub snapshot: Option<u64>,
-    /// Free bodies that are taken.
+    /// Free bodies that are selected.
     pub select: BodyFilter,
-    /// Whether bodies with imposed motion are taken too.
+    /// Whether bodies with imposed motion are selected, too.
     pub walls: bool,
     /// Bodies with imposed motion for which the opposite of `walls` holds.
     pub walls_except: Vec<WallSelector>,
@@ -80,7 +80,7 @@ impl Default for Selection {
 /// Bodies with imposed motion, of one run.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub enum WallSelector {
-    /// The n-th of them, from 1: of a scene's walls, plates and cylinders in order.
+    /// The n-th body with imposed motion, from 1: of a scene's walls, plates and cylinders in order.
     Wall(usize),
     /// The body of this number, from 1, among all.
     Body(usize),
@@ -88,7 +88,7 @@ pub enum WallSelector {
     Colour(String),
 }
 
-/// Free bodies that are taken.
+/// Filter of the free bodies of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub enum BodyFilter {
     All,

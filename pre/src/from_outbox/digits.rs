@@ -1,4 +1,4 @@
-//! Numbers with more digits than the columns of DATBOX hold.
+//! Report of numbers with more digits than the columns of DATBOX hold, which are rounded when they are written.
 
 use std::fmt::Display;
 
@@ -68,8 +68,8 @@ fn inexact_numbers(object: impl Display, numbers: impl IntoIterator<Item = (&'st
 
 /// Numbers that determine the mass and the shape of a body.
 fn body_numbers(body: &Body) -> Vec<(&'static str, f64)> {
-    let mut all = vec![("avrd", body.equivalent_radius)];
-    let mut add = |label, values: &[f64]| all.extend(values.iter().map(|x| (label, *x)));
+    let mut numbers = vec![("avrd", body.equivalent_radius)];
+    let mut add = |label, values: &[f64]| numbers.extend(values.iter().map(|x| (label, *x)));
     body.inertia.iter().for_each(|moments| add("I", moments));
     for Contactor { shape, local_frame, .. } in &body.contactors {
         match shape {
@@ -91,7 +91,7 @@ fn body_numbers(body: &Body) -> Vec<(&'static str, f64)> {
             add("localframe", offset);
         }
     }
-    all
+    numbers
 }
 
 #[cfg(test)]

@@ -75,8 +75,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     request.changes.laws.iter_mut().for_each(Law::apply_bulk_strength);
     let parts = select_parts(&request.changes, &sources, &mut report);
     reject_faults(&mut report)?;
-    let mut options = request.run_options(file, &sources[0].options, &mut report)?;
-    // The options of the changes name files beside the changes, those of the case files in its DATBOX.
+    let mut options = request.next_options(file, &sources[0].options, &mut report)?;
+    // The options of the changes name files of the folder of the changes, those of the case files in its DATBOX.
     let surface_folder =
         if request.changes.compute.is_some() { folder.to_path_buf() } else { sources[0].case.join("DATBOX") };
     let surfaces = field_surfaces::take_surfaces(&mut options, &surface_folder);
@@ -97,9 +97,9 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let content = DatboxContent { records: &records, tables: &tables, driven: &driven, options: &options };
     let mut files = datbox_files(request.changes.keep_time, &parts, &new, content);
     files.extend(surface_files.into_iter().map(|(name, text)| (name, text.into_bytes())));
-    let path_of = |body: usize| scene_path(&parts, &new.population, body);
+    let body_path = |body: usize| scene_path(&parts, &new.population, body);
     let bytes = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
-    reread::check_files(&datbox, bytes, &driven, &options, path_of, &mut report);
+    reread::check_files(&datbox, bytes, &driven, &options, body_path, &mut report);
     reject_faults(&mut report)?;
     fs::create_dir_all(&datbox).map_err(|error| Fault::from_io(&datbox, "written", &error))?;
     let mut origin = SceneOrigin::from_outbox(case, changes, settings, dir);
@@ -115,8 +115,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     print_warnings(&report.warnings);
     let mut summary: String = parts.iter().map(part_summary).collect();
     summary += &sources[0].run_notes(Some(&options).filter(|_| request.changes.compute.is_none()));
-    let selected: usize = parts.iter().map(|part| part.source_bodies.len()).sum();
-    summary += &digits::lost_digits(&records.0[..selected], &tables, &driven);
+    let selected_count: usize = parts.iter().map(|part| part.source_bodies.len()).sum();
+    summary += &digits::lost_digits(&records.0[..selected_count], &tables, &driven);
     summary += &group_lines(&new.scene, &new.population);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     summary += &format!("{}; wrote {}: {}\n", count_text(records.0.len(), "body"), datbox.display(), names.join(" "));
@@ -163,12 +163,12 @@ impl ChangeRequest {
     }
 
     /// Options of the next run: those of the changes, or those of the first case with the settings.
-    fn run_options(&self, file: &Path, of_case: &Compute, report: &mut FaultReport) -> Result<Compute, Faults> {
+    fn next_options(&self, file: &Path, case_options: &Compute, report: &mut FaultReport) -> Result<Compute, Faults> {
         if let Some(options) = &self.changes.compute {
             return Ok(options.clone());
         }
-        let end_time = of_case.end_time.filter(|_| self.keeps_events());
-        let options = Compute { steps: None, end_time, ..of_case.clone() };
+        let end_time = case_options.end_time.filter(|_| self.keeps_events());
+        let options = Compute { steps: None, end_time, ..case_options.clone() };
         if self.option_settings.is_empty() {
             return Ok(options);
         }
@@ -197,7 +197,7 @@ fn read_sources(
     let mut sources = Vec::new();
     for selection in &request.changes.bodies {
         let case = selection.case.as_ref().map_or(case.to_path_buf(), |case| folder.join(case));
-        if let Ok(true) = fs::canonicalize(&case).and_then(|from| Ok(from == fs::canonicalize(dir)?)) {
+        if let Ok(true) = fs::canonicalize(&case).and_then(|source| Ok(source == fs::canonicalize(dir)?)) {
             let expected = "expected a folder other than those of the cases that are read";
             report.faults.push(Fault::new(dir, None, "folder", "is the case itself", expected));
         }
@@ -230,8 +230,9 @@ fn select_parts<'a>(changes: &Changes, sources: &'a [SourceCase], report: &mut F
 /// Rejects rotations of whole parts that periods do not allow.
 fn check_rotations(changes: &Changes, options: &Compute, report: &mut FaultReport) {
     for (k, selection) in changes.bodies.iter().enumerate() {
-        let turns = selection.remove_motion != MotionRemoval::RigidMotion || options.allows_rotation_about(&[1.0; 3]);
-        report.require(turns, &format!("bodies.{k}.remove_motion"), "RigidMotion", ROTATION_ABOUT_PERIOD);
+        let may_rotate =
+            selection.remove_motion != MotionRemoval::RigidMotion || options.allows_rotation_about(&[1.0; 3]);
+        report.require(may_rotate, &format!("bodies.{k}.remove_motion"), "RigidMotion", ROTATION_ABOUT_PERIOD);
         report.require(
             options.allows_rotation_about(&selection.spin),
             &format!("bodies.{k}.spin"),
@@ -244,7 +245,7 @@ fn check_rotations(changes: &Changes, options: &Compute, report: &mut FaultRepor
 /// Rejects an end before the time of the state from which the run continues, as cd-solve does.
 fn check_end(request: &ChangeRequest, state: &SnapshotMeta, options: &Compute, report: &mut FaultReport) {
     let end = options.end_time.filter(|_| request.changes.keep_time && options.steps.is_none());
-    // A run passes its end by less than a step, with the tolerance of its last step.
+    // A run passes its end by less than a step, with the tolerance of `Compute::last_step`.
     if let Some(end) = end.filter(|end| state.time - end > (1.0 - 1e-3) * options.dt.max(state.h)) {
         let found = format!("{} s is before the state, which keep_time continues", number_text(end));
         report.add_fault("compute.end_time", found, format!("at least {} s", number_text(state.time)));
@@ -272,11 +273,11 @@ fn behaviour_tables(
     for (k, selection) in changes.bodies.iter().enumerate() {
         crate::doubts::check_angle(report, &format!("bodies.{k}.rotate"), &selection.rotate);
     }
-    let driven_parts = records.0.iter().take(parts.iter().map(|part| part.records.len()).sum());
-    let plates =
-        driven_parts.flat_map(|body| &body.contactors).filter(|contactor| contactor.shape.type_name() == "PLANx");
-    let plates = plates.map(|plate| plate.colour.as_str());
-    crate::doubts::report_plate_presses(&changes.walls, plates, &changes.contacts, report);
+    let source_records = records.0.iter().take(parts.iter().map(|part| part.records.len()).sum());
+    let source_contactors = source_records.flat_map(|body| &body.contactors);
+    let source_plates = source_contactors.filter(|contactor| contactor.shape.type_name() == "PLANx");
+    let plate_colours = source_plates.map(|plate| plate.colour.as_str());
+    crate::doubts::report_plate_presses(&changes.walls, plate_colours, &changes.contacts, report);
     let tables = BehaviourTables::from_parts(changes, parts, &new.population.grains, records, report);
     let is_used = |name: &str| tables.tact.visibility.iter().any(|row| row.law == name);
     crate::doubts::report_unused_laws(&changes.laws, is_used, report);
@@ -284,12 +285,12 @@ fn behaviour_tables(
         tables.check_events(&options.events, report);
     }
     tables.check_solver(options.solver, report);
-    let driven_in_part = |(_, part): &(usize, &SourcePart)| {
+    let has_partly_driven = |(_, part): &(usize, &SourcePart)| {
         part.state.bodies.body_driven.iter().any(|imposed| (1..DRIVEN_ALL).contains(imposed))
     };
-    let driven_parts = (0..).zip(parts).filter(driven_in_part).map(|(k, _)| format!("bodies.{k}"));
-    let driven_new = crate::check::partly_driven_paths(&changes.grains, &changes.walls);
-    crate::check::check_rotating_frame(report, options, driven_parts.chain(driven_new));
+    let source_paths = (0..).zip(parts).filter(has_partly_driven).map(|(k, _)| format!("bodies.{k}"));
+    let new_paths = crate::check::partly_driven_paths(&changes.grains, &changes.walls);
+    crate::check::check_rotating_frame(report, options, source_paths.chain(new_paths));
     tables
 }
 
@@ -324,14 +325,15 @@ pub fn remove_outbox_files(datbox: &Path) -> Result<(), Faults> {
     Ok(())
 }
 
+/// Checks the values of the changes that need no run.
 fn check_changes(changes: &Changes, report: &mut FaultReport) {
-    for (k, taken) in changes.bodies.iter().enumerate() {
+    for (k, selection) in changes.bodies.iter().enumerate() {
         let path = format!("bodies.{k}");
-        check_vector(report, &format!("{path}.velocity"), &taken.velocity, "m/s");
-        check_vector(report, &format!("{path}.spin"), &taken.spin, "rad/s");
-        check_vector(report, &format!("{path}.centre"), &taken.centre.unwrap_or_default(), "m");
-        crate::check::check_rotation(report, &format!("{path}.rotate"), &taken.rotate);
-        if let Some(colour) = &taken.colour {
+        check_vector(report, &format!("{path}.velocity"), &selection.velocity, "m/s");
+        check_vector(report, &format!("{path}.spin"), &selection.spin, "rad/s");
+        check_vector(report, &format!("{path}.centre"), &selection.centre.unwrap_or_default(), "m");
+        crate::check::check_rotation(report, &format!("{path}.rotate"), &selection.rotate);
+        if let Some(colour) = &selection.colour {
             crate::check::check_name_length(report, &format!("{path}.colour"), colour);
         }
     }
@@ -374,13 +376,14 @@ impl NewBodies {
         folder: &Path,
         report: &mut FaultReport,
     ) -> NewBodies {
-        let known = parts.iter().flat_map(|part| &part.source.bulk.materials);
-        let known = known.map(|known| Material { name: known.name.clone(), density: known.density });
+        let source_materials = parts.iter().flat_map(|part| &part.source.bulk.materials);
+        let source_materials =
+            source_materials.map(|material| Material { name: material.name.clone(), density: material.density });
         let scene = Scene {
             seed: changes.seed,
             gravity: [0.0; 3],
             // The first material of a name counts.
-            materials: changes.materials.iter().cloned().chain(known).collect(),
+            materials: changes.materials.iter().cloned().chain(source_materials).collect(),
             laws: Vec::new(),
             contacts: Vec::new(),
             grains: changes.grains.clone(),
@@ -450,12 +453,12 @@ fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content:
     ]
     .map(|(name, text)| (name.to_string(), text.into_bytes()))
     .into();
-    let mut written: Vec<&str> = Vec::new();
+    let mut table_names: Vec<&str> = Vec::new();
     for row in &driven.0 {
         if let Evolution::Table { name, points } = &row.evolution
-            && !written.contains(&name.as_str())
+            && !table_names.contains(&name.as_str())
         {
-            written.push(name);
+            table_names.push(name);
             files.push((name.clone(), table_text(points).into_bytes()));
         }
     }
@@ -471,26 +474,26 @@ fn csv_quoted(path: &Path) -> String {
 
 /// Imposed motion of the bodies, under their new numbers; equal tables share a file.
 fn driven_components(parts: &[SourcePart], new: &NewBodies) -> DrvDof {
-    let (mut all, mut first) = (Vec::new(), 0);
+    let (mut rows, mut first_body) = (Vec::new(), 0);
     for part in parts {
         for row in &part.source.driven.0 {
             let Ok(k) = part.source_bodies.binary_search(&BodyId::new(row.body)) else { continue };
-            all.push(DrivenComponent { body: first + k, ..row.clone() });
+            rows.push(DrivenComponent { body: first_body + k, ..row.clone() });
         }
-        first += part.source_bodies.len();
+        first_body += part.source_bodies.len();
     }
-    let (rows, _) = write::drv_dof(&new.scene, &new.population);
-    all.extend(rows.0.into_iter().map(|row| DrivenComponent { body: first + row.body, ..row }));
+    let (new_rows, _) = write::drv_dof(&new.scene, &new.population);
+    rows.extend(new_rows.0.into_iter().map(|row| DrivenComponent { body: first_body + row.body, ..row }));
     let mut tables = Vec::<Vec<[f64; 2]>>::new();
-    for row in &mut all {
+    for row in &mut rows {
         if let Evolution::Table { name, points } = &mut row.evolution {
-            let place = tables.iter().position(|known| known == points).unwrap_or_else(|| {
+            let index = tables.iter().position(|known| known == points).unwrap_or_else(|| {
                 tables.push(points.clone());
                 tables.len() - 1
             });
-            *name = format!("evolution-{}.dat", place + 1);
+            *name = format!("evolution-{}.dat", index + 1);
         }
     }
-    all.sort_by_key(|row| row.body);
-    DrvDof(all)
+    rows.sort_by_key(|row| row.body);
+    DrvDof(rows)
 }

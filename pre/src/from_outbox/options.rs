@@ -1,14 +1,15 @@
-//! Options of a run. Flags of cd-solve override COMPUTE.RON, and only the snapshot records them.
+//! Options of a run as its snapshot records them: flags of cd-solve override COMPUTE.RON, and only the snapshot has them.
 
 use cd_formats::compute::{Compute, Event, EventAction, GravityMethod, event_schedule};
+use cd_formats::doubts::EVENT_SLACK;
 use cd_formats::names::number_text;
 use cd_formats::snapshot::{RunParameters, SnapshotMeta};
 
 /// Events of COMPUTE.RON that happened before a snapshot.
 pub fn past_events(events: &[Event], meta: &SnapshotMeta) -> Vec<Event> {
-    let mut all = event_schedule(events, meta.time);
-    all.truncate(meta.parameters.events_done as usize);
-    all
+    let mut schedule = event_schedule(events, meta.time);
+    schedule.truncate(meta.parameters.events_done as usize);
+    schedule
 }
 
 /// Options of the run as far as the snapshot determines them, others as in the file; and for the options that it leaves
@@ -73,8 +74,8 @@ pub fn run_options(
         fields,
         ..file.clone()
     };
-    let (adaptive, known) = (adaptive.unwrap_or_default(), options.adaptive());
-    if adaptive != known && (adaptive.is_on() || known.is_on()) {
+    let (adaptive, file_adaptive) = (adaptive.unwrap_or_default(), options.adaptive());
+    if adaptive != file_adaptive && (adaptive.is_on() || file_adaptive.is_on()) {
         options.adaptive = Some(adaptive);
     }
     if tol != options.tol() {
@@ -92,10 +93,10 @@ pub fn run_options(
     if gravity_error != options.gravity_error() {
         options.gravity_error = Some(gravity_error);
     }
-    // By default the direct sum, chosen for few bodies, is evaluated at every step.
+    // A snapshot has no `gravity_refresh` where it is 1, as it is by default for the direct sum, chosen for few bodies.
     let refresh = match gravity_refresh {
         None if self_gravity && (gravity == GravityMethod::Fmm || options.gravity_refresh.is_some()) => Some(1),
-        known => known,
+        recorded => recorded,
     };
     if refresh.is_some_and(|refresh| gravity == GravityMethod::Direct || refresh != options.gravity_refresh()) {
         options.gravity_refresh = refresh;
@@ -103,7 +104,7 @@ pub fn run_options(
     if !past_events(&file.events, meta).iter().any(|event| matches!(event.action, EventAction::SetQuench(_))) {
         options.quench = quench;
     }
-    let mut open = Vec::new();
+    let mut undetermined = Vec::new();
     if adaptive.is_on() {
         if (meta.h / file.dt).round() * file.dt != meta.h {
             let text = format!(
@@ -111,17 +112,19 @@ pub fn run_options(
                 number_text(file.dt),
                 number_text(meta.h)
             );
-            open.push(("dt", text));
+            undetermined.push(("dt", text));
         }
     } else if !(is_first && has_start) {
         // A run from START.npz keeps the step length of the run before until its first step.
         options.dt = meta.h;
     }
-    let last = meta.time - meta.h + 1e-3 * options.dt.min(meta.h);
-    let known = event_schedule(&file.events, last).iter().filter(|event| event.time <= last).count() as u64;
+    // Events happen at the start of a step, the last one with the tolerance of event times.
+    let last_step_start = meta.time - meta.h + EVENT_SLACK * options.dt.min(meta.h);
+    let events_of_file = event_schedule(&file.events, last_step_start);
+    let known = events_of_file.iter().filter(|event| event.time <= last_step_start).count() as u64;
     if !is_first && known != events_done {
         let text = format!("{events_done} had happened in the run, {known} of DATBOX; others than these are not known");
-        open.push(("events", text));
+        undetermined.push(("events", text));
     }
-    (options, open)
+    (options, undetermined)
 }

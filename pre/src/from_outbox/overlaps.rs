@@ -1,4 +1,5 @@
-//! Overlaps of bodies of different origin, by their shapes, compared with the overlaps that the runs left.
+//! Check of the bodies of a new DATBOX for overlaps of bodies of different origin, by their shapes, compared with the overlaps
+//! that the runs left.
 
 use std::cell::OnceCell;
 
@@ -35,40 +36,66 @@ struct PosedWall {
     axes: Matrix3<f64>,
 }
 
+/// Position and orientation of a body of BODIES.DAT.
+#[derive(Clone, Copy)]
+struct BodyPose {
+    /// Vector from the position in the file to the centre of mass, m.
+    shift: Vec3,
+    /// Centre of mass, m.
+    x: Vec3,
+    q: UnitQuaternion<f64>,
+}
+
+impl BodyPose {
+    /// Converts a point from the frame of the file, m; `own_axes` as from [`own_axes`].
+    fn to_fixed_frame(self, own_axes: &Matrix3<f64>, point: Vec3) -> Vec3 {
+        self.x + self.q * (own_axes.transpose() * (point - self.shift))
+    }
+}
+
 /// Contactors of a body at their positions.
 #[derive(Default)]
 struct PosedBody {
+    /// Centre and radius of each ball, m.
     balls: Vec<(Vec3, f64)>,
     pieces: Vec<ConvexPiece>,
     walls: Vec<PosedWall>,
 }
 
 impl PosedBody {
-    /// Shape of a body of BODIES.DAT with its centre of mass at `x`, `shift` from its position in the file, turned by `q`.
-    fn from_body(body: &Body, shift: &Vec3, x: &Vec3, q: &UnitQuaternion<f64>) -> PosedBody {
+    /// Shape of a body of BODIES.DAT in a pose.
+    fn from_body(body: &Body, pose: &BodyPose) -> PosedBody {
+        let BodyPose { x, q, .. } = pose;
         let mut solid = PosedBody::default();
-        let lone = body.contactors.len() == 1;
-        let own = own_axes(body);
-        // Transform from the frame of the file to the fixed one.
-        let at = |point: Vec3| x + q * (own.transpose() * (point - shift));
+        let is_single = body.contactors.len() == 1;
+        let own_axes = own_axes(body);
+        let to_fixed_frame = |point: Vec3| pose.to_fixed_frame(&own_axes, point);
         for Contactor { shape, local_frame, .. } in &body.contactors {
             let frame = local_frame.as_ref();
             let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());
             match shape {
-                ShapeRecord::Sphere { radius } => solid.balls.push((if lone { *x } else { at(offset) }, *radius)),
-                ShapeRecord::OffsetSphere { radius, offset } => solid.balls.push((at(Vec3::from(*offset)), *radius)),
+                ShapeRecord::Sphere { radius } => {
+                    solid.balls.push((if is_single { *x } else { to_fixed_frame(offset) }, *radius));
+                }
+                ShapeRecord::OffsetSphere { radius, offset } => {
+                    solid.balls.push((to_fixed_frame(Vec3::from(*offset)), *radius));
+                }
                 ShapeRecord::Polyhedron { vertices, triangles } => {
                     for piece in convex_surfaces(vertices, triangles) {
-                        let vertices = piece.vertices.iter().map(|v| at(Vec3::from(*v)) - x).collect();
+                        let vertices = piece.vertices.iter().map(|v| to_fixed_frame(Vec3::from(*v)) - x).collect();
                         solid.pieces.push(ConvexPiece::new(*x, vertices, &piece.triangles));
                     }
                 }
                 ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {
                     let columns = frame.map_or(Matrix3::identity(), |f| Matrix3::from_columns(&f.axes.map(Vec3::from)));
-                    let turn = nearest_rotation(&columns).into_inner();
+                    let local_axes = nearest_rotation(&columns).into_inner();
                     let q = q.to_rotation_matrix().into_inner();
-                    // A lone contactor has the centre and the axes of its body.
-                    let (centre, axes) = if lone { (*x, q) } else { (at(offset), q * own.transpose() * turn) };
+                    // A single contactor has the centre and the axes of its body.
+                    let (centre, axes) = if is_single {
+                        (*x, q)
+                    } else {
+                        (to_fixed_frame(offset), q * own_axes.transpose() * local_axes)
+                    };
                     solid.walls.push(PosedWall { shape: shape.clone(), centre, axes: axes.transpose() });
                 }
                 ShapeRecord::Point { .. } => {}
@@ -77,6 +104,7 @@ impl PosedBody {
         solid
     }
 
+    /// Shape of a new wall.
     fn from_wall(wall: &WallBody) -> PosedBody {
         let wall = PosedWall { shape: wall.shape.clone(), centre: wall.centre, axes: wall.axes };
         PosedBody { walls: vec![wall], ..PosedBody::default() }
@@ -93,21 +121,21 @@ impl PosedBody {
         let others = moved_pieces(&other.pieces);
         let mut deepest = deepest_overlap(&self.pieces, &others, allowed);
         for (centre, radius) in &self.balls {
-            for (other_centre, radius_of_other) in &other.balls {
-                deepest = deepest.max(radius + radius_of_other - (centre - other_centre + shift).norm());
+            for (other_centre, other_radius) in &other.balls {
+                deepest = deepest.max(radius + other_radius - (centre - other_centre + shift).norm());
             }
             deepest = others.iter().map(|piece| piece.overlap_of_ball(centre, *radius)).fold(deepest, f64::max);
-            let into = |wall: &PosedWall| {
+            let wall_overlap = |wall: &PosedWall| {
                 walls::ball_overlap(&wall.shape, &(wall.axes * (centre + shift - wall.centre)), *radius)
             };
-            deepest = other.walls.iter().map(into).fold(deepest, f64::max);
+            deepest = other.walls.iter().map(wall_overlap).fold(deepest, f64::max);
         }
         for (centre, radius) in &other.balls {
             let centre = centre - shift;
             deepest = self.pieces.iter().map(|piece| piece.overlap_of_ball(&centre, *radius)).fold(deepest, f64::max);
-            let into =
+            let wall_overlap =
                 |wall: &PosedWall| walls::ball_overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), *radius);
-            deepest = self.walls.iter().map(into).fold(deepest, f64::max);
+            deepest = self.walls.iter().map(wall_overlap).fold(deepest, f64::max);
         }
         for wall in &self.walls {
             deepest = deepest.max(walls::pieces_overlap(&wall.shape, &wall.centre, &wall.axes, &others, allowed));
@@ -127,14 +155,15 @@ fn own_axes(body: &Body) -> Matrix3<f64> {
     frame.map_or(Matrix3::identity(), |frame| Matrix3::from_fn(|i, j| frame.axes[j][i]))
 }
 
-/// Largest overlap of two bodies in contact at the end of a run, m, over all its bodies, kept or not.
+/// Largest overlap of two bodies in contact at the end of a run, m, over all its bodies, selected or not.
 fn remaining_overlap(source: &SourceCase, options: &Compute) -> f64 {
     let bodies = &source.snapshot.bodies;
     let posed_bodies: Vec<OnceCell<PosedBody>> = (0..source.bodies.0.len()).map(|_| OnceCell::new()).collect();
     let x = |k: usize| Vec3::from(bodies.body_x[k]);
-    let solid = |k: usize| {
+    let posed_body = |k: usize| {
         posed_bodies[k].get_or_init(|| {
-            PosedBody::from_body(&source.bodies.0[k], &source.shifts[k], &x(k), &unit_quaternion(bodies.body_q[k]))
+            let pose = BodyPose { shift: source.shifts[k], x: x(k), q: unit_quaternion(bodies.body_q[k]) };
+            PosedBody::from_body(&source.bodies.0[k], &pose)
         })
     };
     let mut pairs: Vec<[usize; 2]> =
@@ -143,7 +172,7 @@ fn remaining_overlap(source: &SourceCase, options: &Compute) -> f64 {
     let mut deepest = 0.0;
     for [a, b] in pairs {
         for shift in nearest_images(options, &(x(b) - x(a))) {
-            deepest = f64::max(deepest, solid(a).overlap_with(solid(b), &shift, deepest));
+            deepest = f64::max(deepest, posed_body(a).overlap_with(posed_body(b), &shift, deepest));
         }
     }
     deepest
@@ -196,14 +225,14 @@ impl<'a> PlacedBodies<'a> {
     /// their bodies. Overlaps among the new bodies are checked elsewhere, and two bodies that are both held may overlap: they
     /// exert no force on each other.
     pub fn check_overlaps(&self, changes: &Changes, options: &Compute, report: &mut FaultReport) {
-        let reach = |k: usize| Some((k, self.reach(k)?));
-        let mut balls: Vec<(usize, f64)> = (0..self.records.0.len()).filter_map(reach).collect();
+        let ball = |k: usize| Some((k, self.reach(k)?));
+        let mut balls: Vec<(usize, f64)> = (0..self.records.0.len()).filter_map(ball).collect();
         balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        for (k, (part, taken)) in self.parts.iter().zip(&changes.bodies).enumerate() {
-            let known = &part.source.options;
-            if taken.rotate.angle != 0.0 || (known.xperiode, known.yperiode) != (options.xperiode, options.yperiode) {
-                let own = balls.iter().filter(|(body, _)| self.owner[*body] == k);
-                check_extent(options, own.map(|&(body, radius)| (self.centres[body], radius)), report);
+        for (k, (part, selection)) in self.parts.iter().zip(&changes.bodies).enumerate() {
+            let Compute { xperiode, yperiode, .. } = part.source.options;
+            if selection.rotate.angle != 0.0 || (xperiode, yperiode) != (options.xperiode, options.yperiode) {
+                let part_balls = balls.iter().filter(|(body, _)| self.owner[*body] == k);
+                check_extent(options, part_balls.map(|&(body, radius)| (self.centres[body], radius)), report);
             }
         }
         let mut found = self.overlaps(&balls, options);
@@ -249,9 +278,7 @@ impl<'a> PlacedBodies<'a> {
         self.shapes[body].get_or_init(|| match body.checked_sub(self.source_count()) {
             None => {
                 let (part, row) = self.row_in_part(body);
-                let shift = part.source.shifts[part.source_bodies[row].index()];
-                let q = unit_quaternion(part.state.bodies.body_q[row]);
-                PosedBody::from_body(&part.records[row], &shift, &self.centres[body], &q)
+                PosedBody::from_body(&part.records[row], &part_pose(part, row))
             }
             Some(number) => match self.new.grains.get(number) {
                 Some(grain) if grain.polyhedron.is_some() => {
@@ -295,10 +322,10 @@ impl<'a> PlacedBodies<'a> {
             for &(k, radius) in balls.iter().filter(|(k, _)| self.owner[*k] != self.owner[wall]) {
                 for shift in nearest_images(options, &(self.centres[k] - self.centres[wall])) {
                     let centre = self.centres[k] - shift;
-                    let near = |wall: &PosedWall| {
+                    let is_near = |wall: &PosedWall| {
                         walls::ball_overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), radius) > 0.0
                     };
-                    if self.shape(wall).walls.iter().any(near) {
+                    if self.shape(wall).walls.iter().any(is_near) {
                         compare(wall, k, &shift, radius);
                     }
                 }
@@ -307,13 +334,13 @@ impl<'a> PlacedBodies<'a> {
         let mut cells = SphereGrid::new(balls.first().map_or(1.0, |ball| ball.1));
         for &(k, radius) in balls {
             // Position in the cell about the origin: neighbours lie in that cell or in an adjacent one.
-            let own = nearest_images(options, &self.centres[k])[0];
-            let relative_centre = self.centres[k] - own;
+            let cell_origin = nearest_images(options, &self.centres[k])[0];
+            let relative_centre = self.centres[k] - cell_origin;
             for shift in nearest_images(options, &Vec3::zeros()) {
                 cells.for_each_overlap(&(relative_centre + shift), radius, |number, _| {
                     let other = balls[number].0;
-                    let between = nearest_images(options, &self.centres[other])[0] - own + shift;
-                    compare(k, other, &between, radius);
+                    let other_origin = nearest_images(options, &self.centres[other])[0];
+                    compare(k, other, &(other_origin - cell_origin + shift), radius);
                 });
             }
             cells.add(relative_centre, radius);
@@ -334,6 +361,13 @@ impl<'a> PlacedBodies<'a> {
     }
 }
 
+/// Pose of a row of a part.
+fn part_pose(part: &SourcePart, row: usize) -> BodyPose {
+    let bodies = &part.state.bodies;
+    let shift = part.source.shifts[part.source_bodies[row].index()];
+    BodyPose { shift, x: Vec3::from(bodies.body_x[row]), q: unit_quaternion(bodies.body_q[row]) }
+}
+
 /// Whether a contactor is a plate or a cylinder, whose extent is not that of a ball about its body's centre.
 fn is_plate_or_cylinder(contactor: &Contactor) -> bool {
     matches!(contactor.shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. })
@@ -352,55 +386,51 @@ pub fn check_drums(
     if !records.0.iter().any(|body| body.contactors.iter().any(is_drum)) {
         return;
     }
-    // Path of the value that the body is from, and its pose: shift, centre of mass and orientation.
-    let mut placed: Vec<(String, Vec3, Vec3, UnitQuaternion<f64>)> = Vec::new();
-    for (k, part) in parts.iter().enumerate() {
-        let bodies = &part.state.bodies;
-        let placement_of_row = |row: usize| {
-            let shift = part.source.shifts[part.source_bodies[row].index()];
-            (format!("bodies.{k}"), shift, Vec3::from(bodies.body_x[row]), unit_quaternion(bodies.body_q[row]))
-        };
-        placed.extend((0..part.records.len()).map(placement_of_row));
+    let mut poses: Vec<BodyPose> = Vec::new();
+    for part in parts {
+        poses.extend((0..part.records.len()).map(|row| part_pose(part, row)));
     }
-    let turn =
-        |axes: &Matrix3<f64>| UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes.transpose()));
-    let old = placed.len();
-    let grains = new.grains.iter().map(|grain| (grain.position, turn(&grain.axes())));
-    let all = grains.chain(new.walls.iter().map(|wall| (wall.centre, turn(&wall.axes))));
-    placed.extend((0..).zip(all).map(|(k, (x, q))| (new.scene_path(k), Vec3::zeros(), x, q)));
+    let source_count = poses.len();
+    let new_pose = |x: Vec3, axes: &Matrix3<f64>| {
+        let rotation = Rotation3::from_matrix_unchecked(axes.transpose());
+        BodyPose { shift: Vec3::zeros(), x, q: UnitQuaternion::from_rotation_matrix(&rotation) }
+    };
+    poses.extend(new.grains.iter().map(|grain| new_pose(grain.position, &grain.axes())));
+    poses.extend(new.walls.iter().map(|wall| new_pose(wall.centre, &wall.axes)));
     let mut is_driven = vec![false; records.0.len()];
     for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
         is_driven[row.body] = true;
     }
-    let meets = |a: &Contactor, b: &Contactor| {
-        let of = |side: &VisibilitySide, c: &Contactor| side.colour == c.colour && side.contactor == c.shape.row_name();
-        let rows = &mut tact.visibility.iter();
-        rows.any(|row| {
-            of(&row.candidate, a) && of(&row.antagonist, b) || of(&row.candidate, b) && of(&row.antagonist, a)
+    let can_touch = |a: &Contactor, b: &Contactor| {
+        let is_of = |side: &VisibilitySide, contactor: &Contactor| {
+            side.colour == contactor.colour && side.contactor == contactor.shape.row_name()
+        };
+        tact.visibility.iter().any(|row| {
+            is_of(&row.candidate, a) && is_of(&row.antagonist, b)
+                || is_of(&row.candidate, b) && is_of(&row.antagonist, a)
         })
     };
     for (j, body) in records.0.iter().enumerate() {
-        let solid = PosedBody::from_body(body, &placed[j].1, &placed[j].2, &placed[j].3);
+        let solid = PosedBody::from_body(body, &poses[j]);
         let drums = body.contactors.iter().filter(|contactor| is_drum(contactor));
         let walls = solid.walls.iter().filter(|wall| matches!(wall.shape, ShapeRecord::Cylinder { hollow: true, .. }));
         for (drum, wall) in drums.zip(walls) {
             let outside = (0..records.0.len()).filter(|&k| k != j && !is_driven[k]).find(|&k| {
-                let (_, shift, x, q) = &placed[k];
-                let mut met = records.0[k].contactors.iter().filter(|contactor| meets(contactor, drum));
-                met.any(|contactor| {
-                    let centre = centre(&records.0[k], contactor, shift, x, q);
+                let mut touching = records.0[k].contactors.iter().filter(|contactor| can_touch(contactor, drum));
+                touching.any(|contactor| {
+                    let centre = contactor_centre(&records.0[k], contactor, &poses[k]);
                     wall.shape.leaves_out((wall.axes * (centre - wall.centre)).into())
                 })
             });
             if let Some(k) = outside {
-                let path = &placed[k].0;
-                let drum_text = match new.walls.get(j.wrapping_sub(old + new.grains.len())) {
+                let path = scene_path(parts, new, k);
+                let drum_text = match new.walls.get(j.wrapping_sub(source_count + new.grains.len())) {
                     Some(wall) => format!("wall {}", wall.wall + 1),
                     None => format!("body {}", j + 1),
                 };
                 let found = format!("body {} is outside of {drum_text}, a hollow cylinder", k + 1);
                 report.add_fault(
-                    path,
+                    &path,
                     found,
                     "bodies that can touch it inside: it is closed and has contacts on its inside only",
                 );
@@ -410,11 +440,12 @@ pub fn check_drums(
 }
 
 /// Centre of a contactor of a body, as in [`PosedBody::from_body`].
-fn centre(body: &Body, contactor: &Contactor, shift: &Vec3, x: &Vec3, q: &UnitQuaternion<f64>) -> Vec3 {
-    let lone = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::OffsetSphere { .. }));
+fn contactor_centre(body: &Body, contactor: &Contactor, pose: &BodyPose) -> Vec3 {
+    let is_at_centre =
+        matches!(body.contactors.as_slice(), [only] if !matches!(only.shape, ShapeRecord::OffsetSphere { .. }));
     match contactor.mass_properties() {
-        Ok(own) if !lone => x + q * (own_axes(body).transpose() * (Vec3::from(own.centre) - shift)),
-        _ => *x,
+        Ok(own) if !is_at_centre => pose.to_fixed_frame(&own_axes(body), Vec3::from(own.centre)),
+        _ => pose.x,
     }
 }
 

@@ -1,4 +1,4 @@
-//! A case with one of its snapshots, and the bodies taken from it.
+//! A case with one of its snapshots, from which bodies of the next run are selected, moved and renumbered.
 
 use std::path::{Path, PathBuf};
 
@@ -18,6 +18,7 @@ use cd_formats::snapshot::{
     self, AttractionArrays, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PairArrays, START_FILE,
     ShapeArrays, Snapshot, TurningArrays,
 };
+use cd_formats::surface::MassProperties;
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::unchanged::ComputedSnapshot;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
@@ -50,10 +51,12 @@ pub struct SourceCase {
     notes: Vec<(&'static str, String)>,
 }
 
-/// Bodies taken from a source, at their new positions; row k is body `source_bodies[k]` of the source.
+/// Bodies selected from a source, at their new positions; row k is body `source_bodies[k]` of the source.
 pub struct SourcePart<'a> {
     pub source: &'a SourceCase,
+    /// Bodies of the source, ascending.
     pub source_bodies: Vec<BodyId>,
+    /// Records of BODIES.DAT.
     pub records: Vec<Body>,
     /// State of these bodies; contacts hold rows of this part.
     pub state: Snapshot,
@@ -61,14 +64,14 @@ pub struct SourcePart<'a> {
 
 /// Path of the value of the changes that a body of the new DATBOX comes from.
 pub fn scene_path(parts: &[SourcePart], new: &Population, body: usize) -> String {
-    let mut first = 0;
+    let mut end = 0;
     for (k, part) in parts.iter().enumerate() {
-        first += part.source_bodies.len();
-        if body < first {
+        end += part.source_bodies.len();
+        if body < end {
             return format!("bodies.{k}");
         }
     }
-    new.scene_path(body - first)
+    new.scene_path(body - end)
 }
 
 /// Orientation of a snapshot's row.
@@ -87,53 +90,45 @@ impl SourceCase {
         }
         let (datbox, outbox) = (case.join("DATBOX"), case.join("OUTBOX"));
         let mut faults = Faults::default();
-        let all = snapshot::list_snapshots(&outbox)?;
-        let found = match step {
-            Some(step) => all.iter().find(|(number, _)| *number == step),
-            None => all.last(),
+        let snapshots = snapshot::list_snapshots(&outbox)?;
+        let snapshot_path = match step {
+            Some(step) => snapshots.iter().find(|(number, _)| *number == step),
+            None => snapshots.last(),
         };
-        if found.is_none() {
+        let snapshot_path = snapshot_path.map(|(_, path)| path);
+        if snapshot_path.is_none() {
             let found = step.map_or("has no snapshot".into(), |step| format!("has no snapshot of step {step}"));
-            let expected = match all.as_slice() {
+            let expected = match snapshots.as_slice() {
                 [] => "expected the results of cd-solve".into(),
-                [first, .., last] => format!("expected one of {}, steps {} to {}", all.len(), first.0, last.0),
+                [first, .., last] => format!("expected one of {}, steps {} to {}", snapshots.len(), first.0, last.0),
                 [only] => format!("expected step {}", only.0),
             };
             faults.push(Fault::new(&outbox, None, "folder", found, expected));
         }
-        let snapshot = found.and_then(|(_, path)| Some((path, faults.gather_result(Snapshot::read(path))?)));
+        let snapshot = snapshot_path.and_then(|path| Some((path, faults.gather_result(Snapshot::read(path))?)));
         let [bodies_path, bulk_path, tact_path, driven_path] =
             ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT", "DRV_DOF.DAT"].map(|name| datbox.join(name));
         let bodies = faults.gather_result(Bodies::read(&bodies_path));
         let bulk = faults.gather_result(BulkBehav::read(&bulk_path));
         let tact = faults.gather_result(TactBehav::read(&tact_path));
         let driven = faults.gather_result(DrvDof::read(&driven_path));
-        let compute = datbox.join("COMPUTE.RON");
-        let written = if path_exists(&compute) {
-            faults.gather_result(Compute::read(&compute))
+        let compute_path = datbox.join("COMPUTE.RON");
+        let file_options = if path_exists(&compute_path) {
+            faults.gather_result(Compute::read(&compute_path))
         } else {
             Some(Compute::default())
         };
-        let (Some((path, snapshot)), Some(bodies), Some(bulk), Some(tact), Some(driven), Some(written)) =
-            (snapshot, bodies, bulk, tact, driven, written)
+        let (Some((path, snapshot)), Some(bodies), Some(mut bulk), Some(tact), Some(driven), Some(file_options)) =
+            (snapshot, bodies, bulk, tact, driven, file_options)
         else {
             return Err(faults);
         };
         let computed = ComputedSnapshot { path, snapshot: &snapshot };
-        let own = faults.gather_result(computed.expect_bodies(&bodies_path, &bodies)).unwrap_or_default();
+        let mass_properties = faults.gather_result(computed.expect_bodies(&bodies_path, &bodies)).unwrap_or_default();
         faults.gather_result(computed.expect_materials(&bulk_path, &bulk));
         faults.gather_result(computed.expect_laws(&tact_path, &tact));
         faults.gather_result(computed.expect_driven(&driven_path, &driven));
-        let is_point = |contactor: &Contactor| matches!(contactor.shape, ShapeRecord::Point { .. });
-        if let Some(law) = snapshot.meta.laws.iter().find(|law| is_law_of_points(&law.kind))
-            && bodies.0.iter().any(|body| body.contactors.iter().any(is_point))
-        {
-            let line = tact.laws.iter().find(|known| known.nickname == law.nickname).map(|known| known.line);
-            let (object, found) = (format!("law '{}'", law.nickname), format!("{} between PT3Dx", law.kind));
-            let expected = "expected a run without wires and rods: their length at rest is that of the positions in \
-                            BODIES.DAT, which would change; cd-solve --resume continues the run";
-            faults.push(Fault::new(&tact_path, line, object, found, expected));
-        }
+        faults.0.extend(wire_fault(&snapshot, &bodies, &tact, &tact_path));
         let absent = (0..snapshot.bodies.body_id.len()).filter(|&row| !snapshot.is_present(row)).count();
         if absent > 0 {
             let found = format!("{} that has left or not yet entered", count_text(absent, "body"));
@@ -142,18 +137,18 @@ impl SourceCase {
             faults.push(Fault::new(path, None, "snapshot", found, expected));
         }
         faults.into_result(())?;
-        let shifts = bodies.0.iter().zip(&own).map(|(body, own)| body.centre_of_mass_offset(own).into()).collect();
-        let is_first = all.first().is_some_and(|first| first.1 == *path);
-        let (options, mut notes) =
-            run_options(&written, &snapshot.meta, is_first, path_exists(&datbox.join(START_FILE)));
-        let origin = if path_exists(&compute) { "COMPUTE.RON has" } else { "the default is" };
+        let shift = |(body, own): (&Body, &MassProperties)| body.centre_of_mass_offset(own).into();
+        let shifts = bodies.0.iter().zip(&mass_properties).map(shift).collect();
+        let is_first = snapshots.first().is_some_and(|(_, first)| first == path);
+        let has_start = path_exists(&datbox.join(START_FILE));
+        let (options, mut notes) = run_options(&file_options, &snapshot.meta, is_first, has_start);
+        let origin = if path_exists(&compute_path) { "COMPUTE.RON has" } else { "the default is" };
         let changed =
-            options.option_values().into_iter().zip(written.option_values()).filter(|(run, file)| run != file);
+            options.option_values().into_iter().zip(file_options.option_values()).filter(|(run, file)| run != file);
         notes.extend(changed.map(|((name, run), (_, file))| (name, format!("{run} as in the run; {origin} {file}"))));
-        let mut bulk = bulk;
         let gravity = snapshot.meta.parameters.uniform_gravity;
-        let by_event = |event: &Event| matches!(event.action, EventAction::SetGravity(_));
-        if bulk.gravity != gravity && !past_events(&written.events, &snapshot.meta).iter().any(by_event) {
+        let sets_gravity = |event: &Event| matches!(event.action, EventAction::SetGravity(_));
+        if bulk.gravity != gravity && !past_events(&file_options.events, &snapshot.meta).iter().any(sets_gravity) {
             let [run, file] = [&gravity, &bulk.gravity].map(|gravity| vector_text(gravity));
             let text = format!("{run} m/s^2 as in the run; BULK_BEHAV.DAT has {file}");
             notes.push(("uniform gravity", text));
@@ -162,12 +157,14 @@ impl SourceCase {
         Ok(SourceCase { case: case.to_path_buf(), bodies, shifts, bulk, tact, driven, options, snapshot, notes })
     }
 
-    /// Differences between the run and the files of its DATBOX, a line each; of options, only those that are the same
-    /// `now`.
-    pub fn run_notes(&self, now: Option<&Compute>) -> String {
-        let (own, now) = (self.options.option_values(), now.map(Compute::option_values).unwrap_or_default());
-        let holds = |name| own.iter().find(|(known, _)| *known == name).is_none_or(|value| now.contains(value));
-        let notes = self.notes.iter().filter(|(name, _)| holds(*name));
+    /// Differences between the run and the files of its DATBOX, a line each; of options, only those that the next run has,
+    /// too. `next_options` are the options of the next run, if they follow from those of this one.
+    pub fn run_notes(&self, next_options: Option<&Compute>) -> String {
+        let values = self.options.option_values();
+        let next_values = next_options.map(Compute::option_values).unwrap_or_default();
+        let is_continued =
+            |name| values.iter().find(|(known, _)| *known == name).is_none_or(|value| next_values.contains(value));
+        let notes = self.notes.iter().filter(|(name, _)| is_continued(*name));
         notes.map(|(name, text)| format!("{}: {name}: {text}\n", self.case.display())).collect()
     }
 
@@ -175,8 +172,8 @@ impl SourceCase {
     pub fn end_events(&mut self) {
         let meta = &self.snapshot.meta;
         for law in &mut self.tact.laws {
-            if let Some(now) = meta.laws.iter().find(|now| now.nickname == law.nickname) {
-                law.parameters.clone_from(&now.parameters);
+            if let Some(law_in_force) = meta.laws.iter().find(|known| known.nickname == law.nickname) {
+                law.parameters.clone_from(&law_in_force.parameters);
             }
         }
         self.bulk.gravity = meta.parameters.uniform_gravity;
@@ -204,39 +201,40 @@ impl SourceCase {
         }
         // Angular velocity is kept, not angular momentum.
         if let Some(shapes) = &mut self.snapshot.shapes {
-            let as_before = |body: u32| Some(body).filter(|&body| factors[BodyId(body).index()] == 1.0);
-            let (kept, turning_body) = renumbered_rows(&shapes.turning.turning_body, as_before);
-            shapes.turning = TurningArrays { turning_body, ..shapes.turning.select_rows(&kept) };
+            let if_unchanged = |body: u32| Some(body).filter(|&body| factors[BodyId(body).index()] == 1.0);
+            let (unchanged_rows, turning_body) = renumbered_rows(&shapes.turning.turning_body, if_unchanged);
+            shapes.turning = TurningArrays { turning_body, ..shapes.turning.select_rows(&unchanged_rows) };
         }
     }
 
-    /// Selects bodies and moves them. Errors: a selection without a free body, of walls that do not exist, or of walls
-    /// that would be moved.
-    /// Each fault has the path of its value in the selection, which may be empty.
-    pub fn select_bodies(&self, taken: &Selection) -> Result<SourcePart<'_>, Vec<(String, RecordFault)>> {
+    /// Selects bodies and moves them.
+    ///
+    /// Errors: a selection without a free body, of walls that do not exist, or of walls that would be moved. Each fault has
+    /// the path of its value in the selection, which may be empty.
+    pub fn select_bodies(&self, selection: &Selection) -> Result<SourcePart<'_>, Vec<(String, RecordFault)>> {
         let bodies = &self.snapshot.bodies;
         let is_driven = |body: BodyId| bodies.body_driven[body.index()] != 0;
-        let largest = match taken.select {
+        // Whether each row is selected, if it is free.
+        let passes_filter = match selection.select {
             BodyFilter::All => None,
             BodyFilter::Largest => Some(self.largest_group()),
             BodyFilter::Below(height) => Some(self.rows_below(height)),
         };
-        let excepted = self.excepted_rows(&taken.walls_except)?;
-        let source_bodies: Vec<BodyId> = (0..bodies.body_id.len())
-            .map(BodyId::new)
-            .filter(|&body| {
-                if is_driven(body) {
-                    taken.walls != excepted[body.index()]
-                } else {
-                    largest.as_ref().is_none_or(|kept| kept[body.index()])
-                }
-            })
-            .collect();
+        let excepted = self.excepted_rows(&selection.walls_except)?;
+        let is_selected = |body: &BodyId| {
+            if is_driven(*body) {
+                selection.walls != excepted[body.index()]
+            } else {
+                passes_filter.as_ref().is_none_or(|passes| passes[body.index()])
+            }
+        };
+        let source_bodies: Vec<BodyId> =
+            (0..bodies.body_id.len()).map(BodyId::new).filter(|body| is_selected(body)).collect();
         let free: Vec<usize> = (0..source_bodies.len()).filter(|&k| !is_driven(source_bodies[k])).collect();
         if free.is_empty() {
             return Err(vec![(String::new(), RecordFault::new("no body is free to move", "expected at least one"))]);
         }
-        let is_moved = taken.rotate.angle != 0.0 || taken.centre.is_some();
+        let is_moved = selection.rotate.angle != 0.0 || selection.centre.is_some();
         if is_moved && free.len() < source_bodies.len() {
             let expected = "expected walls: false, or neither rotate nor centre";
             let fault = RecordFault::new("bodies with imposed motion are to be moved", expected);
@@ -244,36 +242,40 @@ impl SourceCase {
         }
         let mut state = Snapshot { meta: self.snapshot.meta.clone(), ..Snapshot::default() };
         state.bodies = bodies.select_rows(&source_bodies.iter().map(|body| body.index()).collect::<Vec<_>>());
-        let row_of = |body: u32| source_bodies.binary_search(&BodyId(body)).ok().map(|k| k as u32);
-        let row_pair = |[a, b]: [u32; 2]| Some([row_of(a)?, row_of(b)?]);
-        let (kept, pairs) = renumbered_rows(&self.snapshot.contacts.contact_body, row_pair);
-        state.contacts = self.snapshot.contacts.select_rows(&kept);
-        state.contacts.contact_body = pairs;
-        state.memory = self.snapshot.memory.as_ref().map(|memory| memory.select_rows(&kept));
-        state.laws = self.snapshot.laws.as_ref().map(|laws| laws.select_rows(&kept));
-        state.attractions = self.snapshot.attractions.as_ref().map(|attractions| attractions.select_rows(&kept));
-        move_rows(&mut state, &free, taken);
+        let new_row = |body: u32| source_bodies.binary_search(&BodyId(body)).ok().map(|k| k as u32);
+        let new_row_pair = |[a, b]: [u32; 2]| Some([new_row(a)?, new_row(b)?]);
+        let (contact_rows, contact_body) = renumbered_rows(&self.snapshot.contacts.contact_body, new_row_pair);
+        state.contacts = self.snapshot.contacts.select_rows(&contact_rows);
+        state.contacts.contact_body = contact_body;
+        state.memory = self.snapshot.memory.as_ref().map(|memory| memory.select_rows(&contact_rows));
+        state.laws = self.snapshot.laws.as_ref().map(|laws| laws.select_rows(&contact_rows));
+        let attractions = self.snapshot.attractions.as_ref();
+        state.attractions = attractions.map(|attractions| attractions.select_rows(&contact_rows));
+        move_rows(&mut state, &free, selection);
         state.shapes = self.snapshot.shapes.as_ref().map(|shapes| {
             // If a body's rotation has changed, its angular momentum is computed from its angular velocity.
-            let as_before = |body: u32, row: u32| {
-                let turning = |of: &BodyArrays, body: BodyId| (of.body_q[body.index()], of.body_w_world[body.index()]);
-                turning(&state.bodies, BodyId(row)) == turning(bodies, BodyId(body))
+            let rotates_as_before = |body: u32, row: u32| {
+                let rotation = |arrays: &BodyArrays, body: BodyId| {
+                    (arrays.body_q[body.index()], arrays.body_w_world[body.index()])
+                };
+                rotation(&state.bodies, BodyId(row)) == rotation(bodies, BodyId(body))
             };
-            let (turning, turning_body) =
-                renumbered_rows(&shapes.turning.turning_body, |body| row_of(body).filter(|&row| as_before(body, row)));
-            let (near, pair_body) = renumbered_rows(&shapes.pairs.pair_body, row_pair);
+            let (turning_rows, turning_body) = renumbered_rows(&shapes.turning.turning_body, |body| {
+                new_row(body).filter(|&row| rotates_as_before(body, row))
+            });
+            let (pair_rows, pair_body) = renumbered_rows(&shapes.pairs.pair_body, new_row_pair);
             ShapeArrays {
-                turning: TurningArrays { turning_body, ..shapes.turning.select_rows(&turning) },
-                contacts: shapes.contacts.select_rows(&kept),
+                turning: TurningArrays { turning_body, ..shapes.turning.select_rows(&turning_rows) },
+                contacts: shapes.contacts.select_rows(&contact_rows),
                 // Stored directions in fixed axes are kept: each is only the start of a search.
-                pairs: PairArrays { pair_body, ..shapes.pairs.select_rows(&near) },
+                pairs: PairArrays { pair_body, ..shapes.pairs.select_rows(&pair_rows) },
             }
         });
         let record = |(&body, x): (&BodyId, &[f64; 3])| {
             let mut record = self.bodies.0[body.index()].clone();
             // The numbers of the contactors are unchanged, about the centre of mass or not.
             record.position = (Vec3::from(*x) - self.shifts[body.index()]).into();
-            if let (Some(colour), false) = (&taken.colour, is_driven(body)) {
+            if let (Some(colour), false) = (&selection.colour, is_driven(body)) {
                 record.contactors.iter_mut().for_each(|contactor| contactor.colour.clone_from(colour));
             }
             record
@@ -282,15 +284,16 @@ impl SourceCase {
         Ok(SourcePart { source: self, source_bodies, records, state })
     }
 
-    /// Whether each row is one of these bodies with imposed motion. Errors: a selector that matches no body.
-    fn excepted_rows(&self, which: &[WallSelector]) -> Result<Vec<bool>, Vec<(String, RecordFault)>> {
+    /// Whether each row is one of the bodies with imposed motion that `selectors` name. Errors: a selector that matches no
+    /// body.
+    fn excepted_rows(&self, selectors: &[WallSelector]) -> Result<Vec<bool>, Vec<(String, RecordFault)>> {
         let driven = &self.snapshot.bodies.body_driven;
         let walls: Vec<usize> = (0..driven.len()).filter(|&row| driven[row] != 0).collect();
         let colours = |row: usize| self.bodies.0[row].contactors.iter().map(|contactor| contactor.colour.as_str());
         let mut excepted = vec![false; driven.len()];
         let mut faults = Vec::new();
-        for (k, which) in which.iter().enumerate() {
-            let (found, chosen): (String, Vec<usize>) = match which {
+        for (k, selector) in selectors.iter().enumerate() {
+            let (found, chosen): (String, Vec<usize>) = match selector {
                 WallSelector::Wall(n) => {
                     (format!("Wall({n})"), n.checked_sub(1).and_then(|n| walls.get(n)).copied().into_iter().collect())
                 }
@@ -298,29 +301,26 @@ impl SourceCase {
                     (format!("Body({n})"), walls.iter().copied().filter(|row| row + 1 == *n).collect())
                 }
                 WallSelector::Colour(name) => {
-                    let wears = |row: &usize| colours(*row).any(|colour| colour == name);
-                    (format!("Colour(\"{name}\")"), walls.iter().copied().filter(wears).collect())
+                    let has_colour = |row: &usize| colours(*row).any(|colour| colour == name);
+                    (format!("Colour(\"{name}\")"), walls.iter().copied().filter(has_colour).collect())
                 }
             };
             if chosen.is_empty() {
-                let mut known: Vec<&str> = walls.iter().flat_map(|&row| colours(row)).collect();
-                known.sort_unstable();
-                known.dedup();
+                let mut wall_colours: Vec<&str> = walls.iter().flat_map(|&row| colours(row)).collect();
+                wall_colours.sort_unstable();
+                wall_colours.dedup();
+                let wall_colours = wall_colours.join(", ");
                 let expected = match (walls.first(), walls.last()) {
                     (Some(first), Some(last)) if first < last => format!(
-                        "expected one of {} bodies with imposed motion, numbers {} to {}, colours {}",
+                        "expected one of {} bodies with imposed motion, numbers {} to {}, colours {wall_colours}",
                         walls.len(),
                         first + 1,
-                        last + 1,
-                        known.join(", ")
+                        last + 1
                     ),
-                    (Some(one), _) => {
-                        let colours = known.join(", ");
-                        format!(
-                            "expected Wall(1), the only body with imposed motion: number {}, colour {colours}",
-                            one + 1
-                        )
-                    }
+                    (Some(one), _) => format!(
+                        "expected Wall(1), the only body with imposed motion: number {}, colour {wall_colours}",
+                        one + 1
+                    ),
                     _ => "expected none: the run has no bodies with imposed motion".into(),
                 };
                 faults.push((format!("walls_except.{k}"), RecordFault { found, expected }));
@@ -343,9 +343,9 @@ impl SourceCase {
         let mut groups = DisjointSets::new(count);
         for (row, pair) in contacts.contact_body.iter().enumerate() {
             let [a, b] = pair.map(|body| BodyId(body).index());
-            let close = TOUCHING_GAP * bodies.body_radius[a].min(bodies.body_radius[b]);
-            let touch = contacts.contact_impulse[row] != [0.0; 3] || contacts.contact_gap[row] <= close;
-            if touch && bodies.body_driven[a] == 0 && bodies.body_driven[b] == 0 {
+            let max_gap = TOUCHING_GAP * bodies.body_radius[a].min(bodies.body_radius[b]);
+            let is_touching = contacts.contact_impulse[row] != [0.0; 3] || contacts.contact_gap[row] <= max_gap;
+            if is_touching && bodies.body_driven[a] == 0 && bodies.body_driven[b] == 0 {
                 groups.union(a, b);
             }
         }
@@ -360,67 +360,83 @@ impl SourceCase {
     }
 }
 
-/// Numbers of the rows that stay, and their values with the new numbers of bodies.
-fn renumbered_rows<T: Copy>(of: &[T], new: impl Fn(T) -> Option<T>) -> (Vec<usize>, Vec<T>) {
-    of.iter().enumerate().filter_map(|(row, &old)| Some((row, new(old)?))).unzip()
+/// Fault of a run with wires or rods between points, which no other run can continue.
+fn wire_fault(snapshot: &Snapshot, bodies: &Bodies, tact: &TactBehav, tact_path: &Path) -> Option<Fault> {
+    let is_point = |contactor: &Contactor| matches!(contactor.shape, ShapeRecord::Point { .. });
+    let law = snapshot.meta.laws.iter().find(|law| is_law_of_points(&law.kind))?;
+    if !bodies.0.iter().any(|body| body.contactors.iter().any(is_point)) {
+        return None;
+    }
+    let line = tact.laws.iter().find(|known| known.nickname == law.nickname).map(|known| known.line);
+    let (object, found) = (format!("law '{}'", law.nickname), format!("{} between PT3Dx", law.kind));
+    let expected = "expected a run without wires and rods: their length at rest is that of the positions in \
+                    BODIES.DAT, which would change; cd-solve --resume continues the run";
+    Some(Fault::new(tact_path, line, object, found, expected))
+}
+
+/// Numbers of the rows whose values `new_value` maps to another, with these values; the other rows are dropped.
+fn renumbered_rows<T: Copy>(values: &[T], new_value: impl Fn(T) -> Option<T>) -> (Vec<usize>, Vec<T>) {
+    values.iter().enumerate().filter_map(|(row, &value)| Some((row, new_value(value)?))).unzip()
 }
 
 /// Changes position and motion of the `free` rows; unchanged values keep every bit.
-fn move_rows(state: &mut Snapshot, free: &[usize], taken: &Selection) {
+fn move_rows(state: &mut Snapshot, free: &[usize], selection: &Selection) {
     let bodies = &mut state.bodies;
     let mass: f64 = free.iter().map(|&k| bodies.body_mass[k]).sum();
-    let mean = |of: &[[f64; 3]]| free.iter().map(|&k| bodies.body_mass[k] * Vec3::from(of[k])).sum::<Vec3>() / mass;
-    let (com, drift) = (mean(&bodies.body_x), mean(&bodies.body_v));
-    let still = |k: usize| (Vec3::from(bodies.body_v[k]), Vec3::from(bodies.body_w_world[k]));
-    let mut motion: Vec<(Vec3, Vec3)> = free.iter().map(|&k| still(k)).collect();
-    if taken.remove_motion == MotionRemoval::Translation || taken.remove_motion == MotionRemoval::RigidMotion {
-        motion.iter_mut().for_each(|(v, _)| *v -= drift);
+    let mass_mean =
+        |vectors: &[[f64; 3]]| free.iter().map(|&k| bodies.body_mass[k] * Vec3::from(vectors[k])).sum::<Vec3>() / mass;
+    let (com, mean_velocity) = (mass_mean(&bodies.body_x), mass_mean(&bodies.body_v));
+    // Velocity and angular velocity in fixed axes of each free row.
+    let row_motion = |k: usize| (Vec3::from(bodies.body_v[k]), Vec3::from(bodies.body_w_world[k]));
+    let mut motion: Vec<(Vec3, Vec3)> = free.iter().map(|&k| row_motion(k)).collect();
+    if selection.remove_motion == MotionRemoval::Translation || selection.remove_motion == MotionRemoval::RigidMotion {
+        motion.iter_mut().for_each(|(v, _)| *v -= mean_velocity);
     }
-    if taken.remove_motion == MotionRemoval::RigidMotion {
+    if selection.remove_motion == MotionRemoval::RigidMotion {
         let spin = rigid_spin(state, free, &com, &motion);
         for (&k, (v, w)) in free.iter().zip(&mut motion) {
             *v -= spin.cross(&(Vec3::from(state.bodies.body_x[k]) - com));
             *w -= spin;
         }
     }
-    if taken.remove_motion == MotionRemoval::All {
+    if selection.remove_motion == MotionRemoval::All {
         motion.fill((Vec3::zeros(), Vec3::zeros()));
     }
     let bodies = &mut state.bodies;
-    if taken.rotate.angle != 0.0 {
-        let turn = rotation_matrix(&taken.rotate);
-        let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turn));
-        let about = |x: [f64; 3]| (com + turn * (Vec3::from(x) - com)).into();
+    if selection.rotate.angle != 0.0 {
+        let rotation = rotation_matrix(&selection.rotate);
+        let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+        let rotated_about_com = |x: [f64; 3]| (com + rotation * (Vec3::from(x) - com)).into();
         for (&k, (v, w)) in free.iter().zip(&mut motion) {
-            bodies.body_x[k] = about(bodies.body_x[k]);
+            bodies.body_x[k] = rotated_about_com(bodies.body_x[k]);
             let new_q = q * unit_quaternion(bodies.body_q[k]);
             bodies.body_q[k] = [new_q.w, new_q.i, new_q.j, new_q.k];
-            (*v, *w) = (turn * *v, turn * *w);
+            (*v, *w) = (rotation * *v, rotation * *w);
         }
         for point in &mut state.contacts.contact_point {
-            *point = about(*point);
+            *point = rotated_about_com(*point);
         }
         for frame in &mut state.contacts.contact_frame {
-            *frame = frame.map(|axis| (turn * Vec3::from(axis)).into());
+            *frame = frame.map(|axis| (rotation * Vec3::from(axis)).into());
         }
         for sliding in state.laws.iter_mut().flat_map(|laws| &mut laws.contact_sliding) {
-            *sliding = (turn * Vec3::from(*sliding)).into();
+            *sliding = (rotation * Vec3::from(*sliding)).into();
         }
     }
-    if let Some(centre) = taken.centre {
+    if let Some(centre) = selection.centre {
         let shift = Vec3::from(centre) - com;
         let shifted = |x: [f64; 3]| (Vec3::from(x) + shift).into();
         free.iter().for_each(|&k| bodies.body_x[k] = shifted(bodies.body_x[k]));
         state.contacts.contact_point.iter_mut().for_each(|point| *point = shifted(*point));
     }
-    let centre = taken.centre.map_or(com, Vec3::from);
-    let (velocity, spin) = (Vec3::from(taken.velocity), Vec3::from(taken.spin));
+    let centre = selection.centre.map_or(com, Vec3::from);
+    let (velocity, spin) = (Vec3::from(selection.velocity), Vec3::from(selection.spin));
     for (&k, (v, w)) in free.iter().zip(&mut motion) {
-        if taken.spin != [0.0; 3] {
+        if selection.spin != [0.0; 3] {
             *v += spin.cross(&(Vec3::from(bodies.body_x[k]) - centre));
             *w += spin;
         }
-        if taken.velocity != [0.0; 3] {
+        if selection.velocity != [0.0; 3] {
             *v += velocity;
         }
         bodies.body_v[k] = (*v).into();
@@ -431,51 +447,52 @@ fn move_rows(state: &mut Snapshot, free: &[usize], taken: &Selection) {
     }
 }
 
-/// Angular velocity of the rigid body with the inertia and the angular momentum of the rows about `com`, rad/s.
+/// Angular velocity of the rigid body with the inertia and the angular momentum of the `free` rows about `com`, rad/s.
+/// `motion`: their velocities and angular velocities in fixed axes.
 fn rigid_spin(state: &Snapshot, free: &[usize], com: &Vec3, motion: &[(Vec3, Vec3)]) -> Vec3 {
-    let (mut inertia, mut momentum) = (Matrix3::zeros(), Vec3::zeros());
+    let (mut inertia, mut angular_momentum) = (Matrix3::zeros(), Vec3::zeros());
     for (&k, (v, w)) in free.iter().zip(motion) {
         let (mass, arm) = (state.bodies.body_mass[k], Vec3::from(state.bodies.body_x[k]) - com);
         let axes = unit_quaternion(state.bodies.body_q[k]).to_rotation_matrix();
-        let own = axes * Matrix3::from_diagonal(&state.bodies.body_inertia[k].into()) * axes.inverse();
-        inertia += own + mass * (Matrix3::from_diagonal_element(arm.norm_squared()) - arm * arm.transpose());
-        momentum += own * w + mass * arm.cross(v);
+        let own_inertia = axes * Matrix3::from_diagonal(&state.bodies.body_inertia[k].into()) * axes.inverse();
+        inertia += own_inertia + mass * (Matrix3::from_diagonal_element(arm.norm_squared()) - arm * arm.transpose());
+        angular_momentum += own_inertia * w + mass * arm.cross(v);
     }
-    inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * momentum)
+    inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * angular_momentum)
 }
 
-/// Number of the law with this name and kind in a list; a new law is appended.
+/// Index of the law with this name and kind in a list; a new law is appended.
 fn law_index(law: &LawName, laws: &mut Vec<LawName>) -> u8 {
-    let same = |known: &LawName| (&known.nickname, &known.kind) == (&law.nickname, &law.kind);
-    let number = laws.iter().position(same).unwrap_or_else(|| {
+    let is_same = |known: &LawName| (&known.nickname, &known.kind) == (&law.nickname, &law.kind);
+    let index = laws.iter().position(is_same).unwrap_or_else(|| {
         laws.push(law.clone());
         laws.len() - 1
     });
-    number as u8
+    index as u8
 }
 
 impl SourcePart<'_> {
-    /// Appends the state to that of other parts. Bodies are numbered from `first` (from 0); impulses are converted to the
-    /// step length of the whole.
-    pub fn append_to(&self, start: &mut Snapshot, first: usize) {
+    /// Appends the state to `start`, that of the parts before. The first body becomes the body `first_body` (from 0); impulses
+    /// are converted to the step length of the whole.
+    pub fn append_to(&self, start: &mut Snapshot, first_body: usize) {
         let mut bodies = self.state.bodies.clone();
-        bodies.body_id = (first as u64 + 1..).take(self.source_bodies.len()).collect();
+        bodies.body_id = (first_body as u64 + 1..).take(self.source_bodies.len()).collect();
         // Names are in DATBOX; START.npz has motion and contacts.
         bodies.body_colour.fill(0);
         bodies.body_material.fill(0);
         let mut contacts = self.state.contacts.clone();
-        contacts.contact_body.iter_mut().flatten().for_each(|body| *body += first as u32);
-        let own = &self.state.meta.laws;
-        let number: Vec<u8> = own.iter().map(|law| law_index(law, &mut start.meta.laws)).collect();
-        contacts.contact_law.iter_mut().for_each(|law| *law = number[*law as usize]);
+        contacts.contact_body.iter_mut().flatten().for_each(|body| *body += first_body as u32);
+        let laws = &self.state.meta.laws;
+        let new_law_indices: Vec<u8> = laws.iter().map(|law| law_index(law, &mut start.meta.laws)).collect();
+        contacts.contact_law.iter_mut().for_each(|law| *law = new_law_indices[*law as usize]);
         let scale = start.meta.h / self.state.meta.h;
         if scale != 1.0 && scale.is_finite() {
             contacts.contact_impulse.iter_mut().flatten().for_each(|r| *r *= scale);
         }
-        let (before, count) = (start.contacts.contact_body.len(), contacts.contact_body.len());
+        // A group of arrays that only some parts have is filled for the contacts of the others.
+        let (contacts_before, count) = (start.contacts.contact_body.len(), contacts.contact_body.len());
         start.bodies.append(bodies);
         start.contacts.append(contacts);
-        // Laws without memory give contacts without bond and moment.
         let unbonded = |count| MemoryArrays {
             contact_bonded: vec![0; count],
             contact_bond_gap: vec![0.0; count],
@@ -486,41 +503,41 @@ impl SourcePart<'_> {
             if scale != 1.0 && scale.is_finite() {
                 memory.contact_moment.iter_mut().flatten().for_each(|m| *m *= scale);
             }
-            start.memory.get_or_insert_with(|| unbonded(before)).append(memory);
+            start.memory.get_or_insert_with(|| unbonded(contacts_before)).append(memory);
         }
-        let unchanged = |count| LawArrays {
+        let without_interface = |count| LawArrays {
             contact_reference_gap: vec![0.0; count],
             contact_soundness: vec![0.0; count],
             contact_sliding: vec![[0.0; 3]; count],
         };
         if start.laws.is_some() || self.state.laws.is_some() {
-            let laws = self.state.laws.clone().unwrap_or_else(|| unchanged(count));
-            start.laws.get_or_insert_with(|| unchanged(before)).append(laws);
+            let laws = self.state.laws.clone().unwrap_or_else(|| without_interface(count));
+            start.laws.get_or_insert_with(|| without_interface(contacts_before)).append(laws);
         }
-        let none = |count| AttractionArrays { contact_attraction: vec![0.0; count] };
+        let unattracted = |count| AttractionArrays { contact_attraction: vec![0.0; count] };
         if start.attractions.is_some() || self.state.attractions.is_some() {
-            let attractions = self.state.attractions.clone().unwrap_or_else(|| none(count));
-            start.attractions.get_or_insert_with(|| none(before)).append(attractions);
+            let attractions = self.state.attractions.clone().unwrap_or_else(|| unattracted(count));
+            start.attractions.get_or_insert_with(|| unattracted(contacts_before)).append(attractions);
         }
         // Parts with spheres and plates only have contacts of first contactors, with area 0.
-        let plain = |count| ShapeArrays {
+        let sphere_shapes = |count| ShapeArrays {
             contacts: ContactPartArrays { contact_rank: vec![[0; 2]; count], contact_area: vec![0.0; count] },
             ..ShapeArrays::default()
         };
         if start.shapes.is_some() || self.state.shapes.is_some() {
-            let mut shapes = self.state.shapes.clone().unwrap_or_else(|| plain(count));
-            let named = [&mut shapes.turning.turning_body[..], shapes.pairs.pair_body.as_flattened_mut()];
-            named.into_iter().flatten().for_each(|body| *body += first as u32);
-            start.shapes.get_or_insert_with(|| plain(before)).append(shapes);
+            let mut shapes = self.state.shapes.clone().unwrap_or_else(|| sphere_shapes(count));
+            let body_indices = [&mut shapes.turning.turning_body[..], shapes.pairs.pair_body.as_flattened_mut()];
+            body_indices.into_iter().flatten().for_each(|body| *body += first_body as u32);
+            start.shapes.get_or_insert_with(|| sphere_shapes(contacts_before)).append(shapes);
         }
     }
 
     /// Motion of row `k` for DOF.INI, as body `body` (from 0); its position is in BODIES.DAT.
     pub fn dof_record(&self, k: usize, body: usize) -> BodyDof {
         let bodies = &self.state.bodies;
-        let ([a, b, c], [d, e, f]) = (bodies.body_v[k], bodies.body_w[k]);
+        let ([vx, vy, vz], [w1, w2, w3]) = (bodies.body_v[k], bodies.body_w[k]);
         let q = unit_quaternion(bodies.body_q[k]);
         let axes = [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| (q * axis).into());
-        BodyDof { line: 0, body, displacement: [0.0; 6], velocity: [a, b, c, d, e, f], axes }
+        BodyDof { line: 0, body, displacement: [0.0; 6], velocity: [vx, vy, vz, w1, w2, w3], axes }
     }
 }

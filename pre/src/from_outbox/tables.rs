@@ -1,4 +1,4 @@
-//! Merged materials, laws and visibility of several cases.
+//! Materials, laws and visibility table of a new DATBOX: those of the cases that bodies come from and of the changes, merged.
 
 use std::collections::BTreeSet;
 
@@ -58,14 +58,16 @@ impl BehaviourTables {
     }
 }
 
+/// Materials of the cases with the densities of the changes, as far as bodies use them. Different densities of one name, and
+/// names that are not defined, are faults.
 fn merge_materials(changes: &Changes, parts: &[SourcePart], records: &Bodies, report: &mut FaultReport) -> BulkBehav {
-    let changed = |name: &str| changes.materials.iter().any(|material| material.name == name);
-    let mut all: Vec<Material> = Vec::new();
+    let is_changed = |name: &str| changes.materials.iter().any(|material| material.name == name);
+    let mut merged: Vec<Material> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
         for material in &part.source.bulk.materials {
-            match all.iter().find(|known| known.name == material.name) {
-                None => all.push(material.clone()),
-                Some(known) if known.density != material.density && !changed(&known.name) => report.add_fault(
+            match merged.iter().find(|known| known.name == material.name) {
+                None => merged.push(material.clone()),
+                Some(known) if known.density != material.density && !is_changed(&known.name) => report.add_fault(
                     &format!("bodies.{k}"),
                     format!(
                         "material '{}' has the density {}, but {} in an earlier case",
@@ -80,12 +82,12 @@ fn merge_materials(changes: &Changes, parts: &[SourcePart], records: &Bodies, re
         }
     }
     for material in &changes.materials {
-        match all.iter_mut().find(|known| known.name == material.name) {
+        match merged.iter_mut().find(|known| known.name == material.name) {
             Some(known) => known.density = material.density,
-            None => all.push(Material { name: material.name.clone(), density: material.density }),
+            None => merged.push(Material { name: material.name.clone(), density: material.density }),
         }
     }
-    let names: Vec<&str> = all.iter().map(|material| material.name.as_str()).collect();
+    let names: Vec<&str> = merged.iter().map(|material| material.name.as_str()).collect();
     let grain_materials =
         changes.grains.iter().enumerate().map(|(k, grains)| (format!("grains.{k}"), grains.material.as_str()));
     let wall_materials = changes.walls.iter().enumerate().map(|(k, wall)| (format!("walls.{k}"), wall.material()));
@@ -94,24 +96,25 @@ fn merge_materials(changes: &Changes, parts: &[SourcePart], records: &Bodies, re
         let known = check::KnownNames { noun: "a material", names: &names };
         known.report_unknown(report, &format!("{path}.material"), found, material);
     }
-    all.retain(|material| records.0.iter().any(|body| body.material == material.name));
-    let used: Vec<&str> = all.iter().map(|material| material.name.as_str()).collect();
-    let unused = |(_, new): &(usize, &scene::Material)| !used.contains(&new.name.as_str());
-    for (k, scene::Material { name, .. }) in (0..).zip(&changes.materials).filter(unused) {
+    merged.retain(|material| records.0.iter().any(|body| body.material == material.name));
+    let used_names: Vec<&str> = merged.iter().map(|material| material.name.as_str()).collect();
+    let is_unused = |(_, new): &(usize, &scene::Material)| !used_names.contains(&new.name.as_str());
+    for (k, scene::Material { name, .. }) in (0..).zip(&changes.materials).filter(is_unused) {
         let found = format!("no body has the material '{name}', and it is left out");
-        report.add_warning(&format!("materials.{k}.name"), found, &known_names(name, &used));
+        report.add_warning(&format!("materials.{k}.name"), found, &known_names(name, &used_names));
     }
-    BulkBehav { gravity: parts[0].source.bulk.gravity, materials: all }
+    BulkBehav { gravity: parts[0].source.bulk.gravity, materials: merged }
 }
 
+/// Laws of the cases, replaced by those of the changes. Different laws of one name are faults.
 fn merge_laws(changes: &Changes, parts: &[SourcePart], report: &mut FaultReport) -> Vec<LawRecord> {
-    let mut all: Vec<LawRecord> = Vec::new();
+    let mut merged: Vec<LawRecord> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
         for law in &part.source.tact.laws {
-            let same = |known: &LawRecord| (&known.kind, &known.parameters) == (&law.kind, &law.parameters);
-            match all.iter().find(|known| known.nickname == law.nickname) {
-                None => all.push(law.clone()),
-                Some(known) if !same(known) && changes.laws.iter().all(|new| new.name != law.nickname) => report
+            let is_same = |known: &LawRecord| (&known.kind, &known.parameters) == (&law.kind, &law.parameters);
+            match merged.iter().find(|known| known.nickname == law.nickname) {
+                None => merged.push(law.clone()),
+                Some(known) if !is_same(known) && changes.laws.iter().all(|new| new.name != law.nickname) => report
                     .add_fault(
                         &format!("bodies.{k}"),
                         format!("law '{}' differs from the one before", law.nickname),
@@ -123,12 +126,12 @@ fn merge_laws(changes: &Changes, parts: &[SourcePart], report: &mut FaultReport)
     }
     for law in &changes.laws {
         let new = law.to_record();
-        match all.iter_mut().find(|known| known.nickname == new.nickname) {
+        match merged.iter_mut().find(|known| known.nickname == new.nickname) {
             Some(known) => *known = new,
-            None => all.push(new),
+            None => merged.push(new),
         }
     }
-    all
+    merged
 }
 
 /// Distance over which a law attracts, m.
@@ -151,66 +154,70 @@ const WALL_ORDER: usize = 2;
 /// Pairs of colour and contactor in use.
 type ColouredContactors<'a> = BTreeSet<(&'a str, &'a str)>;
 
+/// Pairs of colour and contactor of some bodies.
 fn coloured_contactors(records: &[Body]) -> ColouredContactors<'_> {
     records.iter().flat_map(|body| body.contactors.iter().map(|c| (c.colour.as_str(), c.shape.row_name()))).collect()
 }
 
 /// Candidate and antagonist of each pair of contactors that can touch, one of colour `a`, the other of `b`.
 fn contact_pairs(used_contactors: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[VisibilitySide; 2]> {
-    let of = |colour: &str| -> Vec<VisibilitySide> {
-        let side = |&(colour, contactor): &(&str, &str)| VisibilitySide {
-            body: "RBDY3".into(),
-            contactor: contactor.into(),
-            colour: colour.into(),
-        };
-        used_contactors.iter().filter(|(known, _)| *known == colour).map(side).collect()
+    let sides_of_colour = |colour: &str| -> Vec<VisibilitySide> {
+        used_contactors.iter().filter(|(known, _)| *known == colour).map(visibility_side).collect()
     };
-    let mut all = Vec::new();
-    for x in of(a) {
-        for y in of(b) {
-            let twice = a == b && x.contactor > y.contactor;
-            let mut sides = [x.clone(), y];
+    let mut pairs = Vec::new();
+    for first in sides_of_colour(a) {
+        for second in sides_of_colour(b) {
+            // Within one colour each two contactors occur in both orders.
+            let is_repeated = a == b && first.contactor > second.contactor;
+            let mut sides = [first.clone(), second];
             sides.sort_by_key(|side| candidate_order(&side.contactor));
-            if !twice && candidate_order(&sides[0].contactor) < WALL_ORDER {
-                all.push(sides);
+            if !is_repeated && candidate_order(&sides[0].contactor) < WALL_ORDER {
+                pairs.push(sides);
             }
         }
     }
-    all
+    pairs
+}
+
+/// Side of a row for a colour and contactor.
+fn visibility_side(&(colour, contactor): &(&str, &str)) -> VisibilitySide {
+    VisibilitySide { body: "RBDY3".into(), contactor: contactor.into(), colour: colour.into() }
 }
 
 /// Pairs like [`contact_pairs`] of walls, whose contacts are computed if one of them moves by forces.
 fn wall_pairs(used_contactors: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[VisibilitySide; 2]> {
-    let side = |&(colour, contactor): &(&str, &str)| VisibilitySide {
-        body: "RBDY3".into(),
-        contactor: contactor.into(),
-        colour: colour.into(),
-    };
-    let mut all: Vec<[VisibilitySide; 2]> = Vec::new();
-    for x in used_contactors.iter().filter(|(colour, _)| *colour == a) {
-        for y in used_contactors.iter().filter(|(colour, _)| *colour == b) {
+    let mut pairs: Vec<[VisibilitySide; 2]> = Vec::new();
+    for first in used_contactors.iter().filter(|(colour, _)| *colour == a) {
+        for second in used_contactors.iter().filter(|(colour, _)| *colour == b) {
+            let contactors = [first.1, second.1];
             // LMGC90 has a cylinder before a plate.
-            let sides = if x.1 == "PLANx" { [side(y), side(x)] } else { [side(x), side(y)] };
-            if check::is_computed_wall_pair([x.1, y.1]) && !all.contains(&sides) {
-                all.push(sides);
+            let in_order = if contactors[0] == "PLANx" { [second, first] } else { [first, second] };
+            let sides = in_order.map(visibility_side);
+            if check::is_computed_wall_pair(contactors) && !pairs.contains(&sides) {
+                pairs.push(sides);
             }
         }
     }
-    all
+    pairs
 }
 
+/// Row of the visibility table.
 fn visibility_row([candidate, antagonist]: [VisibilitySide; 2], law: &str, alert: f64) -> VisibilityRow {
     VisibilityRow { line: 0, candidate, law: law.into(), antagonist, alert }
 }
 
+/// Pair of colours in alphabetical order.
 fn ordered_pair<'a>(a: &'a str, b: &'a str) -> (&'a str, &'a str) {
     (a.min(b), a.max(b))
 }
 
+/// Colours of a row in alphabetical order.
 fn row_colours(row: &VisibilityRow) -> (&str, &str) {
     ordered_pair(&row.candidate.colour, &row.antagonist.colour)
 }
 
+/// Rows of the cases, replaced by those of the changes for their pairs of colours, as far as bodies use them. Different laws for
+/// one pair, pairs without a law, and laws without effect are faults.
 fn merge_visibility(
     changes: &Changes,
     parts: &[SourcePart],
@@ -219,8 +226,10 @@ fn merge_visibility(
     laws: &[LawRecord],
     report: &mut FaultReport,
 ) -> Vec<VisibilityRow> {
-    let all = coloured_contactors(&records.0);
-    let named: Vec<(&str, &str)> = changes.contacts.iter().map(|c| ordered_pair(&c.between.0, &c.between.1)).collect();
+    let used_contactors = coloured_contactors(&records.0);
+    // Colours of each row of the changes.
+    let changed_pairs: Vec<(&str, &str)> =
+        changes.contacts.iter().map(|c| ordered_pair(&c.between.0, &c.between.1)).collect();
     let new_records = &records.0[parts.iter().map(|part| part.records.len()).sum()..];
     let new_colours: BTreeSet<&str> = coloured_contactors(new_records).into_iter().map(|(colour, _)| colour).collect();
     let mut rows: Vec<VisibilityRow> = Vec::new();
@@ -235,7 +244,7 @@ fn merge_visibility(
             match known {
                 None => rows.push(row),
                 Some(known) if known.law == row.law => known.alert = known.alert.max(row.alert),
-                Some(known) if !named.contains(&row_colours(known)) => {
+                Some(known) if !changed_pairs.contains(&row_colours(known)) => {
                     let (a, b) = row_colours(known);
                     let found =
                         format!("law '{}' between '{a}' and '{b}', but '{}' in an earlier case", row.law, known.law);
@@ -249,15 +258,15 @@ fn merge_visibility(
             }
         }
     }
-    rows.retain(|row| !named.contains(&row_colours(row)));
-    rows.extend(rows_of_new_shapes(parts, &all, &rows, report));
-    let is_used = |side: &VisibilitySide| all.contains(&(&side.colour[..], &side.contactor[..]));
+    rows.retain(|row| !changed_pairs.contains(&row_colours(row)));
+    rows.extend(rows_of_new_shapes(parts, &used_contactors, &rows, report));
+    let is_used = |side: &VisibilitySide| used_contactors.contains(&(&side.colour[..], &side.contactor[..]));
     rows.retain(|row| is_used(&row.candidate) && is_used(&row.antagonist));
     let groups = GroupColours::from_changes_and_parts(changes, parts);
     for (k, contact) in changes.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
-        let (a, b) = named[k];
-        let mut colours: Vec<&str> = all.iter().map(|(known, _)| *known).collect();
+        let (a, b) = changed_pairs[k];
+        let mut colours: Vec<&str> = used_contactors.iter().map(|(known, _)| *known).collect();
         colours.dedup();
         for (side, colour) in [&contact.between.0, &contact.between.1].into_iter().enumerate() {
             if !colours.contains(&colour.as_str()) {
@@ -266,7 +275,7 @@ fn merge_visibility(
                 known.report_unknown(report, &path, format!("no body has the colour '{colour}'"), colour);
             }
         }
-        if named[..k].contains(&named[k]) {
+        if changed_pairs[..k].contains(&changed_pairs[k]) {
             report.add_fault(&format!("{path}.between"), format!("'{a}' and '{b}' are listed twice"), "each pair once");
         }
         let Some(name) = &contact.law else {
@@ -289,42 +298,44 @@ fn merge_visibility(
         let is_short = check::is_positive(alert) && alert < attraction_range(law);
         let expected = format!("at least the range of the law, {} m", number_text(attraction_range(law)));
         report.require(!is_short, &alert_path, report.number_text(&alert_path, alert), &expected);
-        let moves = |colour: &str| groups.iter().any(|group| group.moving.contains(colour));
-        let mut met = contact_pairs(&all, named[k]);
-        if moves(a) || moves(b) {
-            met.extend(wall_pairs(&all, named[k]));
+        let can_be_pushed = |colour: &str| groups.iter().any(|group| group.moving.contains(colour));
+        let mut pairs = contact_pairs(&used_contactors, (a, b));
+        if can_be_pushed(a) || can_be_pushed(b) {
+            pairs.extend(wall_pairs(&used_contactors, (a, b)));
         }
-        let walls = met.is_empty() && [a, b].iter().all(|colour| all.iter().any(|(known, _)| known == colour));
-        report.require(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), check::NO_WALL_LAW);
-        let idle = !met.is_empty() && !moves(a) && !moves(b);
-        report.require(!idle, &path, format!("a law between '{a}' and '{b}'"), check::NO_IMPOSED_LAW);
-        rows.extend(met.into_iter().map(|sides| visibility_row(sides, name, alert)));
+        let is_wall_law = pairs.is_empty() && [a, b].iter().all(|colour| colours.contains(colour));
+        report.require(!is_wall_law, &path, format!("a law between the walls '{a}' and '{b}'"), check::NO_WALL_LAW);
+        let is_idle = !pairs.is_empty() && !can_be_pushed(a) && !can_be_pushed(b);
+        report.require(!is_idle, &path, format!("a law between '{a}' and '{b}'"), check::NO_IMPOSED_LAW);
+        rows.extend(pairs.into_iter().map(|sides| visibility_row(sides, name, alert)));
     }
-    expect_all_pairs(&groups, parts.len(), &all, &rows, &named, report);
+    let known_pairs: BTreeSet<(&str, &str)> = changed_pairs.into_iter().chain(rows.iter().map(row_colours)).collect();
+    expect_all_pairs(&groups, parts.len(), &used_contactors, &known_pairs, report);
     rows
 }
 
 /// Rows for contactors that were never together in one case, with the law that their colours have.
 fn rows_of_new_shapes(
     parts: &[SourcePart],
-    all: &ColouredContactors,
+    used_contactors: &ColouredContactors,
     rows: &[VisibilityRow],
     report: &mut FaultReport,
 ) -> Vec<VisibilityRow> {
-    let known: Vec<ColouredContactors> = parts.iter().map(|part| coloured_contactors(&part.records)).collect();
-    let have_met = |sides: &[VisibilitySide; 2]| {
-        let is_in = |known: &ColouredContactors| {
-            sides.iter().all(|side| known.contains(&(&side.colour[..], &side.contactor[..])))
+    let part_contactors: Vec<ColouredContactors> =
+        parts.iter().map(|part| coloured_contactors(&part.records)).collect();
+    let were_together = |sides: &[VisibilitySide; 2]| {
+        let has_both = |contactors: &ColouredContactors| {
+            sides.iter().all(|side| contactors.contains(&(&side.colour[..], &side.contactor[..])))
         };
-        known.iter().any(is_in)
+        part_contactors.iter().any(has_both)
     };
-    let mut new = Vec::new();
+    let mut new_rows = Vec::new();
     for pair in rows.iter().map(row_colours).collect::<BTreeSet<_>>() {
-        let mut theirs = rows.iter().filter(|row| row_colours(row) == pair);
-        let Some(first) = theirs.next() else { continue };
+        let mut rows_of_pair = rows.iter().filter(|row| row_colours(row) == pair);
+        let Some(first) = rows_of_pair.next() else { continue };
         let sides: Vec<[VisibilitySide; 2]> =
-            contact_pairs(all, pair).into_iter().filter(|sides| !have_met(sides)).collect();
-        if let (false, Some(other)) = (sides.is_empty(), theirs.clone().find(|row| row.law != first.law)) {
+            contact_pairs(used_contactors, pair).into_iter().filter(|sides| !were_together(sides)).collect();
+        if let (false, Some(other)) = (sides.is_empty(), rows_of_pair.clone().find(|row| row.law != first.law)) {
             let found = format!("laws '{}' and '{}' between '{}' and '{}'", first.law, other.law, pair.0, pair.1);
             report.add_fault(
                 "contacts",
@@ -332,10 +343,10 @@ fn rows_of_new_shapes(
                 "one law for this pair under contacts: these shapes meet for the first time",
             );
         }
-        let alert = theirs.map(|row| row.alert).fold(first.alert, f64::max);
-        new.extend(sides.into_iter().map(|sides| visibility_row(sides, &first.law, alert)));
+        let alert = rows_of_pair.map(|row| row.alert).fold(first.alert, f64::max);
+        new_rows.extend(sides.into_iter().map(|sides| visibility_row(sides, &first.law, alert)));
     }
-    new
+    new_rows
 }
 
 /// Colours of the bodies of one part, of new grains or of new walls.
@@ -343,10 +354,12 @@ fn rows_of_new_shapes(
 struct GroupColours<'a> {
     /// Colours of bodies that contacts can push.
     moving: BTreeSet<&'a str>,
+    /// Colours of bodies that contacts cannot push.
     imposed: BTreeSet<&'a str>,
 }
 
 impl<'a> GroupColours<'a> {
+    /// Adds the colour of a body.
     fn insert(&mut self, colour: &'a str, can_be_pushed: bool) {
         if can_be_pushed {
             self.moving.insert(colour)
@@ -383,25 +396,24 @@ impl<'a> GroupColours<'a> {
 }
 
 /// Requires a law or a `None` for colours that were never together in one case, so that no bodies pass through each other
-/// by mistake. The first `parts` of the groups are those of the cases.
+/// by mistake. The first `part_count` of the groups are those of the cases; `known_pairs`: colours, in alphabetical order, for
+/// which there is a law or a `None`.
 fn expect_all_pairs(
     groups: &[GroupColours],
-    parts: usize,
-    all: &ColouredContactors,
-    rows: &[VisibilityRow],
-    named: &[(&str, &str)],
+    part_count: usize,
+    used_contactors: &ColouredContactors,
+    known_pairs: &BTreeSet<(&str, &str)>,
     report: &mut FaultReport,
 ) {
     let mut reported_pairs: BTreeSet<(&str, &str)> = BTreeSet::new();
-    for (i, mine) in groups.iter().enumerate() {
-        for a in &mine.moving {
-            for (j, theirs) in groups.iter().enumerate() {
-                for b in theirs.moving.iter().chain(&theirs.imposed) {
+    for (i, group) in groups.iter().enumerate() {
+        for a in &group.moving {
+            for (j, other) in groups.iter().enumerate() {
+                for b in other.moving.iter().chain(&other.imposed) {
                     let pair = ordered_pair(a, b);
-                    let is_checked = i == j && i < parts
-                        || named.contains(&pair)
-                        || rows.iter().any(|row| row_colours(row) == pair)
-                        || contact_pairs(all, pair).is_empty();
+                    let is_checked = i == j && i < part_count
+                        || known_pairs.contains(&pair)
+                        || contact_pairs(used_contactors, pair).is_empty();
                     if !is_checked && reported_pairs.insert(pair) {
                         let found = format!("no law between '{}' and '{}'", pair.0, pair.1);
                         report.add_fault("contacts", found, "one for each pair that can meet (law: None for none)");
@@ -424,22 +436,24 @@ fn default_alert(parts: &[SourcePart], grains: &[Grain]) -> f64 {
 impl SourcePart<'_> {
     /// Rows of the source's table between colours of this part, under their new names, or of new bodies.
     fn rows_of_table(&self, new_colours: &BTreeSet<&str>) -> Vec<VisibilityRow> {
-        let old = |k: usize| &self.source.bodies.0[self.source_bodies[k].index()].contactors;
+        let source_contactors = |k: usize| &self.source.bodies.0[self.source_bodies[k].index()].contactors;
+        // Colour in the source, new colour and contactor of the bodies of this part.
         let renamed: BTreeSet<(&str, &str, &str)> = (0..self.source_bodies.len())
             .flat_map(|k| {
-                let pairs = old(k).iter().zip(&self.records[k].contactors);
+                let pairs = source_contactors(k).iter().zip(&self.records[k].contactors);
                 pairs.map(|(old, new)| (old.colour.as_str(), new.colour.as_str(), old.shape.row_name()))
             })
             .collect();
         let mut rows = Vec::new();
         for row in &self.source.tact.visibility {
-            let news = |side: &VisibilitySide| -> BTreeSet<String> {
-                let mine = renamed.iter().filter(|(old, _, shape)| *old == side.colour && *shape == side.contactor);
-                let own = new_colours.get(side.colour.as_str());
-                mine.map(|(_, new, _)| new).chain(own).map(|colour| colour.to_string()).collect()
+            let colours_of_side = |side: &VisibilitySide| -> BTreeSet<String> {
+                let of_part =
+                    renamed.iter().filter(|(old, _, contactor)| *old == side.colour && *contactor == side.contactor);
+                let of_new_bodies = new_colours.get(side.colour.as_str());
+                of_part.map(|(_, new, _)| new).chain(of_new_bodies).map(|colour| colour.to_string()).collect()
             };
-            for a in &news(&row.candidate) {
-                for b in &news(&row.antagonist) {
+            for a in &colours_of_side(&row.candidate) {
+                for b in &colours_of_side(&row.antagonist) {
                     let mut row = row.clone();
                     row.line = 0;
                     row.candidate.colour = a.clone();
