@@ -127,15 +127,15 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
     let mut report = FaultReport::with_settings(file, &text, settings);
     let cases = expand_cases(&study, &mut report);
     report.warnings = former_name_warnings(file, &text, settings, &cases);
-    let home = file.parent().unwrap_or(Path::new(""));
-    let output = output.unwrap_or(home);
+    let study_folder = file.parent().unwrap_or(Path::new(""));
+    let output = output.unwrap_or(study_folder);
     let mut files: Vec<(PathBuf, String)> = Vec::new();
     let mut bases: HashMap<&Path, Option<String>> = HashMap::new();
     for case in &cases {
         let group = &study.groups[case.group];
         let (base, original) = match &group.base {
             Some(base) => {
-                let path = home.join(base);
+                let path = study_folder.join(base);
                 let read = || report.faults.gather_result(atomic::read_text(&path));
                 (path.clone(), bases.entry(base).or_insert_with(read).clone())
             }
@@ -150,14 +150,8 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
         }
         let path = output.join(&case.name).join(case.file_name());
         if path.exists() && !is_written_here(&path) {
-            let expected = "expected another name for the case";
-            report.faults.push(Fault::new(
-                &path,
-                None,
-                "file",
-                "was not written by a study and would be replaced",
-                expected,
-            ));
+            let found = "was not written by a study and would be replaced";
+            report.faults.push(Fault::new(&path, None, "file", found, "expected another name for the case"));
         }
         match case_text(case, &base, &original, &path) {
             Ok(text) => files.push((path, text)),
@@ -167,12 +161,12 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
             }
         }
     }
-    let known: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
+    let case_names: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
     for case in &cases {
         let Some(from) = &case.from else { continue };
-        if !known.contains(&from.as_str()) && !output.join(from).join("DATBOX").is_dir() {
+        if !case_names.contains(&from.as_str()) && !output.join(from).join("DATBOX").is_dir() {
             let path = format!("groups.{}.from", case.group);
-            report.add_fault_with_phrase(&path, format!("{from} is not a case"), known_names(from, &known));
+            report.add_fault_with_phrase(&path, format!("{from} is not a case"), known_names(from, &case_names));
         }
     }
     if !report.faults.0.is_empty() {
@@ -188,11 +182,11 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
     atomic::write_all(files.iter().map(|(path, text)| (path.clone(), text.as_bytes())))?;
     crate::summary::print_warnings(&report.warnings);
     for case in &cases {
+        let other_name = if case.file_name() == SCENE_FILE { CHANGES_FILE } else { SCENE_FILE };
         // File that another study left in the folder.
-        let other =
-            output.join(&case.name).join(if case.file_name() == SCENE_FILE { CHANGES_FILE } else { SCENE_FILE });
-        if is_written_here(&other) {
-            let _ = fs::remove_file(other);
+        let left_over = output.join(&case.name).join(other_name);
+        if is_written_here(&left_over) {
+            let _ = fs::remove_file(left_over);
         }
     }
     Ok(format!("{}, {written} of them new or changed; wrote {}\n", count_text(count, "case"), rules.display()))
@@ -203,78 +197,87 @@ fn expand_cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
     report.require(!study.groups.is_empty(), "groups", "none", "at least one group");
     for (k, group) in study.groups.iter().enumerate() {
-        let (at, before) = (format!("groups.{k}"), report.faults.0.len());
-        report.require(group.base.is_some() || group.from.is_some(), &at, "no base", "the file of a scene");
-        let set = group.set.iter().enumerate().map(|(n, (path, _))| {
-            let path = StudyText { text: path.clone(), at: format!("{at}.set.{n}.0") };
-            CaseSetting::new(&path, &study_text(report, format!("{at}.set.{n}.1")))
-        });
-        let set: Vec<CaseSetting> = set.collect();
-        let mut axes: Vec<Vec<StudyColumn>> = Vec::new();
-        for (n, parameter) in group.parameters.iter().enumerate() {
-            let mut axis = Vec::new();
-            add_columns(parameter, format!("{at}.parameters.{n}"), &mut axis, report);
-            axes.push(axis);
-        }
-        if !group.seeds.is_empty() {
-            let values = (0..group.seeds.len()).map(|n| study_text(report, format!("{at}.seeds.{n}"))).collect();
-            let path = StudyText { text: "seed".into(), at: format!("{at}.seeds") };
-            axes.push(vec![StudyColumn { name: "seed", paths: vec![path], values }]);
-        }
-        let mut names: Vec<&str> = Vec::new();
-        for column in axes.iter().flatten() {
-            let found = format!("two parameters are named '{}'", column.name);
-            report.require(!names.contains(&column.name), &at, found, "different names");
-            names.extend(Some(column.name).filter(|name| !name.is_empty()));
-        }
-        let patterns = [("name", Some(&group.name)), ("from", group.from.as_ref())];
-        for (field, pattern) in patterns {
-            for unknown in pattern.iter().flat_map(|pattern| placeholders(pattern)).filter(|name| !names.contains(name))
-            {
-                let found = format!("{{{unknown}}} is not a parameter of the group");
-                report.add_fault_with_phrase(&format!("{at}.{field}"), found, known_names(unknown, &names));
-            }
-        }
-        if report.faults.0.len() > before {
+        let group_path = format!("groups.{k}");
+        let faults_before = report.faults.0.len();
+        report.require(group.base.is_some() || group.from.is_some(), &group_path, "no base", "the file of a scene");
+        let shared_settings = settings_of_group(group, &group_path, report);
+        let axes = axes_of_group(group, &group_path, report);
+        check_parameter_names(group, &group_path, &axes, report);
+        if report.faults.0.len() > faults_before {
             continue;
         }
         let total: usize = axes.iter().map(|axis| axis[0].values.len()).product();
         for number in 0..total {
-            let mut case = Case { group: k, name: String::new(), from: None, values: vec![], settings: set.clone() };
-            let mut remaining = number;
-            let mut picked: Vec<usize> = Vec::new();
-            for axis in axes.iter().rev() {
-                picked.push(remaining % axis[0].values.len());
-                remaining /= axis[0].values.len();
-            }
-            for (axis, n) in axes.iter().zip(picked.into_iter().rev()) {
-                for column in axis {
-                    let value = &column.values[n];
-                    if !column.name.is_empty() {
-                        case.values.push((column.name.to_string(), value.text.clone()));
-                    }
-                    case.settings.extend(column.paths.iter().map(|path| CaseSetting::new(path, value)));
-                }
-            }
+            let mut case =
+                Case { group: k, name: String::new(), from: None, values: vec![], settings: shared_settings.clone() };
+            case.add_values(&axes, number);
             case.name = case.fill_pattern(&group.name);
             case.from = group.from.as_ref().map(|pattern| case.fill_pattern(pattern));
-            for (field, name) in [("name", Some(&case.name)), ("from", case.from.as_ref())] {
-                let found = format!("'{}'", name.map_or("", String::as_str));
-                let is_valid = name.is_none_or(|name| is_folder(name));
-                report.require(
-                    is_valid,
-                    &format!("{at}.{field}"),
-                    found,
-                    "a folder below, of letters, digits and . _ + - /",
-                );
-            }
-            let is_duplicate = cases.iter().any(|other| other.name == case.name);
-            let found = format!("two cases are named '{}'", case.name);
-            report.require(!is_duplicate, &format!("{at}.name"), found, "a pattern with every parameter, as {NAME}");
+            check_case_names(&case, &cases, &group_path, report);
             cases.push(case);
         }
     }
     cases
+}
+
+/// Settings that all cases of a group share; `group_path` is the path of the group within the study.
+fn settings_of_group(group: &Group, group_path: &str, report: &FaultReport) -> Vec<CaseSetting> {
+    let settings = group.set.iter().enumerate().map(|(n, (path, _))| {
+        let path = StudyText { text: path.clone(), at: format!("{group_path}.set.{n}.0") };
+        CaseSetting::new(&path, &study_text(report, format!("{group_path}.set.{n}.1")))
+    });
+    settings.collect()
+}
+
+/// Parameters of a group, its seeds last: the columns of each axis vary together.
+fn axes_of_group<'a>(group: &'a Group, group_path: &str, report: &mut FaultReport) -> Vec<Vec<StudyColumn<'a>>> {
+    let mut axes: Vec<Vec<StudyColumn>> = Vec::new();
+    for (n, parameter) in group.parameters.iter().enumerate() {
+        let mut axis = Vec::new();
+        add_columns(parameter, format!("{group_path}.parameters.{n}"), &mut axis, report);
+        axes.push(axis);
+    }
+    if !group.seeds.is_empty() {
+        let values = (0..group.seeds.len()).map(|n| study_text(report, format!("{group_path}.seeds.{n}"))).collect();
+        let path = StudyText { text: "seed".into(), at: format!("{group_path}.seeds") };
+        axes.push(vec![StudyColumn { name: "seed", paths: vec![path], values }]);
+    }
+    axes
+}
+
+/// Requires that the parameters of a group have different names, and that its patterns name no other.
+fn check_parameter_names(group: &Group, group_path: &str, axes: &[Vec<StudyColumn>], report: &mut FaultReport) {
+    let mut names: Vec<&str> = Vec::new();
+    for column in axes.iter().flatten() {
+        let found = format!("two parameters are named '{}'", column.name);
+        report.require(!names.contains(&column.name), group_path, found, "different names");
+        if !column.name.is_empty() {
+            names.push(column.name);
+        }
+    }
+    for (field, pattern) in [("name", Some(&group.name)), ("from", group.from.as_ref())] {
+        let Some(pattern) = pattern else { continue };
+        for unknown in placeholders(pattern).filter(|name| !names.contains(name)) {
+            let found = format!("{{{unknown}}} is not a parameter of the group");
+            report.add_fault_with_phrase(&format!("{group_path}.{field}"), found, known_names(unknown, &names));
+        }
+    }
+}
+
+/// Requires that the folders of a case are valid and that its own is that of none of the `other_cases`.
+fn check_case_names(case: &Case, other_cases: &[Case], group_path: &str, report: &mut FaultReport) {
+    for (field, name) in [("name", Some(&case.name)), ("from", case.from.as_ref())] {
+        let Some(name) = name else { continue };
+        report.require(
+            is_plain_subfolder(name),
+            &format!("{group_path}.{field}"),
+            format!("'{name}'"),
+            "a folder below, of letters, digits and . _ + - /",
+        );
+    }
+    let is_duplicate = other_cases.iter().any(|other| other.name == case.name);
+    let found = format!("two cases are named '{}'", case.name);
+    report.require(!is_duplicate, &format!("{group_path}.name"), found, "a pattern with every parameter, as {NAME}");
 }
 
 /// Text of the value of the study at the path `at`.
@@ -293,16 +296,16 @@ struct StudyColumn<'a> {
 fn add_columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<StudyColumn<'a>>, report: &mut FaultReport) {
     let count = parameter.values.len();
     let expected = axis.first().map_or(count.max(1), |first: &StudyColumn| first.values.len());
-    let values = format!("{at}.values");
-    let those = if axis.is_empty() {
+    let values_path = format!("{at}.values");
+    let expected_text = if axis.is_empty() {
         "at least one".into()
     } else {
         format!("{expected} values, as the parameter it varies with")
     };
-    report.require(count == expected, &values, format!("{count} values"), &those);
-    let values = (0..count).map(|k| study_text(report, format!("{values}.{k}"))).collect();
-    let path = |(k, path): (usize, &String)| StudyText { text: path.clone(), at: format!("{at}.paths.{k}") };
-    let paths = parameter.paths.iter().enumerate().map(path).collect();
+    report.require(count == expected, &values_path, format!("{count} values"), &expected_text);
+    let values = (0..count).map(|k| study_text(report, format!("{values_path}.{k}"))).collect();
+    let path_text = |(k, path): (usize, &String)| StudyText { text: path.clone(), at: format!("{at}.paths.{k}") };
+    let paths = parameter.paths.iter().enumerate().map(path_text).collect();
     axis.push(StudyColumn { name: &parameter.name, paths, values });
     for (n, follower) in parameter.with.iter().enumerate() {
         add_columns(follower, format!("{at}.with.{n}"), axis, report);
@@ -313,29 +316,29 @@ fn add_columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<StudyCol
 fn former_name_warnings(file: &Path, text: &str, settings: &[String], cases: &[Case]) -> Faults {
     let locations = ValueLocations::from_text(text);
     let start = |path: &str| locations.value(path).map_or(0, |value| value.span.start);
-    let (mut uses, mut setting_faults): (Vec<FormerNameUse>, _) = (Vec::new(), Faults::default());
+    let (mut uses, mut setting_warnings): (Vec<FormerNameUse>, _) = (Vec::new(), Faults::default());
     for case_setting in cases.iter().flat_map(|case| &case.settings) {
-        let length = case_setting.text.find('=').unwrap_or(0);
+        let path_length = case_setting.text.find('=').unwrap_or(0);
         for FormerNameUse { name, span } in former_names_of_setting(&case_setting.text) {
-            let (at, start) = if span.start < length {
+            let (at, start) = if span.start < path_length {
                 // Bytes of the path as a string in quotes.
-                let within =
-                    locations.text(&case_setting.path_at).and_then(|text| text.find(&case_setting.text[..length]));
-                (&case_setting.path_at, start(&case_setting.path_at) + within.map_or(0, |quote| quote + span.start))
+                let path = &case_setting.text[..path_length];
+                let quote = locations.text(&case_setting.path_at).and_then(|text| text.find(path));
+                (&case_setting.path_at, start(&case_setting.path_at) + quote.map_or(0, |quote| quote + span.start))
             } else {
-                (&case_setting.value_at, start(&case_setting.value_at) + span.start - length - 1)
+                (&case_setting.value_at, start(&case_setting.value_at) + span.start - path_length - 1)
             };
-            let one = FormerNameUse { name, span: start..start + name.former.len() };
+            let former_use = FormerNameUse { name, span: start..start + name.former.len() };
             match setting_of_path(settings, at).map(|setting| ron_file::setting_warning(setting, name)) {
-                Some(warning) if !setting_faults.0.contains(&warning) => setting_faults.push(warning),
-                None if !uses.contains(&one) => uses.push(one),
+                Some(warning) if !setting_warnings.0.contains(&warning) => setting_warnings.push(warning),
+                None if !uses.contains(&former_use) => uses.push(former_use),
                 _ => {}
             }
         }
     }
-    uses.sort_by_key(|one| one.span.start);
+    uses.sort_by_key(|former_use| former_use.span.start);
     let mut warnings = ron_file::warnings_of_uses(file, text, &uses);
-    warnings.0.extend(setting_faults.0);
+    warnings.0.extend(setting_warnings.0);
     warnings
 }
 
@@ -345,13 +348,32 @@ fn placeholders(pattern: &str) -> impl Iterator<Item = &str> {
 }
 
 /// Whether a name is that of a subfolder that make and shells accept unquoted.
-fn is_folder(name: &str) -> bool {
-    let plain = |letter: char| letter.is_ascii_alphanumeric() || "._+-/".contains(letter);
-    let below = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
-    !name.is_empty() && below && !name.starts_with('-') && !name.ends_with('/') && name.chars().all(plain)
+fn is_plain_subfolder(name: &str) -> bool {
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "._+-/".contains(letter);
+    let is_subfolder = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
+    !name.is_empty() && is_subfolder && !name.starts_with('-') && !name.ends_with('/') && name.chars().all(is_plain)
 }
 
 impl Case {
+    /// Adds the values of the combination `number` of the axes, of which the last varies fastest.
+    fn add_values(&mut self, axes: &[Vec<StudyColumn>], number: usize) {
+        let mut remaining = number;
+        let mut picked: Vec<usize> = Vec::new();
+        for axis in axes.iter().rev() {
+            picked.push(remaining % axis[0].values.len());
+            remaining /= axis[0].values.len();
+        }
+        for (axis, n) in axes.iter().zip(picked.into_iter().rev()) {
+            for column in axis {
+                let value = &column.values[n];
+                if !column.name.is_empty() {
+                    self.values.push((column.name.to_string(), value.text.clone()));
+                }
+                self.settings.extend(column.paths.iter().map(|path| CaseSetting::new(path, value)));
+            }
+        }
+    }
+
     /// Name of the file in its folder.
     fn file_name(&self) -> &'static str {
         if self.from.is_some() { CHANGES_FILE } else { SCENE_FILE }
@@ -367,8 +389,8 @@ impl Case {
 
     /// Fault of the case; a fault of a setting gets the position of its value in the study.
     fn locate(&self, fault: Fault, report: &FaultReport) -> Fault {
-        let of = |setting: &&CaseSetting| fault.object == format!("set {}", setting.text);
-        match self.settings.iter().rfind(of).filter(|_| fault.file == Path::new("options")) {
+        let is_at_fault = |setting: &&CaseSetting| fault.object == format!("set {}", setting.text);
+        match self.settings.iter().rfind(is_at_fault).filter(|_| fault.file == Path::new("options")) {
             Some(setting) => {
                 let found = format!("{}: {}", setting.text.split_once('=').map_or("", |(path, _)| path), fault.found);
                 report.fault_at(&setting.value_at, found, fault.expected)
@@ -392,8 +414,9 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
     faults.into_result(())?;
     let changed = apply_settings(original, &settings)?;
     let current = ron_file::with_current_names(base, &changed)?;
-    let values = case.values.iter().map(|(name, value)| format!("; {name}: {}", value.replace('\n', " ")));
-    let head = format!("// Case {} of a study{}.{WRITTEN_MARK}\n", case.name, values.collect::<String>());
+    let values: String =
+        case.values.iter().map(|(name, value)| format!("; {name}: {}", value.replace('\n', " "))).collect();
+    let head = format!("// Case {} of a study{values}.{WRITTEN_MARK}\n", case.name);
     let text = rebase_file_paths(&current, base, path.parent().unwrap_or(Path::new(""))).map(|text| head + &text);
     if text.as_ref().is_ok_and(|text| has_text(path, text)) {
         return text;
@@ -417,7 +440,7 @@ fn has_text(path: &Path, text: &str) -> bool {
 
 /// Scene or changes for another folder than their base; paths of files in it are made relative to that folder.
 fn rebase_file_paths(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> {
-    let home = base.parent().unwrap_or(Path::new(""));
+    let base_folder = base.parent().unwrap_or(Path::new(""));
     let mut settings = Vec::new();
     for pattern in FILE_VALUE_PATHS {
         let (list, rest) = pattern.split_once(".N.").unwrap_or_default();
@@ -427,10 +450,11 @@ fn rebase_file_paths(text: &str, base: &Path, folder: &Path) -> Result<String, F
             let Some(value) = locations.text(&format!("{list}.{n}.{rest}")) else { continue };
             let file = Path::new(value.trim_matches('"'));
             // Path out of the folder of the case, if it lies below that of the base.
-            let up: Option<PathBuf> = folder.strip_prefix(home).ok().map(|below| below.iter().map(|_| "..").collect());
+            let up: Option<PathBuf> =
+                folder.strip_prefix(base_folder).ok().map(|below| below.iter().map(|_| "..").collect());
             let path = match up {
                 Some(up) => up.join(file),
-                None => std::path::absolute(home.join(file)).unwrap_or(home.join(file)),
+                None => std::path::absolute(base_folder.join(file)).unwrap_or(base_folder.join(file)),
             };
             settings.push(format!("{list}.{}.{rest}={:?}", n + 1, path));
         }
@@ -447,40 +471,44 @@ fn table(cases: &[Case]) -> String {
             names.push(name);
         }
     }
-    let cell = |text: &str| match text.contains([',', '"', '\n']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"").replace('\n', " ")),
-        false => text.to_string(),
+    let cell = |text: &str| {
+        if text.contains([',', '"', '\n']) {
+            format!("\"{}\"", text.replace('"', "\"\"").replace('\n', " "))
+        } else {
+            text.to_string()
+        }
     };
     let row = |cells: Vec<&str>| cells.into_iter().map(cell).collect::<Vec<_>>().join(",") + "\n";
     let mut text = row([&["case", "from"], &names[..]].concat());
     for case in cases {
         let value = |name: &&str| case.values.iter().find(|(known, _)| known == name).map_or("", |(_, value)| value);
-        let own = [case.name.as_str(), case.from.as_deref().unwrap_or_default()];
-        text += &row(own.into_iter().chain(names.iter().map(value)).collect());
+        let first_cells = [case.name.as_str(), case.from.as_deref().unwrap_or_default()];
+        text += &row(first_cells.into_iter().chain(names.iter().map(value)).collect());
     }
     text
 }
 
 /// Rules for make: the cases, the files that the study reads, and the order of cases.
 fn rules_for_make(file: &Path, rules: &Path, study: &Study, cases: &[Case]) -> String {
-    let home = file.parent().unwrap_or(Path::new(""));
-    let folder = rules.parent().unwrap_or(Path::new(""));
+    let study_folder = file.parent().unwrap_or(Path::new(""));
+    let rules_folder = rules.parent().unwrap_or(Path::new(""));
     // Paths relative to the folder of the rules, where make runs.
-    let relative = |path: &Path| match path.strip_prefix(folder) {
+    let relative = |path: &Path| match path.strip_prefix(rules_folder) {
         Ok(below) => below.to_path_buf(),
         Err(_) => std::path::absolute(path).unwrap_or(path.to_path_buf()),
     };
-    let mut read: Vec<PathBuf> = vec![relative(file)];
-    for base in study.groups.iter().filter_map(|group| group.base.as_ref()).map(|base| relative(&home.join(base))) {
-        if !read.contains(&base) {
-            read.push(base);
+    let mut inputs: Vec<PathBuf> = vec![relative(file)];
+    for base in study.groups.iter().filter_map(|group| group.base.as_ref()) {
+        let base = relative(&study_folder.join(base));
+        if !inputs.contains(&base) {
+            inputs.push(base);
         }
     }
-    let read: Vec<String> = read.iter().map(|path| path.display().to_string()).collect();
+    let inputs: Vec<String> = inputs.iter().map(|path| path.display().to_string()).collect();
     let names: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
-    let mut text = format!("# Cases of {}.{WRITTEN_MARK}\n", read[0]);
+    let mut text = format!("# Cases of {}.{WRITTEN_MARK}\n", inputs[0]);
     text += &format!("CASES := {}\n", names.join(" "));
-    text += &format!("{}: {}\n", relative(rules).display(), read.join(" "));
+    text += &format!("{}: {}\n", relative(rules).display(), inputs.join(" "));
     for case in cases {
         let from = case.from.as_ref().map_or(String::new(), |from| format!(" {from}/OUTBOX/.done"));
         text += &format!("{}/DATBOX/.done: {}/{}{from}\n", case.name, case.name, case.file_name());
