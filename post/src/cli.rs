@@ -1,4 +1,4 @@
-//! Command line of cd-post.
+//! Command line of cd-post: runs one of the commands, and turns notes and faults into messages and an exit status.
 
 use std::ffi::OsString;
 use std::fs::{File, TryLockError};
@@ -176,8 +176,8 @@ impl Command {
                 report::write(dir, *every, measures).map(print_path)
             }
             Command::Compare { dirs, output, labels, table, columns, against } => {
-                let compared = compare::ComparisonOptions { table, columns, against: against.as_deref() };
-                let (count, notes) = compare::write(dirs, labels, &compared, output)?;
+                let comparison = compare::ComparisonOptions { table, columns, against: against.as_deref() };
+                let (count, notes) = compare::write(dirs, labels, &comparison, output)?;
                 print_line(format_args!("cd-post: {} in {}", count_text(count, "figure"), output.display()));
                 Ok(notes)
             }
@@ -221,7 +221,7 @@ impl Arguments {
     }
 
     /// Errors if folders are not those of cases.
-    fn folders(&self) -> Result<(), Faults> {
+    fn check_folders(&self) -> Result<(), Faults> {
         let (dirs, part) = match &self.command {
             Some(Command::Compare { dirs, .. } | Command::Study { dirs, .. } | Command::AccuracyStudy { dirs, .. }) => {
                 let is_table =
@@ -281,7 +281,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Ok(arguments) => arguments,
         Err(code) => return code,
     };
-    if let Err(faults) = arguments.folders() {
+    if let Err(faults) = arguments.check_folders() {
         print_error(faults.format_report("cd-post").trim_end());
         return 2;
     }
@@ -305,8 +305,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         }
     };
     let _lock = arguments.case_dir().and_then(lock_case);
-    let done = pool.install(|| command.as_ref().map_or_else(|| process_case(options), Command::run));
-    match done {
+    let result = pool.install(|| command.as_ref().map_or_else(|| process_case(options), Command::run));
+    match result {
         Ok(notes) => {
             notes.iter().for_each(|note| print_error(format_args!("cd-post: {note}")));
             i32::from(!notes.is_empty())

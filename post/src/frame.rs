@@ -1,4 +1,5 @@
-//! Frames: the grains, walls and contacts of a snapshot, with contacts in the world's frame.
+//! A [`Frame`]: the grains, walls and contacts of one snapshot, with contacts in the world's frame. `derive` computes
+//! observables from it, `write` draws it.
 
 use std::ops::Index;
 use std::path::Path;
@@ -60,7 +61,7 @@ pub struct Grain {
     /// the origin.
     pub x: Vec3,
     /// Sum of periods added to move the centre into the cell, m.
-    pub moved: Vec3,
+    pub cell_shift: Vec3,
     /// Centre of mass at contact detection, m: x - theta h v, half-way through the step.
     pub x_contact: Vec3,
     /// Velocity, m/s.
@@ -101,9 +102,9 @@ impl Grain {
 
     /// Position of the centre and radius of the sphere, or of each sphere that the grain is made of, m.
     pub fn balls(&self) -> impl Iterator<Item = (Vec3, f64)> {
-        let whole = self.solid.is_none().then_some((self.x, self.radius));
+        let own_ball = self.solid.is_none().then_some((self.x, self.radius));
         let parts = self.solid.iter().flat_map(|solid| &solid.balls);
-        whole.into_iter().chain(parts.map(|(centre, radius)| (self.x + self.rotation * centre, *radius)))
+        own_ball.into_iter().chain(parts.map(|(centre, radius)| (self.x + self.rotation * centre, *radius)))
     }
 
     /// Positions of the vertices of a polyhedron, m; empty for a sphere.
@@ -267,7 +268,7 @@ impl Frame {
         let absent = snapshot.bodies.body_id.iter().zip(&is_present);
         let absent = absent.filter(|(_, is_present)| !**is_present).map(|(id, _)| *id).collect();
         let Snapshot { meta, bodies, contacts, memory, laws: law_memory, attractions, shapes, interval, .. } = snapshot;
-        let to_contact = -meta.parameters.theta * meta.h;
+        let detection_time = -meta.parameters.theta * meta.h;
         let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let is_wall = wall_rows(&bodies);
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
@@ -282,7 +283,7 @@ impl Frame {
                     walls.push(wall_of_row(&bodies, row, solid));
                     BodyIndex::Wall(WallId::new(walls.len() - 1))
                 } else {
-                    grains.push(grain_of_row(&bodies, row, to_contact, solid, &cell));
+                    grains.push(grain_of_row(&bodies, row, detection_time, solid, &cell));
                     BodyIndex::Grain(GrainId::new(grains.len() - 1))
                 }
             })
@@ -298,12 +299,12 @@ impl Frame {
                 candidate.grain_id().or(antagonist.grain_id())?;
                 let [n, t, s] = contacts.contact_frame[row].map(Vec3::from);
                 let [f_n, f_t, f_s] = contacts.contact_force[row];
-                let place = |side: BodyIndex| match side {
-                    BodyIndex::Grain(k) => (grains[k].x_contact, grains[k].moved),
+                let position_and_shift = |side: BodyIndex| match side {
+                    BodyIndex::Grain(k) => (grains[k].x_contact, grains[k].cell_shift),
                     BodyIndex::Wall(k) => (walls[k].x, Vec3::zeros()),
                 };
-                let ((x, shift), (other, _)) = (place(candidate), place(antagonist));
-                let shared = shapes.as_ref().map_or(0.0, |shapes| shapes.contacts.contact_area[row]);
+                let ((x, shift), (other, _)) = (position_and_shift(candidate), position_and_shift(antagonist));
+                let shared_area = shapes.as_ref().map_or(0.0, |shapes| shapes.contacts.contact_area[row]);
                 let [a, b] = pair.map(curvature);
                 Some(Contact {
                     candidate,
@@ -321,7 +322,7 @@ impl Frame {
                     bonded: memory.as_ref().is_some_and(|memory| memory.contact_bonded[row] != 0),
                     soundness: law_memory.as_ref().map_or(0.0, |memory| memory.contact_soundness[row]),
                     attraction: attractions.as_ref().map_or(0.0, |attractions| attractions.contact_attraction[row]),
-                    area: if shared > 0.0 { shared } else { std::f64::consts::PI / (a + b).powi(2) },
+                    area: if shared_area > 0.0 { shared_area } else { std::f64::consts::PI / (a + b).powi(2) },
                 })
             })
             .collect();
@@ -409,10 +410,11 @@ fn body_rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
 }
 
+/// Grain of a row of the snapshot; `detection_time`: time of contact detection relative to the snapshot, s.
 fn grain_of_row(
     bodies: &BodyArrays,
     row: usize,
-    to_contact: f64,
+    detection_time: f64,
     solid: Option<Arc<SolidShape>>,
     cell: &PeriodicCell,
 ) -> Grain {
@@ -432,8 +434,8 @@ fn grain_of_row(
     Grain {
         id: bodies.body_id[row],
         x,
-        moved: shift,
-        x_contact: x + to_contact * v,
+        cell_shift: shift,
+        x_contact: x + detection_time * v,
         v,
         w: bodies.body_w_world[row].into(),
         mass: bodies.body_mass[row],
@@ -446,6 +448,7 @@ fn grain_of_row(
     }
 }
 
+/// Wall of a row of the snapshot.
 fn wall_of_row(bodies: &BodyArrays, row: usize, solid: Option<Arc<SolidShape>>) -> Wall {
     let shape = match (solid, bodies.body_shape[row]) {
         (Some(solid), _) => WallShape::Polyhedron(solid),
@@ -456,7 +459,7 @@ fn wall_of_row(bodies: &BodyArrays, row: usize, solid: Option<Arc<SolidShape>>) 
     Wall { id: bodies.body_id[row], x: bodies.body_x[row].into(), v, rotation: body_rotation(bodies, row), shape }
 }
 
-/// Reason for which a valid snapshot cannot be measured: object, found.
+/// Numbers of a valid snapshot with which it cannot be measured, each as the object and the text found.
 fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
     let mut faults = Vec::new();
     for (row, is_wall) in wall_rows(bodies).into_iter().enumerate() {

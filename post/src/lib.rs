@@ -25,7 +25,7 @@
 //! let frame = Frame::with_solids(Snapshot { bodies, ..Snapshot::default() }, Vec::new(), Vec::new());
 //! let fragments = find_fragments(&frame);
 //! assert_eq!(fragments.len(), 2);
-//! assert_eq!(fragments[0].whole.velocity().z, 3.0);
+//! assert_eq!(fragments[0].sums.velocity().z, 3.0);
 //! ```
 //!
 //! This API is internal and may change with any version. The stable interface of the toolchain is its programs and their

@@ -59,13 +59,14 @@ impl SolidShape {
         }
     }
 
-    /// Adds a cylinder about the third axis, as a prism with its edges on the cylinder; `place` maps its points to the
+    /// Adds a cylinder about the third axis, as a prism with its edges on the cylinder; `to_body` maps its points to the
     /// body's frame.
-    fn add_cylinder(&mut self, half_height: f64, radius: f64, place: impl Fn(Vec3) -> Vec3) {
+    fn add_cylinder(&mut self, half_height: f64, radius: f64, to_body: impl Fn(Vec3) -> Vec3) {
         let first = self.vertices.len() as u32;
         for k in 0..CYLINDER_SIDES {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(CYLINDER_SIDES)).sin_cos();
-            self.vertices.extend([-half_height, half_height].map(|z| place(Vec3::new(radius * cos, radius * sin, z))));
+            self.vertices
+                .extend([-half_height, half_height].map(|z| to_body(Vec3::new(radius * cos, radius * sin, z))));
         }
         let lower = |k: u32| first + 2 * (k % CYLINDER_SIDES);
         self.faces.extend((0..CYLINDER_SIDES).map(|k| vec![lower(k), lower(k + 1), lower(k + 1) + 1, lower(k) + 1]));
@@ -205,18 +206,18 @@ fn datbox_of(path: &Path) -> PathBuf {
 /// Polyhedra of a body as in cd-solve. Coordinates of a single polyhedron are relative to its centre of mass. Those of
 /// several are relative to the common centre of mass, in principal axes unless I1 I2 I3 are given.
 pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
-    let single = body.contactors.len() == 1;
+    let is_single = body.contactors.len() == 1;
     let is_solid = |shape: &ShapeRecord| match shape {
         ShapeRecord::Cylinder { .. } | ShapeRecord::Polyhedron { .. } | ShapeRecord::OffsetSphere { .. } => true,
-        ShapeRecord::Sphere { .. } => !single,
+        ShapeRecord::Sphere { .. } => !is_single,
         ShapeRecord::Plane { .. } | ShapeRecord::Point { .. } => false,
     };
     if !body.contactors.iter().any(|contactor| is_solid(&contactor.shape)) {
         return Ok(None);
     }
-    let simple = single && !matches!(body.contactors[0].shape, ShapeRecord::Polyhedron { .. });
+    let keeps_own_axes = is_single && !matches!(body.contactors[0].shape, ShapeRecord::Polyhedron { .. });
     let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
-    if !simple {
+    if !keeps_own_axes {
         let properties = body.mass_properties()?;
         centre = body.centre_of_mass_offset(&properties).into();
         if let Some(frame) = body.computed_frame(&properties) {
@@ -229,10 +230,10 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
             ShapeRecord::Cylinder { half_height, radius, hollow } => {
                 solid.hollow = hollow.then_some(Hollow { radius: *radius, half_height: *half_height });
                 // The frame of a single cylinder is that of its body.
-                let frame = contactor.local_frame.as_ref().filter(|_| !single);
-                let turn = frame.map_or(Matrix3::identity(), |frame| Matrix3::from_fn(|i, j| frame.axes[j][i]));
+                let frame = contactor.local_frame.as_ref().filter(|_| !is_single);
+                let rotation = frame.map_or(Matrix3::identity(), |frame| Matrix3::from_fn(|i, j| frame.axes[j][i]));
                 let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());
-                solid.add_cylinder(*half_height, *radius, |v| axes * (turn * v + offset - centre));
+                solid.add_cylinder(*half_height, *radius, |v| axes * (rotation * v + offset - centre));
             }
             ShapeRecord::Polyhedron { vertices, triangles } => {
                 let surface = Surface::new(vertices, triangles)?;
@@ -285,8 +286,9 @@ fn merged_faces(surface: &Surface) -> Vec<Vec<u32>> {
             let [a, b, c] = triangles[k];
             [[a, b], [b, c], [c, a]]
         });
-        let mut on_rim = |side: &[u32; 2]| groups.find(triangle_of_side[&[side[1], side[0]]]) != groups.find(face[0]);
-        let rim: BTreeMap<u32, u32> = sides.filter(|side| on_rim(side)).map(|[a, b]| (a, b)).collect();
+        let mut is_on_rim =
+            |side: &[u32; 2]| groups.find(triangle_of_side[&[side[1], side[0]]]) != groups.find(face[0]);
+        let rim: BTreeMap<u32, u32> = sides.filter(|side| is_on_rim(side)).map(|[a, b]| (a, b)).collect();
         let first = rim.keys().next().copied().unwrap_or_default();
         let cycle = std::iter::successors(Some(first), |k| rim.get(k).copied().filter(|next| *next != first));
         let polygon: Vec<u32> = cycle.take(rim.len() + 1).collect();

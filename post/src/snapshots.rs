@@ -10,10 +10,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 /// Lists the snapshots of a folder by step; errors if there are none.
 pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let expected = "expected snapshot-*.npz, the results of cd-solve";
-    let refuse = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
+    let reject = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
     match snapshot::list_snapshots(outbox)? {
-        _ if !atomic::path_exists(outbox) => refuse("is missing"),
-        all if all.is_empty() => refuse("has no snapshot"),
+        _ if !atomic::path_exists(outbox) => reject("is missing"),
+        all if all.is_empty() => reject("has no snapshot"),
         all => Ok(all),
     }
 }
@@ -26,10 +26,10 @@ pub fn select_snapshots(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>
     Ok(all.into_iter().enumerate().filter(|(k, _)| is_selected(*k)).map(|(_, found)| found).collect())
 }
 
-/// Whether snapshot `k` of `count` is one of `some` spread evenly from the first to the last; if `some` is one, the first.
-pub fn is_evenly_chosen(k: usize, count: usize, some: usize) -> bool {
-    let parts = some.max(2) - 1;
-    (0..some).any(|part| (count - 1) * part / parts == k)
+/// Whether snapshot `k` of `count` is one of `chosen` that are spread evenly from the first to the last; of one, the first.
+pub fn is_evenly_chosen(k: usize, count: usize, chosen: usize) -> bool {
+    let gaps = chosen.max(2) - 1;
+    (0..chosen).any(|gap| (count - 1) * gap / gaps == k)
 }
 
 /// Progress bar on a terminal, hidden otherwise.

@@ -15,18 +15,18 @@ pub type Columns = BTreeMap<String, Vec<f64>>;
 
 /// Names of the cases' folders, each with as many parent folders as distinguish it from the others.
 pub fn case_names(cases: &[PathBuf]) -> Vec<String> {
-    let whole: Vec<PathBuf> =
+    let full_paths: Vec<PathBuf> =
         cases.iter().map(|case| std::fs::canonicalize(case).unwrap_or(case.to_path_buf())).collect();
     let tail = |path: &Path, count: usize| -> PathBuf {
         path.components().skip(path.components().count().saturating_sub(count)).collect()
     };
     let name = |path: &PathBuf| {
         let is_unique =
-            |count: &usize| whole.iter().all(|other| other == path || tail(other, *count) != tail(path, *count));
+            |count: &usize| full_paths.iter().all(|other| other == path || tail(other, *count) != tail(path, *count));
         let count = (1..path.components().count()).find(is_unique).unwrap_or(usize::MAX);
         tail(path, count).display().to_string()
     };
-    whole.iter().map(name).collect()
+    full_paths.iter().map(name).collect()
 }
 
 /// Whether a time (s) equals `from` (s) up to the rounding of sums of steps, or is later.
@@ -82,6 +82,7 @@ pub fn read_log(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
     parse_columns(path, &text[..text.rfind('\n').map_or(0, |end| end + 1)], needed)
 }
 
+/// Text of a table; the faults say who writes it.
 fn table_file_text(path: &Path) -> Result<String, Faults> {
     atomic::read_text(path).map_err(|mut faults| {
         let expected = "expected a table of cd-solve, or series.csv of cd-post";
@@ -90,6 +91,7 @@ fn table_file_text(path: &Path) -> Result<String, Faults> {
     })
 }
 
+/// Columns of the text of a table, also those `needed` that it has under a former name.
 fn parse_columns(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Faults> {
     let mut lines = text.lines();
     let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
@@ -98,24 +100,25 @@ fn parse_columns(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Fa
     if names == [""] {
         return Err(Fault::new(path, Some(1), "table", "is empty", "expected names of columns").into());
     }
-    let mut column = |name: &str, found: &str, expected: &str| {
+    let mut add_fault = |name: &str, found: &str, expected: &str| {
         faults.push(Fault::new(path, Some(1), format!("column '{name}'"), found, expected));
     };
     for (k, name) in names.iter().enumerate().filter(|(k, name)| names[..*k].contains(name)) {
-        column(name, &format!("is given again as number {}", k + 1), "expected each name once");
+        add_fault(name, &format!("is given again as number {}", k + 1), "expected each name once");
     }
-    // A series without regions is of a version whose means were over the ball around all grains.
-    let renamed = |name: &str| {
+    // Former column with the values of one that the table does not have: a series without regions has means over the ball
+    // around all grains.
+    let former_column = |name: &str| {
         let (_, old) = FORMER_NAMES.iter().find(|(new, _)| *new == name)?;
         names.iter().position(|known| known == old).filter(|_| !names.contains(&"region"))
     };
-    for name in needed.iter().filter(|name| !names.contains(name) && renamed(name).is_none()) {
-        column(name, "is missing", "write the table again with this version");
+    for name in needed.iter().filter(|name| !names.contains(name) && former_column(name).is_none()) {
+        add_fault(name, "is missing", "write the table again with this version");
     }
-    let finite = |field: &str| field.parse().ok().filter(|x: &f64| x.is_finite());
+    let finite_number = |field: &str| field.parse().ok().filter(|x: &f64| x.is_finite());
     for (number, line) in (2..).zip(lines) {
         let fields: Vec<Option<f64>> =
-            line.split(',').map(|field| if field.is_empty() { Some(f64::NAN) } else { finite(field) }).collect();
+            line.split(',').map(|field| if field.is_empty() { Some(f64::NAN) } else { finite_number(field) }).collect();
         match (fields.len() == names.len()).then(|| fields.into_iter().collect::<Option<Vec<f64>>>()).flatten() {
             Some(values) => columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value)),
             None => {
@@ -126,7 +129,7 @@ fn parse_columns(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Fa
     let former: Vec<(String, Vec<f64>)> = needed
         .iter()
         .filter(|name| !names.contains(name))
-        .filter_map(|name| Some((name.to_string(), columns.get(renamed(name)?)?.clone())))
+        .filter_map(|name| Some((name.to_string(), columns.get(former_column(name)?)?.clone())))
         .collect();
     faults.into_result(names.into_iter().map(str::to_string).zip(columns).chain(former).collect())
 }

@@ -45,8 +45,14 @@ pub const COLUMNS: [(&str, &str, &str); 15] = [
     ("single_over_estimated", "1", "pressure_single over estimated: more than 1 if the estimate is too small"),
 ];
 
-/// Time, s, and positions of the free bodies, m.
-type Positions = (f64, Vec<[f64; 3]>);
+/// Positions of the free bodies at one time.
+#[derive(Debug, Clone)]
+struct BodyPositions {
+    /// Time, s.
+    time: f64,
+    /// Positions, m.
+    x: Vec<[f64; 3]>,
+}
 
 /// Observables of a snapshot that are compared; NaN where one is not defined.
 #[derive(Debug, Clone, Copy)]
@@ -81,7 +87,7 @@ impl SnapshotMeans {
     /// Whether means over the interval may be compared: those of a longer interval are larger if contacts open and close. A
     /// snapshot with an unknown interval has no such means, and so passes.
     fn has_same_interval(&self, other: &SnapshotMeans) -> bool {
-        [self, other].iter().any(|of| of.interval.is_nan()) || same_time(self.interval, other.interval)
+        [self, other].iter().any(|means| means.interval.is_nan()) || same_time(self.interval, other.interval)
     }
 }
 
@@ -90,13 +96,18 @@ struct MeasuredRun {
     case: PathBuf,
     name: String,
     group: String,
+    /// Value of the option that the group varies.
     value: f64,
     accuracy: Option<Accuracy>,
+    /// Time of all stages of all steps, s.
     seconds: f64,
     /// Snapshots, in the order of the series.
     observed: Vec<SnapshotMeans>,
+    /// Error estimate of the run.
     estimated: f64,
-    end: Positions,
+    /// Positions in the last snapshot.
+    end: BodyPositions,
+    /// Mean radius of the free bodies, m.
     mean_radius: f64,
 }
 
@@ -197,12 +208,12 @@ pub fn write(
     title: &str,
     output: &Path,
 ) -> Result<(String, Vec<String>), Faults> {
-    let realisations = folders.iter().any(|folder| known_table(folder).exists());
+    let are_realisations = folders.iter().any(|folder| existing_table(folder).exists());
     let (compared, errors) =
-        if realisations { compare_realisations(folders, selection)? } else { compare_runs(folders, selection)? };
+        if are_realisations { compare_realisations(folders, selection)? } else { compare_runs(folders, selection)? };
     // The finest has no error.
-    let errs = |run: &&RunErrors| run.row.positions != 0.0 || run.row.worst != 0.0;
-    let others: Vec<RunErrors> = compared.iter().filter(errs).cloned().collect();
+    let has_error = |run: &&RunErrors| run.row.positions != 0.0 || run.row.worst != 0.0;
+    let others: Vec<RunErrors> = compared.iter().filter(has_error).cloned().collect();
     atomic::write(&table_path(output), table_text(&compared).as_bytes())?;
     atomic::write(&output.join("orders.csv"), order_table(&others).as_bytes())?;
     let figure = error_figure(&others, title);
@@ -215,7 +226,7 @@ fn table_path(folder: &Path) -> PathBuf {
 }
 
 /// Table of the runs in a folder, also under the name of earlier versions.
-fn known_table(folder: &Path) -> PathBuf {
+fn existing_table(folder: &Path) -> PathBuf {
     let former = folder.join("trade.csv");
     if !table_path(folder).exists() && former.exists() { former } else { table_path(folder) }
 }
@@ -260,9 +271,9 @@ fn compare_realisations(
         faults.push(Fault::new(Path::new("options"), None, "accuracy-study", found, "expected --title and -o alone"));
     }
     let all: Vec<Vec<RunErrors>> =
-        folders.iter().filter_map(|folder| faults.gather_result(read_table(&known_table(folder)))).collect();
+        folders.iter().filter_map(|folder| faults.gather_result(read_table(&existing_table(folder)))).collect();
     faults.into_result(())?;
-    let compared = over_realisations(folders, &all)?;
+    let compared = average_realisations(folders, &all)?;
     Ok((compared, format!("RMS errors of {} realisations", all.len())))
 }
 
@@ -290,30 +301,31 @@ fn read_table(path: &Path) -> Result<Vec<RunErrors>, Faults> {
     faults.into_result(runs)
 }
 
-/// Returns the runs of the first realisation with the errors of all.
-fn over_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<RunErrors>, Faults> {
+/// Returns the runs of the first realisation with root mean squares of the errors of all.
+fn average_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<RunErrors>, Faults> {
     let mut faults = Faults::default();
-    let other = |folder: &Path, found: String| {
+    let fault = |folder: &Path, found: String| {
         let expected = format!("expected the runs of {}", folders[0].display());
-        Fault::new(&known_table(folder), None, "run", found, expected)
+        Fault::new(&existing_table(folder), None, "run", found, expected)
     };
-    let named = |runs: &[RunErrors], name: &str| runs.iter().find(|run| run.name == name).map(|run| run.row);
+    let row_of = |runs: &[RunErrors], name: &str| runs.iter().find(|run| run.name == name).map(|run| run.row);
     for (folder, runs) in folders.iter().zip(all) {
-        for run in runs.iter().filter(|run| named(&all[0], &run.name).is_none()) {
-            faults.push(other(folder, format!("{} as well", run.name)));
+        for run in runs.iter().filter(|run| row_of(&all[0], &run.name).is_none()) {
+            faults.push(fault(folder, format!("{} as well", run.name)));
         }
     }
-    let mut realised = Vec::new();
+    let mut averages = Vec::new();
     for run in &all[0] {
         let errors_of = |(folder, runs): (&PathBuf, &Vec<RunErrors>)| {
-            named(runs, &run.name).ok_or_else(|| Faults::from(other(folder, format!("no {}", run.name))))
+            row_of(runs, &run.name).ok_or_else(|| Faults::from(fault(folder, format!("no {}", run.name))))
         };
         let rows: Vec<ErrorRow> =
             folders.iter().zip(all).filter_map(|each| faults.gather_result(errors_of(each))).collect();
-        let mean = |of: fn(ErrorRow) -> f64| rows.iter().map(|row| of(*row)).sum::<f64>() / rows.len() as f64;
+        let mean = |figure: fn(ErrorRow) -> f64| rows.iter().map(|row| figure(*row)).sum::<f64>() / rows.len() as f64;
         let columns: Vec<_> = rows.iter().map(|row| row.to_columns()).collect();
-        let root = |k: usize| (columns.iter().map(|of| of[k] * of[k]).sum::<f64>() / columns.len() as f64).sqrt();
-        let roots = ErrorRow::from_columns(std::array::from_fn(root));
+        let root_mean_square =
+            |k: usize| (columns.iter().map(|column| column[k] * column[k]).sum::<f64>() / columns.len() as f64).sqrt();
+        let roots = ErrorRow::from_columns(std::array::from_fn(root_mean_square));
         let row = ErrorRow {
             value: run.row.value,
             seconds: mean(|row| row.seconds),
@@ -321,9 +333,9 @@ fn over_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<
             single_over_estimated: roots.pressure_single / roots.estimated,
             ..roots
         };
-        realised.push(RunErrors { row, ..run.clone() });
+        averages.push(RunErrors { row, ..run.clone() });
     }
-    faults.into_result(realised)
+    faults.into_result(averages)
 }
 
 /// Path of the series of a case.
@@ -331,6 +343,7 @@ fn series_path(case: &Path) -> PathBuf {
     case.join("POSTPRO/series.csv")
 }
 
+/// Measures a case from its files.
 fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<MeasuredRun, Faults> {
     let energies = ["n_grains", "Ec_mean", "E_grav", "E_uniform", "E_fields"];
     let shown = ["Z_interval", "nu", "pressure_interval", "a", "b", "c", "bed_nu", "bed_pressure_interval"];
@@ -378,21 +391,23 @@ fn estimated_error(path: &Path) -> Result<f64, Faults> {
     faults.into_result(sum)
 }
 
-fn free_positions(snapshot: &Snapshot) -> Positions {
+/// Positions of the bodies without imposed components.
+fn free_positions(snapshot: &Snapshot) -> BodyPositions {
     let bodies = &snapshot.bodies;
     let free = bodies.body_x.iter().zip(&bodies.body_driven).filter(|(_, driven)| **driven == 0);
-    (snapshot.meta.time, free.map(|(x, _)| *x).collect())
+    BodyPositions { time: snapshot.meta.time, x: free.map(|(x, _)| *x).collect() }
 }
 
 /// Positions of the free bodies in the first snapshot after the start and not before a time (s), if there is one; of
 /// snapshots at that time the nearest, as in [`nearest_time`].
-fn early_positions(case: &Path, from: f64) -> Result<Option<Positions>, Faults> {
-    let time_distance = |(time, _): &Positions| (time - from).abs();
-    let mut best: Option<Positions> = None;
+fn early_positions(case: &Path, from: f64) -> Result<Option<BodyPositions>, Faults> {
+    let time_distance = |positions: &BodyPositions| (positions.time - from).abs();
+    let mut best: Option<BodyPositions> = None;
     for (_, path) in &list_snapshots(&case.join("OUTBOX"))?[1..] {
         let found = free_positions(&Snapshot::read(path)?);
-        let last = found.0 >= from;
-        if is_at_or_after(found.0, from) && best.as_ref().is_none_or(|best| time_distance(&found) < time_distance(best))
+        let last = found.time >= from;
+        if is_at_or_after(found.time, from)
+            && best.as_ref().is_none_or(|best| time_distance(&found) < time_distance(best))
         {
             best = Some(found);
         }
@@ -404,10 +419,11 @@ fn early_positions(case: &Path, from: f64) -> Result<Option<Positions>, Faults> 
 }
 
 /// RMS distance over the mean radius; NaN at different times.
-fn rms_distance((time, a): &Positions, (other, b): &Positions, radius: f64) -> f64 {
-    if !same_time(*time, *other) {
+fn rms_distance(positions: &BodyPositions, others: &BodyPositions, radius: f64) -> f64 {
+    if !same_time(positions.time, others.time) {
         return f64::NAN;
     }
+    let (a, b) = (&positions.x, &others.x);
     let square = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>();
     (a.iter().zip(b).map(square).sum::<f64>() / a.len() as f64).sqrt() / radius
 }
@@ -426,15 +442,15 @@ struct ReferenceRun<'a> {
     finest: &'a MeasuredRun,
     /// Elements of [`MeasuredRun::observed`] of the snapshots that count.
     observed: Vec<SnapshotMeans>,
-    early: Option<Positions>,
+    early: Option<BodyPositions>,
 }
 
 impl ReferenceRun<'_> {
     /// Takes the snapshots from `from` (s) on, or the last, and the early positions from `early` (s) on, or the first.
     fn new(finest: &MeasuredRun, from: Option<f64>, early: Option<f64>) -> Result<ReferenceRun<'_>, Faults> {
         let times: Vec<f64> = finest.observed.iter().map(|means| means.time).collect();
-        let as_there = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
-        let from = from.map(as_there).or(times.last().copied()).unwrap_or(f64::NAN);
+        let snapshot_time = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
+        let from = from.map(snapshot_time).or(times.last().copied()).unwrap_or(f64::NAN);
         let observed: Vec<_> = finest.observed.iter().copied().filter(|means| means.time >= from).collect();
         if observed.is_empty() {
             let expected = "expected one at the time of --from or later";
@@ -448,24 +464,24 @@ impl ReferenceRun<'_> {
     fn compare_run(&self, run: &MeasuredRun) -> Result<RunErrors, Faults> {
         let finest = self.finest;
         let mut faults = Faults::default();
-        let [count, expected] = [run, finest].map(|run| run.end.1.len());
+        let [count, expected] = [run, finest].map(|run| run.end.x.len());
         if count != expected {
             let (found, expected) =
                 (format!("{count} are free"), format!("expected {expected}, as in {}", finest.name));
             faults.push(Fault::new(&run.case.join("OUTBOX"), None, "bodies", found, expected));
         }
-        let at = |time: f64| {
-            let own = nearest_time(run.observed.iter().map(|means| means.time), time)?;
-            run.observed.iter().find(|means| means.time == own)
+        let means_at = |time: f64| {
+            let nearest = nearest_time(run.observed.iter().map(|means| means.time), time)?;
+            run.observed.iter().find(|means| means.time == nearest)
         };
-        let at_once: Vec<(&SnapshotMeans, &SnapshotMeans)> =
-            self.observed.iter().filter_map(|exact| Some((at(exact.time)?, exact))).collect();
-        let shared: Vec<(&Observables, &Observables)> = at_once
+        let pairs: Vec<(&SnapshotMeans, &SnapshotMeans)> =
+            self.observed.iter().filter_map(|exact| Some((means_at(exact.time)?, exact))).collect();
+        let shared: Vec<(&Observables, &Observables)> = pairs
             .iter()
             .filter(|(found, exact)| found.has_same_interval(exact))
             .map(|(found, exact)| (&found.observables, &exact.observables))
             .collect();
-        if let ([(found, exact), ..], []) = (&at_once[..], &shared[..]) {
+        if let ([(found, exact), ..], []) = (&pairs[..], &shared[..]) {
             let found = format!("{} s at t = {} s", rounded_number(found.interval), rounded_number(found.time));
             let expected = format!(
                 "expected {} s, as in {}: choose output_every so that output_every × dt is equal",
@@ -481,35 +497,34 @@ impl ReferenceRun<'_> {
         }
         faults.into_result(())?;
         // Mean over the snapshots in which both have a value.
-        let pairs_of = |of: &dyn Fn(&Observables) -> f64| {
-            let values = shared.iter().map(|(found, exact)| (of(found), of(exact)));
+        let values_of = |value: &dyn Fn(&Observables) -> f64| {
+            let values = shared.iter().map(|(found, exact)| (value(found), value(exact)));
             values.filter(|(found, exact)| found.is_finite() && exact.is_finite()).collect::<Vec<_>>()
         };
-        let relative_error_of_mean = |of: &dyn Fn(&Observables) -> f64| {
-            let [error, all] = pairs_of(of).into_iter().fold([0.0; 2], |[error, all], (found, exact)| {
-                [error + (found - exact), all + exact] // both over the number of them
+        let relative_error_of_mean = |value: &dyn Fn(&Observables) -> f64| {
+            let [error, sum] = values_of(value).into_iter().fold([0.0; 2], |[error, sum], (found, exact)| {
+                [error + (found - exact), sum + exact] // both over the number of them
             });
-            (error / all).abs()
+            (error / sum).abs()
         };
-        let median_error = |of: &dyn Fn(&Observables) -> f64| {
-            let error = median(pairs_of(of).iter().map(|(found, exact)| (found - exact).abs()));
-            error / median(pairs_of(of).iter().map(|(_, exact)| exact.abs()))
+        let median_error = |value: &dyn Fn(&Observables) -> f64| {
+            let error = median(values_of(value).iter().map(|(found, exact)| (found - exact).abs()));
+            error / median(values_of(value).iter().map(|(_, exact)| exact.abs()))
         };
         let (bed_nu, bed_pressure) =
             (relative_error_of_mean(&|o| o.bed_nu), relative_error_of_mean(&|o| o.bed_pressure));
-        // The ball around a bed is as large as its highest grain is high.
-        let bed = bed_nu.is_finite() && bed_pressure.is_finite();
-        let [nu, pressure] = if bed {
+        // In a bed, means over the ball around all grains would depend on the height of the highest grain.
+        let is_bed = bed_nu.is_finite() && bed_pressure.is_finite();
+        let [nu, pressure] = if is_bed {
             [bed_nu, bed_pressure]
         } else {
             [relative_error_of_mean(&|o| o.nu), relative_error_of_mean(&|o| o.pressure)]
         };
         let z = relative_error_of_mean(&|o| o.z);
-        let pressure_single = median_error(&|o| if bed { o.bed_pressure } else { o.pressure });
+        let pressure_single = median_error(&|o| if is_bed { o.bed_pressure } else { o.pressure });
         let positions_early = match &self.early {
-            Some(exact) => {
-                early_positions(&run.case, exact.0)?.map_or(f64::NAN, |own| rms_distance(&own, exact, run.mean_radius))
-            }
+            Some(exact) => early_positions(&run.case, exact.time)?
+                .map_or(f64::NAN, |found| rms_distance(&found, exact, run.mean_radius)),
             None => f64::NAN,
         };
         let positions = rms_distance(&run.end, &finest.end, run.mean_radius);
@@ -574,7 +589,7 @@ fn order_table(runs: &[RunErrors]) -> String {
         text += &format!("{},{}", name_field(name), members.len());
         for error in [(|row| row.worst) as ErrorValue, |row| row.positions_early] {
             let order = line(|row| row.value, error);
-            let digit = line(error, |row| row.seconds).map(|price| 10f64.powf(-price.slope));
+            let digit = line(error, |row| row.seconds).map(|cost| 10f64.powf(-cost.slope));
             for value in [order.as_ref().map(|order| order.slope), order.as_ref().map(|order| order.r2), digit] {
                 text += &format!(",{}", value.unwrap_or(f64::NAN).text());
             }
@@ -631,17 +646,17 @@ fn summary_text(runs: &[RunErrors], errors: &str) -> String {
     text.extend(shown.iter().map(|(name, _)| format!("  {name:>9}")));
     for run in runs {
         text += &format!("\n  {:width$}", run.name);
-        text.extend(shown.iter().map(|(_, of)| match of(&run.row) {
+        text.extend(shown.iter().map(|(_, value)| match value(&run.row) {
             value if value.is_finite() => format!("  {value:>9.2e}"),
             _ => format!("  {:>9}", "-"),
         }));
     }
-    let judged = runs.iter().map(|run| run.row.single_over_estimated).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
-    let (judged, close) =
-        judged.fold((0, 0), |(all, close), ratio| (all + 1, close + i32::from((1.0 / 3.0..=3.0).contains(&ratio))));
+    let ratios = runs.iter().map(|run| run.row.single_over_estimated);
+    let ratios: Vec<f64> = ratios.filter(|ratio| ratio.is_finite() && *ratio > 0.0).collect();
+    let close = ratios.iter().filter(|ratio| (1.0 / 3.0..=3.0).contains(*ratio)).count();
     text += &format!("\n  {errors}");
-    if judged > 0 {
-        text += &format!("; {close} of {judged} estimates within a factor of 3");
+    if !ratios.is_empty() {
+        text += &format!("; {close} of {} estimates within a factor of 3", ratios.len());
     }
     text
 }
@@ -718,7 +733,7 @@ mod tests {
             atomic::write(&table_path(folder), table_text(std::slice::from_ref(run)).as_bytes()).unwrap();
         }
         let all: Vec<Vec<RunErrors>> = folders.iter().map(|folder| read_table(&table_path(folder)).unwrap()).collect();
-        let found = &over_realisations(&folders, &all).unwrap()[0];
+        let found = &average_realisations(&folders, &all).unwrap()[0];
         // (0.3² + 0.4²)/2 = 0.125, (0.01² + 0.07²)/2 = 0.05²; rounding of a few operations.
         let row = &found.row;
         for (value, expected) in
@@ -729,7 +744,7 @@ mod tests {
         assert_eq!(found.row.worst, found.row.z);
         // Others than the runs of the first, and what is no table of them.
         let printed =
-            over_realisations(&folders, &[vec![one], vec![run("tol", 1.0, 1.0, 1.0)]]).unwrap_err().to_string();
+            average_realisations(&folders, &[vec![one], vec![run("tol", 1.0, 1.0, 1.0)]]).unwrap_err().to_string();
         let printed: Vec<&str> = printed.lines().collect();
         let says = |line: &str, found: &str| {
             line.ends_with(&format!("b/accuracy.csv: run: {found}; expected the runs of {}", folders[0].display()))
@@ -760,7 +775,7 @@ mod tests {
             seconds: 1.0,
             observed: vec![SnapshotMeans { time, interval: 0.5, observables: observables(4.0, pressure) }],
             estimated: 0.01,
-            end: (time, vec![[0.0, 0.0, x], [0.0; 3]]),
+            end: BodyPositions { time, x: vec![[0.0, 0.0, x], [0.0; 3]] },
             mean_radius: 2.0,
         }
     }
@@ -851,7 +866,7 @@ mod tests {
         assert!(front.points.is_empty());
         // Another time and another number of bodies.
         let mut other = measured(1.0, 1.0, 0.0);
-        other.end.1.pop();
+        other.end.x.pop();
         let faults = exact.compare_run(&other).unwrap_err().to_string();
         let expected = "run/OUTBOX: bodies: 1 are free; expected 2, as in run\n\
                         run/POSTPRO/series.csv: time: one at 1 s; expected a time of the snapshots of run that count, one at 2 s";

@@ -32,29 +32,30 @@ struct TableKind {
 impl TableKind {
     /// Returns the kind for the name of the table's file.
     fn from_path(table: &Path) -> Option<TableKind> {
-        let some = |columns, names: &[&str]| {
+        let table_kind = |columns, names: &[&str]| {
             Some(TableKind { columns, drawn: names.iter().map(|name| name.to_string()).collect() })
         };
         match table.file_name()?.to_str()? {
             "series.csv" => {
                 let plotted: Vec<&str> =
                     PLOTS.iter().flat_map(|plot| plot.curves.iter().map(|(name, _)| *name)).collect();
-                some(Row::COLUMNS, &plotted)
+                table_kind(Row::COLUMNS, &plotted)
             }
-            "track.csv" => some(&track::COLUMNS, &["depth", "force"]),
-            "crater.csv" => some(&track::CRATER_COLUMNS, &["before", "after"]),
-            "profile.csv" => {
-                some(&state::profiles::PROFILE_COLUMNS, &["nu", "Z", "pressure", "radial_stress", "tangential_stress"])
-            }
-            "layers.csv" => some(
+            "track.csv" => table_kind(&track::COLUMNS, &["depth", "force"]),
+            "crater.csv" => table_kind(&track::CRATER_COLUMNS, &["before", "after"]),
+            "profile.csv" => table_kind(
+                &state::profiles::PROFILE_COLUMNS,
+                &["nu", "Z", "pressure", "radial_stress", "tangential_stress"],
+            ),
+            "layers.csv" => table_kind(
                 &state::profiles::LAYER_COLUMNS,
                 &["nu", "Z", "vertical_stress", "horizontal_stress", "shear_stress", "weight"],
             ),
-            "forces.csv" => some(&state::forces::FORCE_COLUMNS, &["P_normal", "P_tangential"]),
-            "mobilisation.csv" => some(&state::forces::MOBILISATION_COLUMNS, &["P"]),
-            "ejecta.csv" => some(&state::ejecta::EJECTA_COLUMNS, &["mass_share_faster"]),
-            "slopes.csv" => some(&state::surfaces::SLOPE_COLUMNS, &["slope"]),
-            name if is_probe_file(name) => some(&PROBE_COLUMNS, &[]),
+            "forces.csv" => table_kind(&state::forces::FORCE_COLUMNS, &["P_normal", "P_tangential"]),
+            "mobilisation.csv" => table_kind(&state::forces::MOBILISATION_COLUMNS, &["P"]),
+            "ejecta.csv" => table_kind(&state::ejecta::EJECTA_COLUMNS, &["mass_share_faster"]),
+            "slopes.csv" => table_kind(&state::surfaces::SLOPE_COLUMNS, &["slope"]),
+            name if is_probe_file(name) => table_kind(&PROBE_COLUMNS, &[]),
             _ => None,
         }
     }
@@ -84,10 +85,10 @@ pub struct ComparisonOptions<'a> {
 pub fn write(
     cases: &[PathBuf],
     labels: &[String],
-    compared: &ComparisonOptions,
+    comparison: &ComparisonOptions,
     output: &Path,
 ) -> Result<(usize, Vec<String>), Faults> {
-    let ComparisonOptions { table, columns, against } = *compared;
+    let ComparisonOptions { table, columns, against } = *comparison;
     let mut faults = Faults::default();
     let option =
         |name: &str, found: String, expected: String| Fault::new(Path::new("options"), None, name, found, expected);
@@ -104,14 +105,14 @@ pub fn write(
         faults.push(option("table", table.display().to_string(), expected.into()));
         return Err(faults);
     };
-    let unasked = columns.is_empty();
+    let are_default_columns = columns.is_empty();
     // A probe has the columns of its own quantity, where its file can be read.
     let probe_case = cases.first().filter(|_| is_of_probe(table));
     let quantity_columns =
         probe_case.map(|case| probe_columns(&table_path(case, table))).filter(|columns| !columns.is_empty());
-    let columns = if unasked { quantity_columns.as_ref().unwrap_or(&kind.drawn) } else { columns };
+    let columns = if are_default_columns { quantity_columns.as_ref().unwrap_or(&kind.drawn) } else { columns };
     // Plots of columns that no run has, such as the bed of aggregates, are left out.
-    let sparse = unasked && table == Path::new("series.csv");
+    let omits_empty_columns = are_default_columns && table == Path::new("series.csv");
     let against = against.unwrap_or(kind.find_column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
     let requested = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
     let has_column = |name: &str| {
@@ -120,20 +121,20 @@ pub fn write(
         };
         kind.find_column(name).is_some() && quantity_columns.as_ref().is_none_or(is_of_quantity)
     };
-    for (asking, name) in requested.clone().filter(|(_, name)| !has_column(name)) {
+    for (option_name, name) in requested.clone().filter(|(_, name)| !has_column(name)) {
         let columns: Vec<&str> = kind.columns.iter().map(|(name, ..)| *name).filter(|name| has_column(name)).collect();
         let expected = match nearest_name(name, &columns) {
             Some(near) => format!("did you mean {near}?"),
             None if quantity_columns.is_some() => format!("expected one of {}", columns.join(", ")),
             None => format!("expected a column of {}, see docs/reference/observables/", table.display()),
         };
-        faults.push(option(asking, format!("'{name}'"), expected));
+        faults.push(option(option_name, format!("'{name}'"), expected));
     }
     let known: Vec<&str> = requested.map(|(_, name)| name).filter(|name| has_column(name)).collect();
     let mut names = case_names(cases);
     names.iter_mut().zip(labels).for_each(|(name, label)| name.clone_from(label));
     faults.0.extend(name_faults(if labels.is_empty() { "runs" } else { "labels" }, &names, Some(against)));
-    // A state may lack some tables, such as forces of grains that do not touch; a run has snapshots.
+    // A table with a row for each snapshot has one at least; others may be empty, such as forces of grains that do not touch.
     let by_snapshot = kind.find_column("time").is_some();
     let measured = |case: &PathBuf| {
         let path = table_path(case, table);
@@ -153,7 +154,7 @@ pub fn write(
     faults.into_result(())?;
     let mut notes = Vec::new();
     let has = |name: &&String| runs.iter().any(|run| run.columns[*name].iter().any(|value| value.is_finite()));
-    let columns: Vec<&String> = columns.iter().filter(|name| !sparse || has(name)).collect();
+    let columns: Vec<&String> = columns.iter().filter(|name| !omits_empty_columns || has(name)).collect();
     for name in &columns {
         let (figure, table) = comparison_figure(&runs, &kind, name, against);
         notes.extend(figure.repeated_style_warning());
@@ -216,36 +217,36 @@ fn comparison_figure(runs: &[SeriesRun], kind: &TableKind, name: &str, against: 
             PLOTS.iter().any(|plot| plot.logarithmic && plot.curves.iter().any(|(curve, _)| *curve == name));
         FigureAxis { quantity: name.into(), unit: unit.into(), logarithmic }
     };
-    // Label of a column: its words where it has some, else its name.
-    let words = |name: &str| {
+    // First words of the meaning of a column, or its name.
+    let label = |name: &str| {
         let help = kind.find_column(name).map_or("", |(_, _, help)| help);
         help.split(", ").next().filter(|short| !short.is_empty()).unwrap_or(name).to_string()
     };
-    let mut letters = words(name).chars().collect::<Vec<_>>().into_iter();
+    let mut letters = label(name).chars().collect::<Vec<_>>().into_iter();
     let title = letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect());
     let curves = runs.iter().zip(&points).map(|(run, points)| Curve::line(&run.name, points.clone())).collect();
-    let x = FigureAxis { quantity: words(against), logarithmic: false, ..axis(against) };
+    let x = FigureAxis { quantity: label(against), logarithmic: false, ..axis(against) };
     let figure = Figure { title, x, y: axis(name), curves };
-    let same = |a: f64, b: f64| a == b || against == "time" && same_time(a, b);
-    let mut places: Vec<f64> = Vec::new();
+    let is_same = |a: f64, b: f64| a == b || against == "time" && same_time(a, b);
+    let mut abscissas: Vec<f64> = Vec::new();
     for points in &points {
-        let others = places.clone();
-        let is_new = |x: &f64| x.is_finite() && !others.iter().any(|other| same(*other, *x));
-        places.extend(points.iter().map(|p| p.0).filter(is_new));
+        let others = abscissas.clone();
+        let is_new = |x: &f64| x.is_finite() && !others.iter().any(|other| is_same(*other, *x));
+        abscissas.extend(points.iter().map(|p| p.0).filter(is_new));
     }
-    places.sort_by(f64::total_cmp);
-    places.dedup();
-    let heads: Vec<String> = runs.iter().map(|run| name_field(&run.name)).collect();
-    let header: Vec<&str> = std::iter::once(against).chain(heads.iter().map(String::as_str)).collect();
-    let rows = places.into_iter().map(|x| {
-        let at = |points: &Vec<(f64, f64)>| {
-            let place = if against == "time" { nearest_time(points.iter().map(|p| p.0), x) } else { Some(x) };
+    abscissas.sort_by(f64::total_cmp);
+    abscissas.dedup();
+    let run_names: Vec<String> = runs.iter().map(|run| name_field(&run.name)).collect();
+    let header: Vec<&str> = std::iter::once(against).chain(run_names.iter().map(String::as_str)).collect();
+    let rows = abscissas.into_iter().map(|x| {
+        let mean_value = |points: &Vec<(f64, f64)>| {
+            let abscissa = if against == "time" { nearest_time(points.iter().map(|p| p.0), x) } else { Some(x) };
             // A table may contain one position several times: the mean of its values there.
-            let finite_points = points.iter().filter(|p| Some(p.0) == place && p.1.is_finite());
+            let finite_points = points.iter().filter(|p| Some(p.0) == abscissa && p.1.is_finite());
             let (count, sum) = finite_points.fold((0.0, 0.0), |(count, sum), p| (count + 1.0, sum + p.1));
             sum / count
         };
-        std::iter::once(x).chain(points.iter().map(at)).collect::<Vec<_>>()
+        std::iter::once(x).chain(points.iter().map(mean_value)).collect::<Vec<_>>()
     });
     (figure, csv_text(&header, rows))
 }

@@ -71,8 +71,8 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
         print_line(format_args!("  plots    {}", postpro.join("*.svg").display()));
     }
     let mut notes = result_notes(&rows);
-    notes.extend(outside_of_layers(&rows));
-    notes.extend(empty_region(options, &rows, last));
+    notes.extend(undefined_region_note(&rows));
+    notes.extend(empty_region_note(options, &rows, last));
     if !options.no_vtk {
         notes.extend(finish_display(options, &rows, last)?);
         print_line(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
@@ -108,8 +108,8 @@ fn primaries_text(rows: &[Row], last: &Frame) -> Option<String> {
     Some(csv_with_counts(&PRIMARY_COLUMNS.map(|column| column.0), &["primary"], rows.iter().flat_map(lines_of)))
 }
 
-/// Note on snapshots in which the user's region has no volume.
-pub fn outside_of_layers(rows: &[Row]) -> Option<String> {
+/// Note about snapshots in which the user's region has no volume.
+pub fn undefined_region_note(rows: &[Row]) -> Option<String> {
     let outside = rows.iter().filter(|row| row.n_grains > 0 && row.region == 0).count();
     (outside > 0).then(|| {
         format!(
@@ -130,14 +130,14 @@ pub fn measure_series<T: Send>(
     let outbox = options.dir.join("OUTBOX");
     let selected = select_snapshots(&outbox, options.every)?;
     let bar = progress_bar(selected.len());
-    let choices = options.measurement_options();
+    let measurement = options.measurement_options();
     let mut rows = Vec::with_capacity(selected.len());
     let mut kept = Vec::new();
     // Of each grain by its number: grains may enter and leave.
     let mut masses: HashMap<u64, f64> = HashMap::new();
     let mut count: Option<usize> = None;
     let shapes = ShapeCache::default();
-    let mut growing: Vec<(&str, VtkhdfFile)> = Vec::new();
+    let mut open_files: Vec<(&str, VtkhdfFile)> = Vec::new();
     for batch in selected.chunks(rayon::current_num_threads()) {
         let first = rows.len();
         let measured: Vec<Result<_, Faults>> = batch
@@ -146,26 +146,26 @@ pub fn measure_series<T: Send>(
             .map(|(k, (_, path))| {
                 let frame = Frame::read(path, &shapes)?;
                 let fragments = find_fragments(&frame);
-                let row = Row::with_fragments(&frame, &fragments, &choices);
+                let row = Row::with_fragments(&frame, &fragments, &measurement);
                 let pieces = if options.no_vtk { vec![] } else { display_pieces(options, &frame, &fragments)? };
                 drop(fragments);
-                let own: Vec<(u64, f64)> = frame.grains.iter().map(|grain| (grain.id, grain.mass)).collect();
-                let bodies = frame.grains.len() + frame.walls.len() + frame.absent.len();
-                Ok((row, (bodies, own), pieces, keep(first + k, selected.len(), frame)))
+                let grain_masses: Vec<(u64, f64)> = frame.grains.iter().map(|grain| (grain.id, grain.mass)).collect();
+                let body_count = frame.grains.len() + frame.walls.len() + frame.absent.len();
+                Ok((row, (body_count, grain_masses), pieces, keep(first + k, selected.len(), frame)))
             })
             .collect();
         let mut faults = Faults::default();
-        for (result, (_, path)) in measured.into_iter().zip(batch) {
-            match result {
-                Ok((row, (bodies, own), pieces, for_later)) => {
+        for (measured, (_, path)) in measured.into_iter().zip(batch) {
+            match measured {
+                Ok((row, (body_count, grain_masses), pieces, result)) => {
                     let is_same = |(id, mass): (u64, f64)| *masses.entry(id).or_insert(mass) == mass;
-                    let all_same = own.into_iter().map(is_same).fold(true, |all, same| all & same);
-                    if !all_same || *count.get_or_insert(bodies) != bodies {
+                    let all_same = grain_masses.into_iter().map(is_same).fold(true, |all, same| all & same);
+                    if !all_same || *count.get_or_insert(body_count) != body_count {
                         let expected = format!("expected those of {}, of the same run", selected[0].1.display());
                         faults.push(Fault::new(path, None, "snapshot", "other bodies", expected));
                     }
-                    append_pieces(&options.dir, &mut growing, row.time, pieces)?;
-                    kept.extend(for_later);
+                    append_pieces(&options.dir, &mut open_files, row.time, pieces)?;
+                    kept.extend(result);
                     rows.push(row);
                 }
                 Err(Faults(found)) => {
@@ -178,7 +178,7 @@ pub fn measure_series<T: Send>(
         faults.into_result(())?;
         bar.inc(batch.len() as u64);
     }
-    growing.into_iter().try_for_each(|(_, file)| file.finish())?;
+    open_files.into_iter().try_for_each(|(_, file)| file.finish())?;
     bar.finish_and_clear();
     Ok((rows, kept))
 }
@@ -234,24 +234,24 @@ fn write_in_pieces(
 /// Appends the data at `time`, s, to the file of each kind, which the first data start.
 fn append_pieces(
     dir: &Path,
-    growing: &mut Vec<(&str, VtkhdfFile)>,
+    open_files: &mut Vec<(&str, VtkhdfFile)>,
     time: f64,
     pieces: Vec<NamedPiece>,
 ) -> Result<(), Faults> {
     for (kind, piece) in pieces {
-        let k = match growing.iter().position(|(name, _)| *name == kind) {
+        let k = match open_files.iter().position(|(name, _)| *name == kind) {
             Some(k) => k,
             None => {
-                growing.push((kind, VtkhdfFile::create(&dir.join("DISPLAY").join(display::vtkhdf_name(kind)))?));
-                growing.len() - 1
+                open_files.push((kind, VtkhdfFile::create(&dir.join("DISPLAY").join(display::vtkhdf_name(kind)))?));
+                open_files.len() - 1
             }
         };
-        growing[k].1.append(time, piece)?;
+        open_files[k].1.append(time, piece)?;
     }
     Ok(())
 }
 
-/// Writes the collections of `.vtp` files, and removes the files of an earlier run; returns messages for the user.
+/// Writes view.py and the collections of `.vtp` files, and removes the files of an earlier run; returns a note for the user.
 fn finish_display(options: &SeriesOptions, rows: &[Row], last: &Frame) -> Result<Option<String>, Faults> {
     let display = options.dir.join("DISPLAY");
     let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
@@ -272,14 +272,15 @@ fn finish_display(options: &SeriesOptions, rows: &[Row], last: &Frame) -> Result
     }
     for path in atomic::folder_entries(&display)? {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        // A piece belongs to the file that names it.
-        let named = name.split_once("-part-").map_or_else(|| name.clone(), |(of, _)| format!("{of}.pvtp"));
-        if display::is_display_file(&name) && !current.contains(&named) {
+        // A piece is current if the file that names it is.
+        let naming_file =
+            name.split_once("-part-").map_or_else(|| name.clone(), |(prefix, _)| format!("{prefix}.pvtp"));
+        if display::is_display_file(&name) && !current.contains(&naming_file) {
             fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;
         }
     }
-    let nameless = folder.to_str().is_none();
-    Ok(nameless.then(|| {
+    let has_no_text = folder.to_str().is_none();
+    Ok(has_no_text.then(|| {
         format!(
             "{}: the name of the folder is not UTF-8: start ParaView inside the folder to use view.py",
             display.display()
@@ -288,15 +289,16 @@ fn finish_display(options: &SeriesOptions, rows: &[Row], last: &Frame) -> Result
 }
 
 /// Warning if the user's region contains no part of a grain.
-fn empty_region(options: &SeriesOptions, rows: &[Row], last: &Frame) -> Option<String> {
+fn empty_region_note(options: &SeriesOptions, rows: &[Row], last: &Frame) -> Option<String> {
     options.measures.region.as_ref()?;
     let empty = rows.iter().filter(|row| row.n_grains > 0 && row.region != 0 && row.nu == 0.0).count();
     if empty == 0 {
         return None;
     }
     let ends = |axis: usize| {
-        let places = || last.grains.iter().map(|grain| grain.x[axis]);
-        let (low, high) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
+        let coordinates = || last.grains.iter().map(|grain| grain.x[axis]);
+        let (low, high) =
+            (coordinates().fold(f64::INFINITY, f64::min), coordinates().fold(f64::NEG_INFINITY, f64::max));
         let name = ["x", "y", "z"][axis];
         if low > high { format!("{name}: any") } else { format!("{name} = {low:.4} to {high:.4}") }
     };
@@ -309,7 +311,7 @@ fn empty_region(options: &SeriesOptions, rows: &[Row], last: &Frame) -> Option<S
     ))
 }
 
-/// Prints notes for the user about finished work.
+/// Notes about snapshots without grains.
 fn result_notes(rows: &[Row]) -> Vec<String> {
     let empty = rows.iter().filter(|row| row.n_grains == 0).count();
     if empty == 0 {

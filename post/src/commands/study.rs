@@ -89,10 +89,12 @@ impl StudyCases {
                 faults.gather_result(StudyCases::read(path)).into_iter().for_each(|cases| all.append(cases));
                 continue;
             }
-            let whole = |folder: &Path| std::fs::canonicalize(folder).ok();
+            let full_path = |folder: &Path| std::fs::canonicalize(folder).ok();
             let found = known.as_ref().and_then(|known| {
-                let row =
-                    known.folders.iter().position(|folder| whole(folder).is_some_and(|it| whole(path) == Some(it)));
+                let row = known
+                    .folders
+                    .iter()
+                    .position(|folder| full_path(folder).is_some_and(|full| full_path(path) == Some(full)));
                 Some((known, row?))
             });
             match (found, parameters) {
@@ -121,7 +123,7 @@ impl StudyCases {
             let expected = "expected a table that cd-pre study has written, with the columns case and from";
             return Err(Fault::new(path, Some(1), "table", "has other columns", expected).into());
         }
-        let home = path.parent().unwrap_or(Path::new(""));
+        let table_folder = path.parent().unwrap_or(Path::new(""));
         let mut cases = StudyCases { names: header[2..].to_vec(), ..StudyCases::default() };
         let mut faults = Faults::default();
         for (number, line) in (2..).zip(lines) {
@@ -130,7 +132,7 @@ impl StudyCases {
                 faults.push(Fault::new(path, Some(number), "row", line, format!("expected {} fields", header.len())));
                 continue;
             }
-            cases.folders.push(home.join(&cells[0]));
+            cases.folders.push(table_folder.join(&cells[0]));
             cases.values.push(cells[2..].to_vec());
         }
         if cases.folders.is_empty() && faults.0.is_empty() {
@@ -252,13 +254,13 @@ pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result
         }));
     }
     faults.into_result(())?;
-    let mut order: Vec<&str> = Vec::new();
+    let mut group_names: Vec<&str> = Vec::new();
     for run in &runs {
-        if !order.contains(&run.group.as_str()) {
-            order.push(&run.group);
+        if !group_names.contains(&run.group.as_str()) {
+            group_names.push(&run.group);
         }
     }
-    let StudyPlots { figures, fits, .. } = StudyPlots::new(&runs, &order);
+    let StudyPlots { figures, fits, .. } = StudyPlots::new(&runs, &group_names);
     atomic::write(&output.join("runs.csv"), table_text(&runs, &study.column_names()).as_bytes())?;
     atomic::write(&output.join("fits.csv"), fits.as_bytes())?;
     for (name, figure) in &figures {
@@ -277,11 +279,11 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     let needed = ["step", "time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure_sphere"];
     let series = read_columns(&path, &needed)?;
     let times = &series["time"];
-    let as_there = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
-    let until = until.map_or(f64::INFINITY, as_there);
+    let snapshot_time = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
+    let until = until.map_or(f64::INFINITY, snapshot_time);
     let last = times.iter().copied().filter(|time| *time <= until).fold(f64::NAN, f64::max);
-    let counts = from.map_or(last, as_there)..=until;
-    let counted: Vec<usize> = (0..times.len()).filter(|&k| counts.contains(&times[k])).collect();
+    let counted_times = from.map_or(last, snapshot_time)..=until;
+    let counted: Vec<usize> = (0..times.len()).filter(|&k| counted_times.contains(&times[k])).collect();
     if counted.is_empty() {
         let found = times.last().map_or("has no snapshot".into(), |time| format!("ends at {} s", number_text(*time)));
         let end = if until.is_finite() { format!(" to --until {} s", number_text(until)) } else { String::new() };
@@ -330,10 +332,10 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     let by_inertia: f64 = counted
         .iter()
         .map(|&k| {
-            let of = |name: &str| series[name][k];
-            let volume = 4.0 / 3.0 * std::f64::consts::PI * of("R_enclosing").powi(3);
-            let radius = (of("a") * of("b") * of("c")).cbrt();
-            5.0 * of("pressure_sphere") * volume * radius / (constant * of("mass").powi(2))
+            let value = |name: &str| series[name][k];
+            let volume = 4.0 / 3.0 * std::f64::consts::PI * value("R_enclosing").powi(3);
+            let radius = (value("a") * value("b") * value("c")).cbrt();
+            5.0 * value("pressure_sphere") * volume * radius / (constant * value("mass").powi(2))
         })
         .sum::<f64>()
         / counted.len() as f64;
@@ -362,8 +364,8 @@ fn table_text(runs: &[StudyRun], parameters: &[String]) -> String {
         names.chain(Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| name.to_string())).collect();
     let mut text = names.join(",") + "\n";
     for run in runs {
-        let own = [&run.name, &run.group].into_iter().chain(&run.parameters).map(|value| name_field(value));
-        let fields: Vec<String> = own.chain(run.values.iter().map(SeriesValue::text)).collect();
+        let texts = [&run.name, &run.group].into_iter().chain(&run.parameters).map(|value| name_field(value));
+        let fields: Vec<String> = texts.chain(run.values.iter().map(SeriesValue::text)).collect();
         text += &(fields.join(",") + "\n");
     }
     text
@@ -417,11 +419,11 @@ impl<'a> StudyPlots<'a> {
 
     /// Mean pressure over that of a homogeneous ball of the same mass and radius.
     fn add_pressure(&mut self) {
-        let ideal = |run: &StudyRun| run.value_of("pressure_homogeneous");
-        let found = |run: &StudyRun| run.value_of("pressure_sphere");
-        let dots = |group: &&str| marked_curve(group, self.points(group, ideal, found), CurveMarks::Dots);
+        let homogeneous = |run: &StudyRun| run.value_of("pressure_homogeneous");
+        let measured = |run: &StudyRun| run.value_of("pressure_sphere");
+        let dots = |group: &&str| marked_curve(group, self.points(group, homogeneous, measured), CurveMarks::Dots);
         let mut curves: Vec<Curve> = self.groups.iter().map(dots).collect();
-        let all = positive_points(self.runs.iter().map(|run| (ideal(run), found(run))));
+        let all = positive_points(self.runs.iter().map(|run| (homogeneous(run), measured(run))));
         if let Some(line) = FittedLine::least_squares(&logarithms(&all)) {
             self.add_fit("pressure", "all", "ln(pressure_sphere) = intercept + slope ln(pressure_homogeneous)", line);
         }

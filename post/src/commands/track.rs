@@ -74,7 +74,7 @@ struct TrackedBody {
     /// Whether a contact has pushed or pulled the body since then.
     touched_since: bool,
     /// Acceleration of the body without contacts, m/s^2; None in rotating axes, where it depends on more than the position.
-    fall: Option<Vec3>,
+    free_fall: Option<Vec3>,
 }
 
 /// Reads the snapshots of a case and writes `POSTPRO/track-N/`: track.csv, impact.csv, crater.csv and their figures. Returns
@@ -89,7 +89,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
     let (mut gravity, mut turning_step) = (None, None);
     let shapes = ShapeCache::default();
     let paths = select_snapshots(&dir.join("OUTBOX"), 1)?;
-    let found = |frame: &Frame, up: &Vec3| -> Result<TrackedBody, Faults> {
+    let tracked_body = |frame: &Frame, up: &Vec3| -> Result<TrackedBody, Faults> {
         find_body(frame, body, up).ok_or_else(|| {
             if frame.absent.contains(&body) {
                 let found = format!("{body} is not in the run at step {}", frame.meta.step);
@@ -109,7 +109,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
                 up = direction;
                 // The lowest points of earlier rows were computed for another direction.
                 for (k, (_, path)) in paths[..k].iter().enumerate() {
-                    states[k] = found(&Frame::read(path, &shapes)?, &up)?;
+                    states[k] = tracked_body(&Frame::read(path, &shapes)?, &up)?;
                 }
             }
             (Some((_, direction)), Some(other)) if (other - direction).norm() > SAME_DIRECTION => {
@@ -122,7 +122,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
             up = gravity.map(|(_, direction)| direction).or(upward_direction(&frame, body)).unwrap_or(up);
             first = Some(frame.clone());
         }
-        states.push(found(&frame, &up)?);
+        states.push(tracked_body(&frame, &up)?);
         last = Some(frame);
     }
     let (Some(first), Some(last)) = (first, last) else { unreachable!("select gives at least one") };
@@ -135,29 +135,29 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
     let level = ground_level(&first, body, &up, &states[0]);
     let rows: Vec<TrackRow> = states.iter().map(|s| TrackRow::new(s, &up, level)).collect();
     let folder = dir.join(format!("POSTPRO/track-{body}"));
-    let put = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
+    let write_file = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
     // A plate may be at the side of a bed as well as on it.
-    let plate = |wall: &Wall| wall.id == body && matches!(wall.shape, WallShape::Plate(_));
-    if rows.iter().all(|row| row.depth.is_nan()) && !first.walls.iter().any(plate) {
+    let is_tracked_plate = |wall: &Wall| wall.id == body && matches!(wall.shape, WallShape::Plate(_));
+    if rows.iter().all(|row| row.depth.is_nan()) && !first.walls.iter().any(is_tracked_plate) {
         notes.push(format!("no surface is under body {body} in the first snapshot: its depth is empty"));
     }
-    put(
+    write_file(
         "track.csv",
         csv_with_counts(&COLUMNS.map(|column| column.0), &["contacts"], rows.iter().map(|row| row.to_columns())),
     )?;
-    put("impact.csv", csv_table(&IMPACT_COLUMNS, [impact_row(&states, &rows, &up)]))?;
+    write_file("impact.csv", csv_table(&IMPACT_COLUMNS, [impact_row(&states, &rows, &up)]))?;
     let crater = crater_profile(&first, &last, body, &up, &states[0].x, level);
-    put("crater.csv", csv_table(&CRATER_COLUMNS, crater.clone()))?;
-    let against_time = |title: &str, column: &str, unit: &str, of: fn(&TrackRow) -> f64| {
-        let points = rows.iter().map(|row| (row.time, of(row))).collect();
+    write_file("crater.csv", csv_table(&CRATER_COLUMNS, crater.clone()))?;
+    let against_time = |title: &str, column: &str, unit: &str, value: fn(&TrackRow) -> f64| {
+        let points = rows.iter().map(|row| (row.time, value(row))).collect();
         let (x, y) = (FigureAxis::linear("time", "s"), FigureAxis::linear(column, unit));
         Figure { title: title.into(), x, y, curves: vec![Curve::line(column, points)] }
     };
-    put(
+    write_file(
         "depth.svg",
         against_time(&format!("Depth of body {body} below the surface"), "depth", "m", |row| row.depth).to_svg(),
     )?;
-    put(
+    write_file(
         "force.svg",
         against_time(&format!("Force of the contacts on body {body}, upward"), "force", "N", |row| row.upward_force)
             .to_svg(),
@@ -169,7 +169,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
         y: FigureAxis::linear("height", "m"),
         curves: vec![profile("before", 1), profile("after", 2)],
     };
-    put("crater.svg", figure.to_svg())?;
+    write_file("crater.svg", figure.to_svg())?;
     Ok((folder, notes))
 }
 
@@ -196,17 +196,18 @@ fn free_fall(frame: &Frame, grain: GrainId) -> Option<Vec3> {
     (!turns).then(|| Vec3::from(frame.meta.parameters.uniform_gravity) + pull + from_outside)
 }
 
+/// State of the body with this number in BODIES.DAT; None if there is none.
 fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
-    // Distance from the centre to the lowest point of these balls.
-    let lowest = |points: &mut dyn Iterator<Item = (Vec3, f64)>| {
+    // Depth below the centre of the lowest point of these balls.
+    let lowest_depth = |points: &mut dyn Iterator<Item = (Vec3, f64)>| {
         points.map(|(point, radius)| radius - point.dot(up)).fold(0.0, f64::max)
     };
     let (side, x, v, reach) = if let Some(k) = frame.grain_ids().find(|&k| frame.grains[k].id == body) {
         let grain = &frame.grains[k];
         let points = grain.vertices().map(|corner| (corner, 0.0)).chain(grain.balls());
-        let reach = lowest(&mut points.map(|(point, radius)| (point - grain.x, radius)));
+        let reach = lowest_depth(&mut points.map(|(point, radius)| (point - grain.x, radius)));
         // In a periodic scene the path continues across images.
-        (BodyIndex::Grain(k), grain.x - grain.moved, Some(grain.v), reach)
+        (BodyIndex::Grain(k), grain.x - grain.cell_shift, Some(grain.v), reach)
     } else {
         let k = frame.wall_ids().find(|&k| frame.walls[k].id == body)?;
         let wall = &frame.walls[k];
@@ -215,7 +216,7 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
             WallShape::Polyhedron(solid) => {
                 let points = solid.vertices.iter().map(|corner| (corner, 0.0));
                 let balls = solid.balls.iter().map(|(centre, radius)| (centre, *radius));
-                lowest(&mut points.chain(balls).map(|(point, radius)| (wall.rotation * point, radius)))
+                lowest_depth(&mut points.chain(balls).map(|(point, radius)| (wall.rotation * point, radius)))
             }
             WallShape::Plate(half) => (0..3).map(|k| half[k] * (wall.rotation.inverse() * up)[k].abs()).sum(),
         };
@@ -232,10 +233,10 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
         }
     }
     // Walls are excluded: a wall with a force does not fall freely.
-    let fall = side.grain_id().and_then(|grain| free_fall(frame, grain));
+    let free_fall = side.grain_id().and_then(|grain| free_fall(frame, grain));
     let record_start = frame.meta.time - frame.interval.length;
     let touched_since = frame.interval.exchanges.iter().any(|exchange| exchange.sides.contains(&side));
-    Some(TrackedBody { time: frame.meta.time, x, v, reach, force, contacts, record_start, touched_since, fall })
+    Some(TrackedBody { time: frame.meta.time, x, v, reach, force, contacts, record_start, touched_since, free_fall })
 }
 
 /// Row of track.csv.
@@ -253,13 +254,13 @@ struct TrackRow {
 
 impl TrackRow {
     /// Row of a body; `level`: height of the surface along `up`, m.
-    fn new(seen: &TrackedBody, up: &Vec3, level: f64) -> TrackRow {
-        let &TrackedBody { time, x, force, contacts, .. } = seen;
+    fn new(tracked: &TrackedBody, up: &Vec3, level: f64) -> TrackRow {
+        let &TrackedBody { time, x, force, contacts, .. } = tracked;
         TrackRow {
             time,
             x,
-            v: seen.v.unwrap_or(Vec3::repeat(f64::NAN)),
-            depth: level - (x.dot(up) - seen.reach),
+            v: tracked.v.unwrap_or(Vec3::repeat(f64::NAN)),
+            depth: level - (x.dot(up) - tracked.reach),
             force,
             upward_force: force.dot(up),
             contacts,
@@ -281,40 +282,45 @@ const SHOCK_THRESHOLD: f64 = 0.01;
 /// has no record, or not of the whole interval, a change of velocity in excess of free fall indicates contact. If the
 /// acceleration of free fall is unknown, only contacts count. Between two snapshots this acceleration is the mean of both,
 /// with half of their difference as tolerance.
-fn impact_row(seen: &[TrackedBody], rows: &[TrackRow], up: &Vec3) -> [f64; 6] {
+fn impact_row(states: &[TrackedBody], rows: &[TrackRow], up: &Vec3) -> [f64; 6] {
     let speed = |s: &TrackedBody| s.v.map_or(f64::NAN, |v| v.dot(up));
     let largest_depth = rows.iter().map(|row| row.depth).fold(f64::NAN, f64::max);
     let largest_force = rows.iter().map(|row| row.upward_force).fold(f64::NAN, f64::max);
     let final_depth = rows.last().map_or(f64::NAN, |row| row.depth);
-    let between = |before: &TrackedBody, now: &TrackedBody| {
-        let [v, w, a, b] = [before.v?, now.v?, before.fall?, now.fall?];
-        let half = 0.5 * (now.time - before.time);
-        Some((w - v - (a + b) * half).norm() > SHOCK_THRESHOLD * v.norm().max(w.norm()) + (b - a).norm() * half)
+    let is_shock_between = |before: &TrackedBody, now: &TrackedBody| {
+        let [v, w, a, b] = [before.v?, now.v?, before.free_fall?, now.free_fall?];
+        let half_time = 0.5 * (now.time - before.time);
+        Some(
+            (w - v - (a + b) * half_time).norm()
+                > SHOCK_THRESHOLD * v.norm().max(w.norm()) + (b - a).norm() * half_time,
+        )
     };
-    let struck = |k: usize| {
-        let (before, now) = (&seen[k - 1], &seen[k]);
+    let is_struck = |k: usize| {
+        if k == 0 {
+            return false;
+        }
+        let (before, now) = (&states[k - 1], &states[k]);
         match is_at_or_after(before.time, now.record_start) {
             true => now.touched_since,
-            false => between(before, now) == Some(true),
+            false => is_shock_between(before, now) == Some(true),
         }
     };
-    let struck = |k: usize| k > 0 && struck(k);
-    let Some(touched) = (0..seen.len()).find(|&k| seen[k].contacts > 0 || struck(k)) else {
+    let Some(touched) = (0..states.len()).find(|&k| states[k].contacts > 0 || is_struck(k)) else {
         return [f64::NAN, f64::NAN, f64::NAN, largest_depth, largest_force, final_depth];
     };
-    let arrival = -speed(&seen[touched.saturating_sub(1)]);
-    let departure = seen[touched..].iter().map(speed).fold(f64::NAN, f64::max).max(0.0);
-    let restitution = if arrival > 0.0 && seen[touched].v.is_some() { departure / arrival } else { f64::NAN };
-    [seen[touched].time, arrival, restitution, largest_depth, largest_force, final_depth]
+    let arrival = -speed(&states[touched.saturating_sub(1)]);
+    let departure = states[touched..].iter().map(speed).fold(f64::NAN, f64::max).max(0.0);
+    let restitution = if arrival > 0.0 && states[touched].v.is_some() { departure / arrival } else { f64::NAN };
+    [states[touched].time, arrival, restitution, largest_depth, largest_force, final_depth]
 }
 
 /// Mean height of the bed's surface under the body: on its vertical and on circles of a quarter to three quarters of the
 /// body's `reach`.
-fn ground_level(frame: &Frame, body: u64, up: &Vec3, seen: &TrackedBody) -> f64 {
-    let places = std::iter::once(seen.x)
-        .chain([0.25, 0.5, 0.75].into_iter().flat_map(|k| circle_points(&seen.x, up, k * seen.reach)));
+fn ground_level(frame: &Frame, body: u64, up: &Vec3, tracked: &TrackedBody) -> f64 {
+    let points = std::iter::once(tracked.x)
+        .chain([0.25, 0.5, 0.75].into_iter().flat_map(|k| circle_points(&tracked.x, up, k * tracked.reach)));
     let (ground, cell) = (ground_grains(frame, body), frame.cell());
-    let heights: Vec<f64> = places.filter_map(|place| ground_height(&ground, &cell, up, &place)).collect();
+    let heights: Vec<f64> = points.filter_map(|point| ground_height(&ground, &cell, up, &point)).collect();
     heights.iter().sum::<f64>() / heights.len() as f64
 }
 
@@ -338,23 +344,23 @@ fn ground_grains(frame: &Frame, body: u64) -> Vec<&Grain> {
     let groups = fragments.iter().map(others).filter(|grains| grains.len() > 1);
     let heaviest = groups.max_by(|a, b| mass(a).total_cmp(&mass(b))).unwrap_or_default();
     let mut is_supported = vec![false; frame.grains.len()];
-    let borne = supported_grains(frame, &fragments);
+    let supported = supported_grains(frame, &fragments);
     let all_others: Vec<GrainId> = frame.grain_ids().filter(|&i| frame.grains[i].id != body).collect();
-    let falling = borne.is_empty() && 2.0 * mass(&heaviest) < mass(&all_others);
-    borne.into_iter().chain(heaviest).for_each(|i| is_supported[i.index()] = true);
-    let all = || frame.grains.iter().zip(&is_supported).filter(|(grain, _)| grain.id != body);
-    let loose = falling || !all().any(|(_, is_supported)| *is_supported);
-    all().filter(|(_, is_supported)| **is_supported || loose).map(|(grain, _)| grain).collect()
+    let is_falling = supported.is_empty() && 2.0 * mass(&heaviest) < mass(&all_others);
+    supported.into_iter().chain(heaviest).for_each(|i| is_supported[i.index()] = true);
+    let other_grains = || frame.grains.iter().zip(&is_supported).filter(|(grain, _)| grain.id != body);
+    let counts_all = is_falling || !other_grains().any(|(_, is_supported)| *is_supported);
+    other_grains().filter(|(_, is_supported)| **is_supported || counts_all).map(|(grain, _)| grain).collect()
 }
 
-/// Height along `up` of the ground on the vertical through `place`: of the highest sphere there; a polyhedron counts as the
+/// Height along `up` of the ground on the vertical through `point`: of the highest sphere there; a polyhedron counts as the
 /// sphere of equal volume, and in a periodic scene the nearest image counts. None without grains there.
-fn ground_height(ground: &[&Grain], cell: &PeriodicCell, up: &Vec3, place: &Vec3) -> Option<f64> {
+fn ground_height(ground: &[&Grain], cell: &PeriodicCell, up: &Vec3, point: &Vec3) -> Option<f64> {
     let top = ground.iter().filter_map(|grain| {
-        let x = grain.x - cell.nearest_period(grain.x - place);
-        let arm = x - place;
-        let aside = (arm - up * arm.dot(up)).norm_squared();
-        (aside < grain.radius.powi(2)).then(|| x.dot(up) + (grain.radius.powi(2) - aside).sqrt())
+        let x = grain.x - cell.nearest_period(grain.x - point);
+        let arm = x - point;
+        let distance_squared = (arm - up * arm.dot(up)).norm_squared();
+        (distance_squared < grain.radius.powi(2)).then(|| x.dot(up) + (grain.radius.powi(2) - distance_squared).sqrt())
     });
     top.fold(None, |best, height| Some(best.map_or(height, |best: f64| best.max(height))))
 }
@@ -362,19 +368,19 @@ fn ground_height(ground: &[&Grain], cell: &PeriodicCell, up: &Vec3, place: &Vec3
 /// Rings about the vertical through `axis`: radius, mean height above `level` before and after.
 fn crater_profile(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level: f64) -> Vec<[f64; 3]> {
     let cell = first.cell();
-    let aside = |x: &Vec3| {
+    let axis_distance = |x: &Vec3| {
         let arm = x - axis - cell.nearest_period(x - axis);
         (arm - up * arm.dot(up)).norm()
     };
     let farthest =
-        first.grains.iter().filter(|grain| grain.id != body).map(|grain| aside(&grain.x)).fold(0.0, f64::max);
+        first.grains.iter().filter(|grain| grain.id != body).map(|grain| axis_distance(&grain.x)).fold(0.0, f64::max);
     // The farthest grain of a box is in a corner: 1 / sqrt(2) of its distance is to the middle of a side. Beyond half a
     // period a ring would meet itself.
     let widest = cell.0.iter().flatten().map(|period| 0.5 * period).fold(farthest * FRAC_1_SQRT_2, f64::min);
     let mean = |ground: &[&Grain], radius: f64| {
         let heights: Vec<f64> = circle_points(axis, up, radius)
             .iter()
-            .filter_map(|place| ground_height(ground, &cell, up, place))
+            .filter_map(|point| ground_height(ground, &cell, up, point))
             .collect();
         // Beyond a wall or where the floor is bare there is no surface.
         if heights.len() < POINTS_PER_RING / 2 {
@@ -468,9 +474,9 @@ mod tests {
         let touched = |fall: Option<[f64; 3]>, speeds: [f64; 3]| {
             let frames: Vec<Frame> = speeds.iter().zip([3.0, 2.0, 1.0]).map(|(v, z)| frame(z, *v, false)).collect();
             let mut seen: Vec<TrackedBody> = frames.iter().map(|frame| find_body(frame, 5, &up).unwrap()).collect();
-            assert!(seen.iter().all(|seen| seen.fall == Some(-up)));
+            assert!(seen.iter().all(|seen| seen.free_fall == Some(-up)));
             for (k, seen) in seen.iter_mut().enumerate() {
-                seen.fall = fall.map(|fall| up * fall[k]);
+                seen.free_fall = fall.map(|fall| up * fall[k]);
             }
             let rows: Vec<TrackRow> = seen.iter().map(|s| TrackRow::new(s, &up, 1.0)).collect();
             impact_row(&seen, &rows, &up)[0]

@@ -33,7 +33,7 @@ pub struct Bed {
     /// A third of the trace of the moment, mean over the steps since the snapshot before, J.
     interval_moment: f64,
     /// Volume of the grains, m^3.
-    filled: f64,
+    grain_volume: f64,
 }
 
 impl Bed {
@@ -54,11 +54,11 @@ impl Bed {
         }
         let members = || grains.iter().map(|&i| &frame.grains[i]);
         let (planes, bores) = GrainEnclosure::around(frame, grains.clone()).into_bed_walls()?;
-        let mut borne_weight = vec![0.0; frame.walls.len()];
+        let mut supported_weight = vec![0.0; frame.walls.len()];
         for contact in frame.active_contacts() {
             for side in [contact.candidate, contact.antagonist] {
                 if let BodyIndex::Wall(k) = side {
-                    borne_weight[k.index()] +=
+                    supported_weight[k.index()] +=
                         contact.on_grains().map(|(_, force, _)| force.dot(&against_gravity)).sum::<f64>();
                 }
             }
@@ -67,10 +67,10 @@ impl Bed {
             let mut walls: Vec<WallId> = plane.faces.iter().map(|face| face.wall).collect();
             walls.sort_unstable();
             walls.dedup();
-            walls.iter().map(|wall| borne_weight[wall.index()]).sum::<f64>() * plane.normal.dot(&against_gravity)
+            walls.iter().map(|wall| supported_weight[wall.index()]).sum::<f64>() * plane.normal.dot(&against_gravity)
         };
-        // A lid may bear more than the floor, for an instant, but from above.
-        // The end of a drum that lies is upright up to rounding.
+        // A lid may bear more than the floor, for an instant, but from above; the ends of a lying drum are upright up to
+        // rounding.
         let bears_from_below =
             |plane: &&WallPlane| plane.normal.dot(&against_gravity) > UPRIGHT_TOLERANCE && load_on(plane) > 0.0;
         let floor = planes.iter().filter(bears_from_below).max_by(|a, b| load_on(a).total_cmp(&load_on(b)));
@@ -100,14 +100,14 @@ impl Bed {
             height: 2.0 * (centre.dot(&up) - floor),
             moment: grains.iter().map(|&i| stresses[i.index()] * frame.grains[i].volume()).sum(),
             interval_moment: interval_moment(frame, &grains),
-            filled: members().map(|g| g.volume()).sum(),
+            grain_volume: members().map(|g| g.volume()).sum(),
             grains,
         })
     }
 
     /// Share of the volume between the walls up to [`Bed::height`] that grains would fill.
     pub fn solid_fraction(&self) -> f64 {
-        self.filled / (self.area * self.height)
+        self.grain_volume / (self.area * self.height)
     }
 
     /// Mean stress over the same volume, Pa, walls included: at rest its vertical component is half of weight over area.
@@ -179,8 +179,8 @@ impl Bed {
 /// (1/3) sum r.l / T of the contacts of some grains in the time T since the snapshot before, J; NaN without one.
 fn interval_moment(frame: &Frame, grains: &[GrainId]) -> f64 {
     let SnapshotInterval { length, exchanges } = &frame.interval;
-    let member = |side: &BodyIndex| side.grain_id().is_some_and(|grain| grains.binary_search(&grain).is_ok());
-    let virial: f64 = exchanges.iter().filter(|e| e.sides.iter().any(member)).map(|e| e.virial).sum();
+    let is_member = |side: &BodyIndex| side.grain_id().is_some_and(|grain| grains.binary_search(&grain).is_ok());
+    let virial: f64 = exchanges.iter().filter(|e| e.sides.iter().any(is_member)).map(|e| e.virial).sum();
     if *length > 0.0 { virial / length / 3.0 } else { f64::NAN }
 }
 
@@ -305,44 +305,47 @@ fn section_area<'a>(
     centre: &Vec3,
     grains: impl Iterator<Item = &'a Grain>,
 ) -> Option<f64> {
-    let level = |plane: &&WallPlane| plane.normal.dot(up).abs() > 1.0 - UPRIGHT_TOLERANCE;
+    let is_level = |plane: &&WallPlane| plane.normal.dot(up).abs() > 1.0 - UPRIGHT_TOLERANCE;
     let sides: Vec<(Vec3, f64)> =
-        planes.iter().filter(|p| !level(p)).map(|p| (p.normal, p.offset - p.normal.dot(centre))).collect();
+        planes.iter().filter(|p| !is_level(p)).map(|p| (p.normal, p.offset - p.normal.dot(centre))).collect();
     let along_z = up.z.abs() > 1.0 - UPRIGHT_TOLERANCE;
-    let leans = |bore: &CylinderBore| bore.axis.cross(up).norm() > UPRIGHT_TOLERANCE;
-    let oblique = sides.iter().any(|(normal, _)| normal.dot(up).abs() > UPRIGHT_TOLERANCE) || bores.iter().any(leans);
-    if cell.is_periodic() && !along_z || oblique {
+    let is_inclined = |bore: &CylinderBore| bore.axis.cross(up).norm() > UPRIGHT_TOLERANCE;
+    let has_oblique_wall =
+        sides.iter().any(|(normal, _)| normal.dot(up).abs() > UPRIGHT_TOLERANCE) || bores.iter().any(is_inclined);
+    if cell.is_periodic() && !along_z || has_oblique_wall {
         return None;
     }
     let first = if along_z { Vec3::x() } else { up.cross(&Vec3::z()).normalize() };
     let axes = [first, if along_z { Vec3::y() } else { up.cross(&first) }];
     // The section of a full container is at most a few times the extent of the grains.
-    let far = grains.map(|g| (g.x - centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
+    let grain_extent = grains.map(|g| (g.x - centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
     let walls = sides.iter().map(|(_, offset)| offset.abs()).chain(bores.iter().map(|bore| bore.radius));
-    let open = 16.0 * walls.fold(far, f64::max);
+    let outer_length = 16.0 * walls.fold(grain_extent, f64::max);
     let mut polygon = match bores.iter().min_by(|a, b| a.radius.total_cmp(&b.radius)) {
         Some(bore) => {
-            let turn = std::f64::consts::TAU / POLYGON_SIDES as f64;
-            let radius = bore.radius * (turn / turn.sin()).sqrt();
+            let sector_angle = std::f64::consts::TAU / POLYGON_SIDES as f64;
+            let radius = bore.radius * (sector_angle / sector_angle.sin()).sqrt();
             let middle = axes.map(|axis| axis.dot(&(bore.x - centre)));
-            let corner = |k: usize| [turn * k as f64, turn * k as f64 - 0.25 * std::f64::consts::TAU].map(f64::cos);
+            let corner = |k: usize| {
+                [sector_angle * k as f64, sector_angle * k as f64 - 0.25 * std::f64::consts::TAU].map(f64::cos)
+            };
             (0..POLYGON_SIDES).map(corner).map(|c| [0, 1].map(|k| middle[k] + radius * c[k])).collect()
         }
         None => {
-            let half = cell.0.map(|period| period.map_or(open, |period| 0.5 * period));
+            let half = cell.0.map(|period| period.map_or(outer_length, |period| 0.5 * period));
             [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| [x * half[0], y * half[1]]).to_vec()
         }
     };
     for (normal, offset) in sides {
-        let before = |p: &[f64; 2]| (axes[0] * p[0] + axes[1] * p[1]).dot(&normal) - offset;
-        polygon = cut_polygon(&polygon, before, |p, q, share| [0, 1].map(|k| p[k] + share * (q[k] - p[k])));
+        let inner_distance = |p: &[f64; 2]| (axes[0] * p[0] + axes[1] * p[1]).dot(&normal) - offset;
+        polygon = cut_polygon(&polygon, inner_distance, |p, q, share| [0, 1].map(|k| p[k] + share * (q[k] - p[k])));
     }
-    let closed = |p: &[f64; 2]| (0..2).all(|k| cell.0[k].is_some() || p[k].abs() < open);
-    let twice = |k: usize| {
+    let is_closed = |p: &[f64; 2]| (0..2).all(|k| cell.0[k].is_some() || p[k].abs() < outer_length);
+    let doubled_triangle = |k: usize| {
         let ([x, y], [u, v]) = (polygon[k], polygon[(k + 1) % polygon.len()]);
         x * v - u * y
     };
-    polygon.iter().all(closed).then(|| 0.5 * (0..polygon.len()).map(twice).sum::<f64>())
+    polygon.iter().all(is_closed).then(|| 0.5 * (0..polygon.len()).map(doubled_triangle).sum::<f64>())
 }
 
 #[cfg(test)]
@@ -469,7 +472,7 @@ mod tests {
         let found = bed(&scene).unwrap();
         assert_eq!((found.area, found.floor, found.moment), (held.area, held.floor, held.moment));
         assert_eq!(found.grains.len(), held.grains.len() + 1);
-        assert_close(found.filled, held.filled + std::f64::consts::PI / 384.0);
+        assert_close(found.grain_volume, held.grain_volume + std::f64::consts::PI / 384.0);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Contact numbers of grains.
+//! Coordination of grains: pairs that touch with force, neighbours and constraints per grain, rattlers.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -223,8 +223,8 @@ pub fn interval_coordination(frame: &Frame, members: &[GrainId]) -> f64 {
     let flush = flush_pairs(frame);
     let surface = |sides: [BodyIndex; 2]| flush.get(&sides).copied().unwrap_or(sides);
     let pairs: HashSet<[BodyIndex; 2]> = touched.map(sorted).map(surface).collect();
-    let member = |side: &&BodyIndex| side.grain_id().is_some_and(|grain| members.binary_search(&grain).is_ok());
-    let ends = pairs.iter().flatten().filter(member).count() as f64;
+    let is_member = |side: &&BodyIndex| side.grain_id().is_some_and(|grain| members.binary_search(&grain).is_ok());
+    let ends = pairs.iter().flatten().filter(is_member).count() as f64;
     if frame.interval.length > 0.0 { ends / members.len() as f64 } else { f64::NAN }
 }
 
@@ -262,18 +262,18 @@ pub fn find_rattlers(frame: &Frame, touches: &[TouchingPair], stable: u32) -> Ve
             neighbours[j.index()].push((i.index(), touch.constraint_count()));
         }
     }
-    let mut rattler: Vec<bool> = counts.iter().map(|&count| count < stable).collect();
-    let mut removed: Vec<usize> = (0..rattler.len()).filter(|&i| rattler[i]).collect();
+    let mut is_rattler: Vec<bool> = counts.iter().map(|&count| count < stable).collect();
+    let mut removed: Vec<usize> = (0..is_rattler.len()).filter(|&i| is_rattler[i]).collect();
     while let Some(i) = removed.pop() {
         for &(j, constraints) in &neighbours[i] {
             counts[j] -= constraints;
-            if counts[j] < stable && !rattler[j] {
-                rattler[j] = true;
+            if counts[j] < stable && !is_rattler[j] {
+                is_rattler[j] = true;
                 removed.push(j);
             }
         }
     }
-    rattler
+    is_rattler
 }
 
 /// Mean contact numbers of the grains `members` (rising), with and without rattlers.
@@ -285,15 +285,15 @@ pub fn find_rattlers(frame: &Frame, touches: &[TouchingPair], stable: u32) -> Ve
 ///
 /// Three equal spheres that push each other: Z = 2.
 pub fn mean_coordination(frame: &Frame, members: &[GrainId]) -> Coordination {
-    let member = |grain: &GrainId| members.binary_search(grain).is_ok();
-    let total = members.len() as f64;
+    let is_member = |grain: &GrainId| members.binary_search(grain).is_ok();
+    let grain_count = members.len() as f64;
     let touches = touching_pairs(frame);
-    let rattler = find_rattlers(frame, &touches, min_stable_constraints(frame));
-    let non_rattlers = members.iter().filter(|&&grain| !rattler[grain.index()]).count() as f64;
+    let is_rattler = find_rattlers(frame, &touches, min_stable_constraints(frame));
+    let non_rattlers = members.iter().filter(|&&grain| !is_rattler[grain.index()]).count() as f64;
     let (mut contact_ends, mut contact_ends_without_rattlers, mut constraints) = (0.0, 0.0, 0.0);
     let (mut counts_by_points, mut pairs) = ([0.0; 3], 0.0);
     for touch in &touches {
-        let grains = touch.grains().filter(member).count() as f64;
+        let grains = touch.grains().filter(is_member).count() as f64;
         if grains == 0.0 {
             continue;
         }
@@ -301,16 +301,16 @@ pub fn mean_coordination(frame: &Frame, members: &[GrainId]) -> Coordination {
         contact_ends += grains;
         constraints += grains * f64::from(touch.constraint_count());
         counts_by_points[3 - touch.constraint_count() as usize] += 1.0;
-        if touch.grains().all(|grain| !rattler[grain.index()]) {
+        if touch.grains().all(|grain| !is_rattler[grain.index()]) {
             contact_ends_without_rattlers += grains;
         }
     }
     let [face, edge, point] = counts_by_points.map(|count| count / pairs);
     Coordination {
-        z: contact_ends / total,
+        z: contact_ends / grain_count,
         z_no_rattlers: contact_ends_without_rattlers / non_rattlers,
-        z_constraints: constraints / total,
-        rattler_fraction: (total - non_rattlers) / total,
+        z_constraints: constraints / grain_count,
+        rattler_fraction: (grain_count - non_rattlers) / grain_count,
         shares: ContactShares { face, edge, point },
     }
 }

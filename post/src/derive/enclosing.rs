@@ -57,6 +57,7 @@ pub fn smallest_enclosing(balls: &[EnclosingBall]) -> EnclosingBall {
     EnclosingBall { centre: ball.centre + origin, ..ball }
 }
 
+/// [`smallest_enclosing`] of balls near the origin.
 fn smallest_of_near(balls: &[EnclosingBall]) -> EnclosingBall {
     let Some(first) = balls.iter().max_by(|a, b| a.radius.total_cmp(&b.radius)) else {
         return EnclosingBall { centre: Vec3::repeat(f64::NAN), radius: f64::NAN };

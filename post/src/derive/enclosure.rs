@@ -90,6 +90,7 @@ impl<'a> GrainEnclosure<'a> {
         }
     }
 
+    /// Whether a point (m) is inside of all planes and hollow cylinders.
     fn is_inside(&self, x: &Vec3) -> bool {
         self.planes.iter().all(|plane| plane.is_before(x)) && self.bores.iter().all(|bore| bore.contains_point(x))
     }
@@ -109,10 +110,10 @@ impl<'a> GrainEnclosure<'a> {
     fn space(&self) -> ConvexPolytope {
         // The initial cube exceeds all walls by far, so that a side without a wall stays open.
         let grains = self.core.iter().map(|&i| &self.frame.grains[i]);
-        let far = grains.map(|g| (g.x - self.centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
+        let grain_extent = grains.map(|g| (g.x - self.centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
         let planes = self.planes.iter().map(|plane| (plane.offset - plane.normal.dot(&self.centre)).abs());
-        let open = 64.0 * planes.chain(self.bores.iter().map(|bore| bore.radius)).fold(far, f64::max);
-        let mut space = ConvexPolytope::cube(self.centre, open);
+        let outer_length = 64.0 * planes.chain(self.bores.iter().map(|bore| bore.radius)).fold(grain_extent, f64::max);
+        let mut space = ConvexPolytope::cube(self.centre, outer_length);
         let periods = self.frame.cell().0;
         for (axis, period) in periods.iter().enumerate().filter_map(|(axis, period)| Some((axis, (*period)?))) {
             space.cut_below(&Vec3::ith(axis, 1.0), -0.5 * period);
@@ -124,10 +125,10 @@ impl<'a> GrainEnclosure<'a> {
         for bore in &self.bores {
             let first = bore.axis.cross(&Vec3::ith(bore.axis.iamin(), 1.0)).normalize();
             let second = bore.axis.cross(&first);
-            let turn = std::f64::consts::TAU / POLYGON_SIDES as f64;
-            let apothem = bore.radius * (0.5 * turn / (0.5 * turn).tan()).sqrt();
+            let sector_angle = std::f64::consts::TAU / POLYGON_SIDES as f64;
+            let apothem = bore.radius * (0.5 * sector_angle / (0.5 * sector_angle).tan()).sqrt();
             for k in 0..POLYGON_SIDES {
-                let (sin, cos) = (turn * k as f64).sin_cos();
+                let (sin, cos) = (sector_angle * k as f64).sin_cos();
                 let inward = -(first * cos + second * sin);
                 space.cut_below(&inward, inward.dot(&bore.x) - apothem);
             }
@@ -139,11 +140,11 @@ impl<'a> GrainEnclosure<'a> {
     /// if the space is still open.
     ///
     /// A plane bounds only where its faces are: while faces cover less than half of a side of the space, the plane with the
-    /// least share is removed. So rims of tiles, plates that hang elsewhere and posts bound nothing. `counts`: planes that
-    /// are checked.
+    /// least share is removed. So rims of tiles, plates that hang elsewhere and posts bound nothing. Planes for which
+    /// `is_checked` is false are kept.
     fn covered_space<T>(
         &mut self,
-        counts: impl Fn(&WallPlane) -> bool,
+        is_checked: impl Fn(&WallPlane) -> bool,
         cut: impl Fn(&GrainEnclosure, &mut ConvexPolytope) -> T,
     ) -> Option<(ConvexPolytope, T)> {
         loop {
@@ -155,7 +156,7 @@ impl<'a> GrainEnclosure<'a> {
             // A grain cannot leave through a gap of its radius.
             let margin = 0.5 * self.mean_diameter;
             let share = |plane: &WallPlane| match space.face_on(&plane.normal, plane.offset) {
-                Some(side) if counts(plane) => plane.covered_share(side, margin),
+                Some(side) if is_checked(plane) => plane.covered_share(side, margin),
                 _ => 1.0,
             };
             let shares: Vec<f64> = self.planes.iter().map(share).collect();
@@ -176,6 +177,7 @@ impl<'a> GrainEnclosure<'a> {
         }
     }
 
+    /// [`Self::into_region`] without uniform gravity: a periodic cell ends at the lowest and the highest grain.
     fn into_weightless_region(mut self) -> Option<EnclosedRegion> {
         let (space, limits) = self.covered_space(
             |_| true,

@@ -19,7 +19,7 @@ pub fn kinetic_sums(grains: &[Grain]) -> (f64, f64) {
     grains
         .iter()
         .map(kinetic_energies)
-        .fold((0.0, 0.0), |(t, r), (translation, rotation)| (t + translation, r + rotation))
+        .fold((0.0, 0.0), |sums, (translation, rotation)| (sums.0 + translation, sums.1 + rotation))
 }
 
 /// G of the snapshot, m^3 kg^-1 s^-2, if the grains attract each other.
@@ -37,11 +37,11 @@ pub fn external_fields(frame: &Frame) -> Vec<FieldModel> {
 /// Potential energy in external fields, J: sum m_i phi(x_i), [`FieldModel::acceleration_and_potential`], and the
 /// contribution of the grains' extent, [`FieldModel::tidal_energy`].
 pub fn field_energy(grains: &[Grain], fields: &[FieldModel]) -> f64 {
-    let of = |g: &Grain, field: &FieldModel| {
+    let energy = |g: &Grain, field: &FieldModel| {
         g.mass * field.acceleration_and_potential(&g.x).1 + field.tidal_energy(|rate| g.inertia * rate)
     };
     // 0 without fields, not the -0 of an empty sum.
-    grains.iter().flat_map(|g| fields.iter().map(move |field| of(g, field))).fold(0.0, |sum, energy| sum + energy)
+    grains.iter().flat_map(|g| fields.iter().map(move |field| energy(g, field))).fold(0.0, |sum, term| sum + term)
 }
 
 /// Method of summing potential energies.
@@ -103,7 +103,7 @@ pub fn uniform_gravity_energy(grains: &[Grain], gravity: Vec3) -> f64 {
     if gravity == Vec3::zeros() {
         0.0
     } else {
-        -grains.iter().map(|g| g.mass * gravity.dot(&(g.x - g.moved))).sum::<f64>()
+        -grains.iter().map(|g| g.mass * gravity.dot(&(g.x - g.cell_shift))).sum::<f64>()
     }
 }
 

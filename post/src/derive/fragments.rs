@@ -1,4 +1,4 @@
-//! Groups of grains that touch.
+//! Fragments: groups of grains that touch, the largest remnant first.
 
 use std::cmp::Reverse;
 
@@ -16,8 +16,8 @@ pub const TOUCHING_GAP: f64 = 1e-3;
 pub struct Fragment {
     /// Grains of the group, rising.
     pub grains: Vec<GrainId>,
-    /// Motion of the group in fixed axes.
-    pub whole: AggregateSums,
+    /// Mass, inertia and motion of the group, in fixed axes.
+    pub sums: AggregateSums,
 }
 
 /// Groups of touching grains: the largest remnant, then the others by falling mass, equal ones by their first grain.
@@ -52,17 +52,27 @@ pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
     }
     let axes = RotatingAxes::from_frame(frame);
     let fragment = |group: Vec<GrainId>| {
-        let whole = AggregateSums::from_grains(group.iter().map(|&i| &grains[i]));
-        Fragment { grains: group, whole: whole.in_fixed_axes(&axes) }
+        let sums = AggregateSums::from_grains(group.iter().map(|&i| &grains[i]));
+        Fragment { grains: group, sums: sums.in_fixed_axes(&axes) }
     };
     let mut found: Vec<Fragment> = members.into_iter().map(fragment).collect();
     // Bits of positive numbers are in their order.
-    found.sort_by_cached_key(|group| Reverse(group.whole.mass.to_bits()));
-    let size = |fragment: &Fragment| GroupSize { mass: fragment.whole.mass, members: fragment.grains.len() };
+    found.sort_by_cached_key(|group| Reverse(group.sums.mass.to_bits()));
+    let size = |fragment: &Fragment| GroupSize { mass: fragment.sums.mass, members: fragment.grains.len() };
     if let Some(remnant) = largest_remnant(&found.iter().map(size).collect::<Vec<_>>()) {
         found[..=remnant].rotate_right(1);
     }
     found
+}
+
+/// Sphere, or an image of it, in a column along x.
+struct ColumnEntry {
+    /// Numbers of the column along y and z.
+    column: [i64; 2],
+    /// Position along x from which on it may touch others, m.
+    start: f64,
+    /// Index of the sphere or image.
+    image: usize,
 }
 
 /// Joins spheres that touch.
@@ -78,23 +88,24 @@ fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
     let width = 4.0 * (spheres().map(|i| reach(i).powi(2)).sum::<f64>() / count).sqrt();
     let margin = 2.0 * spheres().map(reach).fold(0.0, f64::max);
     let (cell, mut images) = (frame.cell(), Vec::new());
-    let mut spans: Vec<([i64; 2], f64, usize)> = Vec::new();
+    let mut entries: Vec<ColumnEntry> = Vec::new();
     for i in spheres() {
         for x in cell.images_near(grains[i].x, margin) {
             let columns = |c: f64| ((c - reach(i)) / width).floor() as i64..=((c + reach(i)) / width).floor() as i64;
             let columns_yz = columns(x.y).flat_map(|y| columns(x.z).map(move |z| [y, z]));
-            spans.extend(columns_yz.map(|column| (column, x.x - reach(i), images.len())));
+            entries.extend(columns_yz.map(|column| ColumnEntry { column, start: x.x - reach(i), image: images.len() }));
             images.push((i, x));
         }
     }
-    spans.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    for (k, (column, _, image)) in spans.iter().enumerate() {
-        let (i, x) = images[*image];
+    entries.sort_unstable_by(|a, b| a.column.cmp(&b.column).then(a.start.total_cmp(&b.start)));
+    for (k, first) in entries.iter().enumerate() {
+        let (i, x) = images[first.image];
         let end = x.x + reach(i);
-        for (.., other) in spans[k + 1..].iter().take_while(|other| other.0 == *column && other.1 <= end) {
-            let (j, y) = images[*other];
-            let touching = grains[i].radius + grains[j].radius + touching_gap(frame, i, j);
-            if (x - y).norm_squared() <= touching * touching {
+        let is_in_reach = |other: &&ColumnEntry| other.column == first.column && other.start <= end;
+        for second in entries[k + 1..].iter().take_while(is_in_reach) {
+            let (j, y) = images[second.image];
+            let touching_distance = grains[i].radius + grains[j].radius + touching_gap(frame, i, j);
+            if (x - y).norm_squared() <= touching_distance * touching_distance {
                 groups.union(i.index(), j.index());
             }
         }
@@ -127,7 +138,7 @@ mod tests {
     /// The share of the mass in each group.
     fn shares(scene: &Scene) -> Vec<f64> {
         let frame = scene.frame();
-        find_fragments(&frame).iter().map(|fragment| fragment.whole.mass / frame.total_mass()).collect()
+        find_fragments(&frame).iter().map(|fragment| fragment.sums.mass / frame.total_mass()).collect()
     }
 
     #[test]

@@ -19,9 +19,11 @@ const MAX_COLUMNS: f64 = 500.0;
 /// square) on eight level beds of 1000 and 3000 grains, over 10 radii of 2.1 to 4.1.
 pub const REACH: f64 = 12.0;
 
-/// Diameters of the patches over which noise is correlated: least, largest, and as a share of the reach. Residuals from
-/// planes do not contain long waves. On a curved surface they contain its curvature; the least patch is used there.
-const PATCH: [f64; 2] = [1.0, 2.0];
+/// Diameters of the patches over which noise is correlated, in mean diameters: least, largest, and as a share of the reach.
+/// Residuals from planes do not contain long waves. On a curved surface they contain its curvature; the least patch is used
+/// there.
+const MIN_PATCH: f64 = 1.0;
+const MAX_PATCH: f64 = 2.0;
 const PATCH_SHARE: f64 = 1.0 / 3.0;
 
 /// Ratio of the root mean square of the gradients' deviations from their mean to noise, above which a surface may be no plane.
@@ -48,8 +50,9 @@ pub struct FreeSurface {
     pub widths: [f64; 2],
     /// Points of the surface by column; NaN if the column has no grain, or too few are around it.
     pub columns: Vec<SurfaceColumn>,
-    /// Slope of the surface, rad, and the standard error of its gradient, as an angle.
+    /// Slope of the surface, rad.
     pub slope: f64,
+    /// Standard error of its gradient, as an angle, rad.
     pub slope_error: f64,
     /// Root mean square of the errors of the columns, as an angle, rad; NaN without columns.
     pub noise: f64,
@@ -104,20 +107,20 @@ impl FreeSurface {
         let planes = bounding_planes(frame, &members);
         let bores: Vec<CylinderBore> = frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &members)).collect();
         grid.remove_sides(&mut heights, lowest, &LeaningSide::among(&planes, &bores, &up));
-        let whole = grid.whole_plane(&heights)?;
+        let mean_plane = grid.whole_plane(&heights)?;
         let fits: Vec<Option<FittedPlane>> =
             (0..heights.len()).into_par_iter().map(|k| grid.plane_at(&heights, k, reach * grid.width)).collect();
         let planes: Vec<&FittedPlane> = fits.iter().flatten().collect();
         let count = planes.len() as f64;
-        let mean = |of: &dyn Fn(&FittedPlane) -> f64| planes.iter().map(|plane| of(plane)).sum::<f64>() / count;
+        let mean = |value: &dyn Fn(&FittedPlane) -> f64| planes.iter().map(|plane| value(plane)).sum::<f64>() / count;
         let mean_gradient = [0, 1].map(|k| mean(&|p| p.gradient[k]));
         let spread = mean(&|p| (p.gradient[0] - mean_gradient[0]).powi(2) + (p.gradient[1] - mean_gradient[1]).powi(2));
-        let grain_noise = grid.noise_density(&heights, &fits, &whole, PATCH[0]);
+        let grain_noise = grid.noise_density(&heights, &fits, &mean_plane, MIN_PATCH);
         let min_variance = (SIGNIFICANCE_FACTOR * SIGNIFICANCE_FACTOR * grain_noise * mean(&|p| p.variance))
             .max((UNDULATION / reach).powi(2));
         let is_plane = planes.is_empty() || spread <= min_variance;
         let density = if is_plane {
-            grid.noise_density(&heights, &fits, &whole, (0.5 * PATCH_SHARE * reach).clamp(PATCH[0], PATCH[1]))
+            grid.noise_density(&heights, &fits, &mean_plane, (0.5 * PATCH_SHARE * reach).clamp(MIN_PATCH, MAX_PATCH))
         } else {
             grain_noise
         };
@@ -135,14 +138,14 @@ impl FreeSurface {
             SurfaceColumn { x, height: plane.height - lowest, slope, error: noise.atan() }
         };
         let columns: Vec<SurfaceColumn> = fits.iter().enumerate().map(column).collect();
-        let noise = noise_of(&whole.plane);
+        let noise = noise_of(&mean_plane.plane);
         let mut surface = FreeSurface {
             axes: grid.axes,
             counts: grid.counts,
             from: grid.from,
             widths: grid.widths,
             columns,
-            slope: without_noise(angle(whole.plane.gradient), noise),
+            slope: without_noise(angle(mean_plane.plane.gradient), noise),
             slope_error: noise.atan(),
             noise: f64::NAN,
         };
@@ -243,10 +246,10 @@ pub fn mean_plane(
     let mut surface_heights = heights.clone();
     let lowest = grains.iter().map(|g| height_range(g, up)[0]).fold(f64::INFINITY, f64::min);
     grid.remove_sides(&mut surface_heights, lowest, &LeaningSide::among(planes, bores, up));
-    let whole = grid.whole_plane(&surface_heights)?;
-    let ([first, second], [x, y], [along, across]) = (grid.axes, whole.middle, whole.plane.gradient);
+    let plane = grid.whole_plane(&surface_heights)?;
+    let ([first, second], [x, y], [along, across]) = (grid.axes, plane.middle, plane.plane.gradient);
     Some(SurfacePlane {
-        point: first * x + second * y + up * whole.plane.height,
+        point: first * x + second * y + up * plane.plane.height,
         normal: (up - first * along - second * across).normalize(),
         area: heights.iter().filter(|height| height.is_finite()).count() as f64 * grid.widths[0] * grid.widths[1],
     })
@@ -472,17 +475,18 @@ impl ColumnGrid {
 
     /// Density of the noise of single grains, m^2 times a column, from residuals within `patch` mean diameters. Residuals
     /// are from the columns' planes, or from the mean plane if a column has none.
-    fn noise_density(&self, heights: &[f64], fits: &[Option<FittedPlane>], whole: &MeanPlane, patch: f64) -> f64 {
-        let patch = 2.0 * self.width * patch * (1.0 + 1e-9);
-        let residual =
-            |k: usize| heights[k] - fits[k].map_or_else(|| whole.height(self.column_middle(k)), |plane| plane.height);
+    fn noise_density(&self, heights: &[f64], fits: &[Option<FittedPlane>], mean_plane: &MeanPlane, patch: f64) -> f64 {
+        let patch_width = 2.0 * self.width * patch * (1.0 + 1e-9);
+        let residual = |k: usize| {
+            heights[k] - fits[k].map_or_else(|| mean_plane.height(self.column_middle(k)), |plane| plane.height)
+        };
         let mut density = NoiseDensity::default();
         for k in (0..heights.len()).filter(|&k| heights[k].is_finite()) {
-            let near = self.columns_around(self.column_middle(k), patch).filter_map(|(j, _)| j);
+            let near = self.columns_around(self.column_middle(k), patch_width).filter_map(|(j, _)| j);
             let near: Vec<f64> = near.map(residual).filter(|e| e.is_finite()).collect();
-            let plane = fits[k].as_ref().unwrap_or(&whole.plane);
-            let own = residual(k);
-            density.add(1.0, own, own * near.iter().sum::<f64>(), near.len() as f64, plane);
+            let plane = fits[k].as_ref().unwrap_or(&mean_plane.plane);
+            let residual_k = residual(k);
+            density.add(1.0, residual_k, residual_k * near.iter().sum::<f64>(), near.len() as f64, plane);
         }
         density.mean_density()
     }

@@ -1,8 +1,10 @@
-//! Energy of many attracting points, by a tree.
+//! Energy of many attracting points, by a tree, for `energy`; and the virial of the attraction between two sets of points.
 //!
 //! Groups of points that are far from each other attract by their masses and the quadrupoles about their centres of mass
 //! (Barnes & Hut 1986; Hernquist 1987), group by group (Dehnen 2002). The result is an energy, for which a part in 10^4 is
 //! enough; `--direct-gravity` sums every pair.
+
+use std::ops::Range;
 
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
@@ -27,20 +29,21 @@ const PARALLEL_POINTS: usize = 4096;
 /// `members`: positions d_i from `centre`, m, and masses, kg; `others`: positions x_j and masses. Sums every pair, in an
 /// order that does not depend on the number of threads.
 pub fn attraction_between(members: &[(Vec3, f64)], centre: &Vec3, others: &[(Vec3, f64)]) -> f64 {
-    let of = |(d, mass): &(Vec3, f64)| {
-        let pull = |(x, m): &(Vec3, f64)| {
+    let virial = |(d, mass): &(Vec3, f64)| {
+        let attraction = |(x, m): &(Vec3, f64)| {
             let to = x - centre - d;
             to * (m / to.norm().powi(3).max(f64::MIN_POSITIVE))
         };
-        mass * d.dot(&others.iter().map(pull).sum::<Vec3>())
+        mass * d.dot(&others.iter().map(attraction).sum::<Vec3>())
     };
-    let sums: Vec<f64> = members.par_iter().map(of).collect();
+    let sums: Vec<f64> = members.par_iter().map(virial).collect();
     sums.iter().sum()
 }
 
+/// Node of the tree: a range of the sorted points, and its moments.
 struct TreeNode {
-    /// First and one past the last of the sorted points.
-    points: (usize, usize),
+    /// Range of the sorted points.
+    points: Range<usize>,
     /// Indices of the two halves; none of a leaf.
     halves: Option<[usize; 2]>,
     /// Index into [`GravityTree::leaves`], of a leaf.
@@ -88,11 +91,11 @@ impl GravityTree {
 
     /// Creates the node of `order`, which begins at `first`, and its descendants; returns its index.
     fn divide_node(&mut self, points: &[(Vec3, f64)], order: &mut [usize], first: usize) -> usize {
-        let own = || order.iter().map(|&i| points[i]);
-        let mass: f64 = own().map(|(_, m)| m).sum();
-        let centre = own().map(|(x, m)| m * x).sum::<Vec3>() / mass;
-        let radius: f64 = own().map(|(x, _)| (x - centre).norm()).fold(0.0, f64::max);
-        let quadrupole = own()
+        let node_points = || order.iter().map(|&i| points[i]);
+        let mass: f64 = node_points().map(|(_, m)| m).sum();
+        let centre = node_points().map(|(x, m)| m * x).sum::<Vec3>() / mass;
+        let radius: f64 = node_points().map(|(x, _)| (x - centre).norm()).fold(0.0, f64::max);
+        let quadrupole = node_points()
             .map(|(x, m)| {
                 let d = x - centre;
                 m * (3.0 * d * d.transpose() - Mat3::from_diagonal_element(d.norm_squared()))
@@ -101,11 +104,11 @@ impl GravityTree {
         let spread = mass * radius * radius;
         let stretch = if spread > 0.0 { REACH_STRETCH * (quadrupole / spread).norm_squared() } else { 0.0 };
         let reach = radius * (1.0 + stretch);
-        let (low, high) = own().fold((centre, centre), |(low, high), (x, _)| (low.inf(&x), high.sup(&x)));
+        let (low, high) = node_points().fold((centre, centre), |(low, high), (x, _)| (low.inf(&x), high.sup(&x)));
         let index = self.nodes.len();
-        let points_of = (first, first + order.len());
+        let range = first..first + order.len();
         self.nodes.push(TreeNode {
-            points: points_of,
+            points: range,
             halves: None,
             leaf: usize::MAX,
             mass,
@@ -131,7 +134,7 @@ impl GravityTree {
     fn pack_leaves(&mut self) {
         for node in self.nodes.iter_mut().filter(|node| node.halves.is_none()) {
             let mut leaf = LeafPoints::default();
-            for (k, (x, mass)) in self.points[node.points.0..node.points.1].iter().enumerate() {
+            for (k, (x, mass)) in self.points[node.points.clone()].iter().enumerate() {
                 (leaf.x[k], leaf.y[k], leaf.z[k], leaf.mass[k]) = (x.x, x.y, x.z, *mass);
             }
             node.leaf = self.leaves.len();
@@ -181,7 +184,7 @@ impl GravityTree {
     }
 
     fn node_points(&self, node: usize) -> &[(Vec3, f64)] {
-        &self.points[self.nodes[node].points.0..self.nodes[node].points.1]
+        &self.points[self.nodes[node].points.clone()]
     }
 
     /// Returns both sums, computed in parallel if a node has many points.
@@ -191,8 +194,7 @@ impl GravityTree {
         a: impl FnOnce() -> A + Send,
         b: impl FnOnce() -> B + Send,
     ) -> (A, B) {
-        let (first, last) = self.nodes[node].points;
-        if last - first > PARALLEL_POINTS { rayon::join(a, b) } else { (a(), b()) }
+        if self.nodes[node].points.len() > PARALLEL_POINTS { rayon::join(a, b) } else { (a(), b()) }
     }
 }
 

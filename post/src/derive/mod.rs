@@ -1,4 +1,4 @@
-//! Observables of a frame, one idea a file, and the resulting row of `series.csv`.
+//! Observables of a [`Frame`], one idea a file, and the row of `series.csv` that they make.
 //!
 //! | module | observables |
 //! |---|---|
@@ -54,7 +54,9 @@ use region::Region;
 
 /// Value of a column of `series.csv`.
 pub trait SeriesValue {
+    /// Field of the table.
     fn text(&self) -> String;
+    /// The value as a number; NaN if it is not defined.
     fn number(&self) -> f64;
 }
 
@@ -77,6 +79,7 @@ impl SeriesValue for f64 {
     }
 }
 
+/// Defines [`Row`] with its columns: name, type, unit and meaning of each, in the order of the file.
 macro_rules! columns {
     ($($name:ident: $type:ty, $unit:literal, $help:literal;)+) => {
         /// One row of `series.csv`: the observables of one snapshot.
@@ -222,41 +225,41 @@ impl MeasurementOptions {
 }
 
 impl Row {
-    /// Measures everything on a frame.
+    /// Measures all observables of a frame, with default options.
     pub fn from_frame(frame: &Frame) -> Row {
         Row::with_options(frame, &MeasurementOptions::default())
     }
 
-    /// Measures everything on a frame.
-    pub fn with_options(frame: &Frame, choices: &MeasurementOptions) -> Row {
-        Row::with_fragments(frame, &fragments::find_fragments(frame), choices)
+    /// Measures all observables of a frame.
+    pub fn with_options(frame: &Frame, options: &MeasurementOptions) -> Row {
+        Row::with_fragments(frame, &fragments::find_fragments(frame), options)
     }
 
-    /// Measures everything on a frame with these groups of touching grains.
-    pub fn with_fragments(frame: &Frame, fragments: &[fragments::Fragment], choices: &MeasurementOptions) -> Row {
-        let (grains, summation) = (&frame.grains, choices.summation);
+    /// Measures all observables of a frame with these groups of touching grains.
+    pub fn with_fragments(frame: &Frame, fragments: &[fragments::Fragment], options: &MeasurementOptions) -> Row {
+        let (grains, summation) = (&frame.grains, options.summation);
         let count = grains.len() as f64;
         let cell = frame.cell();
-        let everyone: Vec<GrainId> = frame.grain_ids().collect();
+        let all_grains: Vec<GrainId> = frame.grain_ids().collect();
         // A scene that repeats has no ball around it.
         let ball = enclosing::enclosing_ball(if cell.is_periodic() { &[] } else { grains });
         let gravity = energy::self_gravity_constant(frame);
-        let whole = motion::AggregateSums::from_grains(grains);
-        let [a, b, c] = whole.semi_axes();
-        let fixed = whole.clone().in_fixed_axes(&motion::RotatingAxes::from_frame(frame));
+        let aggregate = motion::AggregateSums::from_grains(grains);
+        let [a, b, c] = aggregate.semi_axes();
+        let fixed = aggregate.clone().in_fixed_axes(&motion::RotatingAxes::from_frame(frame));
         let spin = fixed.spin();
         let (e_translation, e_rotation) = energy::kinetic_sums(grains);
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / count;
-        let region = choices.region(frame, fragments);
+        let region = options.region(frame, fragments);
         let coordination = coordination::mean_coordination(frame, &region.members);
         let stress = region.stress(frame);
         let kinetic_stress = region.kinetic_stress(frame);
         let [sigma, motion_stress] = [stress, kinetic_stress].map(|s| 0.5 * (s + s.transpose()));
         let invariants = stress::StressInvariants::new(&stress);
         let (mobilised, sliding_fraction) = fabric::mean_mobilisation(frame);
-        let largest = LargestFragment::new(fragments, gravity, whole.mass);
+        let largest = LargestFragment::new(fragments, gravity, aggregate.mass);
         let bed = bed::Bed::from_frame(frame, fragments);
-        let free = FreeSurface::from_frame(frame, fragments, choices.slope_reach);
+        let free_surface = FreeSurface::from_frame(frame, fragments, options.slope_reach);
         let bed_value = |value: &dyn Fn(&bed::Bed) -> f64| bed.as_ref().map_or(f64::NAN, value);
         let e_grav =
             gravity.map_or(0.0, |g| energy::gravitational_energy(grains.iter().map(|k| (k.x, k.mass)), g, summation));
@@ -273,7 +276,7 @@ impl Row {
             Z: coordination.z,
             Z_no_rattlers: coordination.z_no_rattlers,
             rattler_fraction: coordination.rattler_fraction,
-            Z_all: coordination::mean_coordination(frame, &everyone).z,
+            Z_all: coordination::mean_coordination(frame, &all_grains).z,
             nu: region.solid_fraction(frame),
             nu_sphere: grains.iter().map(|g| g.volume()).sum::<f64>() / ball.volume(),
             R_enclosing: ball.radius,
@@ -293,19 +296,19 @@ impl Row {
             L_y: fixed.angular_momentum.y,
             L_z: fixed.angular_momentum.z,
             n_fragments: fragments.len() as u64,
-            largest_fraction: largest.whole.mass / whole.mass,
+            largest_fraction: largest.sums.mass / aggregate.mass,
             n_grains: grains.len() as u64,
-            mass: whole.mass,
+            mass: aggregate.mass,
             pressure_kinetic: stress::pressure(&kinetic_stress),
-            Ec_rigid_mean: whole.rigid_energy() / count,
+            Ec_rigid_mean: aggregate.rigid_energy() / count,
             E_uniform: e_uniform,
             E_fields: e_fields,
-            com_x: whole.x.x,
-            com_y: whole.x.y,
-            com_z: whole.x.z,
-            P_x: whole.momentum.x,
-            P_y: whole.momentum.y,
-            P_z: whole.momentum.z,
+            com_x: aggregate.x.x,
+            com_y: aggregate.x.y,
+            com_z: aggregate.x.z,
+            P_x: aggregate.momentum.x,
+            P_y: aggregate.momentum.y,
+            P_z: aggregate.momentum.z,
             Z_constraints: coordination.z_constraints,
             share_face: coordination.shares.face,
             share_edge: coordination.shares.edge,
@@ -330,7 +333,7 @@ impl Row {
             anisotropy: fabric::anisotropy(&fabric::fabric_tensor(frame)),
             mobilised,
             sliding_fraction,
-            largest_mass: largest.whole.mass,
+            largest_mass: largest.sums.mass,
             largest_a: largest.axes[0],
             largest_b: largest.axes[1],
             largest_c: largest.axes[2],
@@ -348,8 +351,8 @@ impl Row {
             bed_pressure: bed_value(&|bed| stress::pressure(&bed.stress())),
             bed_stress_ratio: bed_value(&|bed| bed.stress_ratio()),
             n_bonds: frame.contacts.iter().filter(|contact| contact.bonded).count() as u64,
-            surface_slope: free.as_ref().map_or(f64::NAN, |surface| surface.slope),
-            surface_slope_error: free.as_ref().map_or(f64::NAN, |surface| surface.slope_error),
+            surface_slope: free_surface.as_ref().map_or(f64::NAN, |surface| surface.slope),
+            surface_slope_error: free_surface.as_ref().map_or(f64::NAN, |surface| surface.slope_error),
             interval: frame.interval.length,
             Z_interval: coordination::interval_coordination(frame, &region.members),
             pressure_interval: region.interval_pressure(frame),
@@ -377,28 +380,30 @@ impl Row {
     }
 }
 
-/// The heaviest fragment, and the shares of the mass in others that are bound to it and that are not.
+/// The largest remnant, and the shares of the mass in others that are bound to it and that are not.
 struct LargestFragment {
-    whole: motion::AggregateSums,
+    sums: motion::AggregateSums,
+    /// Semi-axes, m.
     axes: [f64; 3],
     /// Spin, rad/s.
     spin: f64,
+    /// Share of the mass of all grains in groups that are bound to it, and in the others.
     bound: f64,
     escaping: f64,
 }
 
 impl LargestFragment {
     fn new(fragments: &[fragments::Fragment], constant: Option<f64>, mass: f64) -> LargestFragment {
-        let whole =
-            fragments.first().map_or_else(|| motion::AggregateSums::from_grains(&[]), |first| first.whole.clone());
+        let sums =
+            fragments.first().map_or_else(|| motion::AggregateSums::from_grains(&[]), |first| first.sums.clone());
         let mut bound = 0.0;
         if let Some(constant) = constant {
             let others = fragments.iter().skip(1).zip(orbits::fragment_orbits(fragments, constant));
-            bound = others.filter(|(_, orbit)| orbit.is_bound()).map(|(other, _)| other.whole.mass).sum::<f64>() / mass;
+            bound = others.filter(|(_, orbit)| orbit.is_bound()).map(|(other, _)| other.sums.mass).sum::<f64>() / mass;
         }
-        let escaping = fragments.iter().skip(1).map(|other| other.whole.mass).sum::<f64>() / mass - bound;
+        let escaping = fragments.iter().skip(1).map(|other| other.sums.mass).sum::<f64>() / mass - bound;
         // A rounding residue of a difference of sums is not a mass.
         let escaping = if escaping < 1e-12 { 0.0 } else { escaping };
-        LargestFragment { axes: whole.semi_axes(), spin: whole.spin().norm(), whole, bound, escaping }
+        LargestFragment { axes: sums.semi_axes(), spin: sums.spin().norm(), sums, bound, escaping }
     }
 }

@@ -62,17 +62,17 @@ impl Orbit {
 /// Inclinations are measured from the spin axis of the largest remnant, or from z if it does not rotate.
 pub fn fragment_orbits(fragments: &[Fragment], gravitational_constant: f64) -> Vec<Orbit> {
     let Some((largest, others)) = fragments.split_first() else { return Vec::new() };
-    let axis = spin_axis(&largest.whole);
-    let of = |other: &Fragment| {
-        let (r, v) = (other.whole.x - largest.whole.x, other.whole.velocity() - largest.whole.velocity());
-        Orbit::new(r, v, gravitational_constant * (largest.whole.mass + other.whole.mass), axis)
+    let axis = spin_axis(&largest.sums);
+    let orbit = |other: &Fragment| {
+        let (r, v) = (other.sums.x - largest.sums.x, other.sums.velocity() - largest.sums.velocity());
+        Orbit::new(r, v, gravitational_constant * (largest.sums.mass + other.sums.mass), axis)
     };
-    others.iter().map(of).collect()
+    others.iter().map(orbit).collect()
 }
 
 /// The direction of a body's spin; z without one.
-pub fn spin_axis(whole: &AggregateSums) -> Vec3 {
-    let spin = whole.spin();
+pub fn spin_axis(sums: &AggregateSums) -> Vec3 {
+    let spin = sums.spin();
     if spin.norm() > 0.0 && spin.iter().all(|x| x.is_finite()) { spin.normalize() } else { Vec3::z() }
 }
 

@@ -4,22 +4,27 @@ use cd_formats::faces::doubled_area;
 
 use crate::math::Vec3;
 
+/// Share of the half side from which on a point belongs to the cube: more than the rounding of cuts.
+const NEAR_CUBE: f64 = 1.0 - 1e-9;
+
 /// Convex polyhedron by its faces, within a cube that bounds it on open sides.
 pub struct ConvexPolytope {
+    /// Corners of each face, counter-clockwise seen from outside, m.
     faces: Vec<Vec<Vec3>>,
+    /// Centre of the cube, m.
     centre: Vec3,
-    /// Half the side length of the cube, m.
-    open: f64,
+    /// Half of its side, m.
+    outer_length: f64,
 }
 
 impl ConvexPolytope {
-    /// Cube of the half side `open` (m) about `centre`, which counts as unbounded.
-    pub fn cube(centre: Vec3, open: f64) -> ConvexPolytope {
+    /// Cube of the half side `outer_length` (m) about `centre`, which counts as unbounded.
+    pub fn cube(centre: Vec3, outer_length: f64) -> ConvexPolytope {
         let face = |axis: usize, sign: f64| {
             let at = |u: f64, v: f64| {
                 let mut x = Vec3::zeros();
                 (x[axis], x[(axis + 1) % 3], x[(axis + 2) % 3]) = (sign, u, v);
-                centre + x * open
+                centre + x * outer_length
             };
             let mut face = vec![at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
             if sign < 0.0 {
@@ -28,13 +33,13 @@ impl ConvexPolytope {
             face
         };
         let faces = (0..3).flat_map(|axis| [face(axis, 1.0), face(axis, -1.0)]).collect();
-        ConvexPolytope { faces, centre, open }
+        ConvexPolytope { faces, centre, outer_length }
     }
 
     /// Cuts off the part with normal.x < offset; returns the area of the cut, m^2. A plane within rounding of a face changes
-    /// nothing, and returns the area of that face.
+    /// nothing, and the area of that face is returned.
     pub fn cut_below(&mut self, normal: &Vec3, offset: f64) -> f64 {
-        let near = 1e-12 * self.open;
+        let near = 1e-12 * self.outer_length;
         let value = |p: &Vec3| {
             let value = p.dot(normal) - offset;
             if value.abs() <= near { 0.0 } else { value }
@@ -76,7 +81,7 @@ impl ConvexPolytope {
     /// The face on a plane normal.x = offset that bounds the polyhedron from below, if there is one.
     pub fn face_on(&self, normal: &Vec3, offset: f64) -> Option<&[Vec3]> {
         // Ten times the rounding of corners that several cuts have made; a face narrower than that is an edge.
-        let near = 1e-11 * self.open;
+        let near = 1e-11 * self.outer_length;
         let is_on = |face: &&Vec<Vec3>| {
             let length = face.iter().map(|p| (p - face[0]).norm()).fold(0.0, f64::max);
             face.iter().all(|p| (p.dot(normal) - offset).abs() <= near)
@@ -87,7 +92,7 @@ impl ConvexPolytope {
 
     /// Whether the polyhedron is bounded: no part of it reaches the cube.
     pub fn is_closed(&self) -> bool {
-        let within = |p: &Vec3| (p - self.centre).amax() < self.open * (1.0 - 1e-9);
+        let within = |p: &Vec3| (p - self.centre).amax() < self.outer_length * NEAR_CUBE;
         !self.faces.is_empty() && self.faces.iter().flatten().all(within)
     }
 
@@ -100,7 +105,7 @@ impl ConvexPolytope {
     /// Lowest point along a direction, m; None if the polyhedron is open there.
     pub fn lowest_point(&self, up: &Vec3) -> Option<f64> {
         let lowest = self.faces.iter().flatten().min_by(|a, b| a.dot(up).total_cmp(&b.dot(up)))?;
-        ((lowest - self.centre).amax() < self.open * (1.0 - 1e-9)).then(|| lowest.dot(up))
+        ((lowest - self.centre).amax() < self.outer_length * NEAR_CUBE).then(|| lowest.dot(up))
     }
 }
 

@@ -12,7 +12,7 @@ use crate::math::Vec3;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Probe {
     shape: ProbeShape,
-    about: ProbeCentre,
+    centre: ProbeCentre,
 }
 
 /// Position of the centre of a probe.
@@ -60,7 +60,7 @@ impl FromStr for Probe {
 
     fn from_str(text: &str) -> Result<Probe, ProbeError> {
         let fault = || ProbeError;
-        let (shape, about) = text.split_once('@').map_or((text, None), |(shape, about)| (shape, Some(about)));
+        let (shape, position) = text.split_once('@').map_or((text, None), |(shape, position)| (shape, Some(position)));
         let (name, numbers) = shape.split_once(':').ok_or_else(fault)?;
         let list = |text: &str| -> Option<Vec<f64>> {
             text.split(',').map(|x| x.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect()
@@ -78,10 +78,10 @@ impl FromStr for Probe {
                 let axis = Vec3::new(x, y, z).try_normalize(0.0).ok_or_else(fault)?;
                 ProbeShape::Cylinder { centre, axis, radius, half: 0.5 * length }
             }
-            ("layer", &[from, to]) if from < to && about.is_none() => ProbeShape::Layer { up: Vec3::z(), from, to },
+            ("layer", &[from, to]) if from < to && position.is_none() => ProbeShape::Layer { up: Vec3::z(), from, to },
             _ => return Err(fault()),
         };
-        let about = match about.map(str::trim) {
+        let probe_centre = match position.map(str::trim) {
             None | Some("com") => ProbeCentre::CentreOfMass,
             Some("largest") => ProbeCentre::Largest,
             Some(position) => match list(position).as_deref() {
@@ -89,7 +89,7 @@ impl FromStr for Probe {
                 _ => return Err(fault()),
             },
         };
-        Ok(Probe { shape, about })
+        Ok(Probe { shape, centre: probe_centre })
     }
 }
 
@@ -99,16 +99,16 @@ impl Probe {
         if let ProbeShape::Layer { .. } = self.shape {
             return Some(self.shape);
         }
-        let to = match self.about {
+        let position = match self.centre {
             ProbeCentre::Fixed(x) => x,
             ProbeCentre::CentreOfMass if frame.grains.is_empty() => return None,
             ProbeCentre::CentreOfMass => frame.grains.iter().map(|g| g.mass * g.x).sum::<Vec3>() / frame.total_mass(),
-            ProbeCentre::Largest => fragments.first()?.whole.x,
+            ProbeCentre::Largest => fragments.first()?.sums.x,
         };
         let mut shape = self.shape;
         match &mut shape {
             ProbeShape::Ball { centre, .. } | ProbeShape::Box { centre, .. } | ProbeShape::Cylinder { centre, .. } => {
-                *centre = to
+                *centre = position
             }
             ProbeShape::Layer { .. } => {}
         }
@@ -184,15 +184,16 @@ impl ProbeShape {
     /// Share of a segment that lies inside, exact.
     pub fn share_of_segment(&self, from: &Vec3, to: &Vec3) -> f64 {
         let d = to - from;
-        let between = |start: f64, step: f64, low: f64, high: f64| -> [f64; 2] {
+        // Interval of t in which low <= start + t step <= high; from 1 to 0 if it is empty.
+        let in_slab = |start: f64, step: f64, low: f64, high: f64| -> [f64; 2] {
             if step == 0.0 {
                 return if (low..=high).contains(&start) { [0.0, 1.0] } else { [1.0, 0.0] };
             }
             let ends = [(low - start) / step, (high - start) / step];
             [ends[0].min(ends[1]), ends[0].max(ends[1])]
         };
-        // |a + t b| <= r
-        let round = |a: Vec3, b: Vec3, radius: f64| -> [f64; 2] {
+        // Interval of t in which |a + t b| <= radius.
+        let in_ball = |a: Vec3, b: Vec3, radius: f64| -> [f64; 2] {
             let (square, half, rest) = (b.norm_squared(), a.dot(&b), a.norm_squared() - radius * radius);
             let root = half * half - square * rest;
             if square == 0.0 || root < 0.0 {
@@ -201,16 +202,16 @@ impl ProbeShape {
             [(-half - root.sqrt()) / square, (-half + root.sqrt()) / square]
         };
         let intervals: Vec<[f64; 2]> = match self {
-            ProbeShape::Ball { centre, radius } => vec![round(from - centre, d, *radius)],
+            ProbeShape::Ball { centre, radius } => vec![in_ball(from - centre, d, *radius)],
             ProbeShape::Box { centre, half } => {
-                (0..3).map(|k| between(from[k] - centre[k], d[k], -half[k], half[k])).collect()
+                (0..3).map(|k| in_slab(from[k] - centre[k], d[k], -half[k], half[k])).collect()
             }
             ProbeShape::Cylinder { centre, axis, radius, half } => {
                 let a = from - centre;
                 let across = |v: Vec3| v - axis * v.dot(axis);
-                vec![round(across(a), across(d), *radius), between(a.dot(axis), d.dot(axis), -half, *half)]
+                vec![in_ball(across(a), across(d), *radius), in_slab(a.dot(axis), d.dot(axis), -half, *half)]
             }
-            ProbeShape::Layer { up, from: low, to: high } => vec![between(from.dot(up), d.dot(up), *low, *high)],
+            ProbeShape::Layer { up, from: low, to: high } => vec![in_slab(from.dot(up), d.dot(up), *low, *high)],
         };
         let [first, last] = intervals.iter().fold([0f64, 1f64], |[a, b], [from, to]| [a.max(*from), b.min(*to)]);
         (last - first).max(0.0)
@@ -238,6 +239,7 @@ impl ProbeShape {
         inside / all
     }
 
+    /// Share of the volume of a ball that lies inside.
     fn share_of_ball(&self, x: &Vec3, r: f64) -> f64 {
         let depth = self.inner_distance(x);
         if depth >= r || depth <= -r {
@@ -273,13 +275,14 @@ impl ProbeShape {
         }
     }
 
+    /// Share of [`POINTS_IN_SPHERE`] points of a ball that lie inside.
     fn share_of_points(&self, x: &Vec3, r: f64) -> f64 {
-        let place = |[s, t, u]: [f64; 3]| {
+        let point_in_ball = |[s, t, u]: [f64; 3]| {
             let (z, (sin, cos)) = (2.0 * t - 1.0, (std::f64::consts::TAU * u).sin_cos());
             let across = (1.0 - z * z).sqrt();
             x + Vec3::new(across * cos, across * sin, z) * (r * s.cbrt())
         };
-        even_points(POINTS_IN_SPHERE).map(place).filter(|point| self.contains(point)).count() as f64
+        even_points(POINTS_IN_SPHERE).map(point_in_ball).filter(|point| self.contains(point)).count() as f64
             / POINTS_IN_SPHERE as f64
     }
 
@@ -356,7 +359,7 @@ mod tests {
             assert!(text.parse::<Probe>().unwrap_err().to_string().contains("expected ball:RADIUS"), "{text}");
         }
         let parsed: Probe = "cylinder: 1, 2, 0, 3, 0 @ largest".parse().unwrap();
-        assert_eq!(parsed.about, ProbeCentre::Largest);
+        assert_eq!(parsed.centre, ProbeCentre::Largest);
         assert!(matches!(parsed.shape, ProbeShape::Cylinder { axis, half: 1.0, .. } if axis == Vec3::y()));
     }
 

@@ -47,8 +47,8 @@ struct ShellSums {
 /// whole. A polyhedron counts as the sphere of equal volume.
 pub fn radial_shells(frame: &Frame, members: &[GrainId], centre: Vec3, count: usize) -> Vec<RadialShell> {
     let (stresses, neighbours) = (grain_stresses(frame), neighbour_counts(frame));
-    let far = |g: &Grain| (g.x - centre).norm() + g.radius;
-    let radius = members.iter().map(|&i| far(&frame.grains[i])).fold(0.0, f64::max);
+    let farthest_point = |g: &Grain| (g.x - centre).norm() + g.radius;
+    let radius = members.iter().map(|&i| farthest_point(&frame.grains[i])).fold(0.0, f64::max);
     let width = radius / count as f64;
     let edges: Vec<f64> = (0..=count).map(|k| if k == count { radius } else { k as f64 * width }).collect();
     let mut sums = vec![ShellSums::default(); count];
@@ -59,15 +59,15 @@ pub fn radial_shells(frame: &Frame, members: &[GrainId], centre: Vec3, count: us
         // At the centre no direction is radial: the mean of all is used.
         let mean = pressure(&stresses[i.index()]);
         let radial = if distance > 0.0 { arm.dot(&(stresses[i.index()] * arm)) / (distance * distance) } else { mean };
-        let home = ((distance / width) as usize).min(count - 1);
-        sums[home].grains += 1;
-        sums[home].neighbours += f64::from(neighbours[i.index()]);
+        let own_shell = ((distance / width) as usize).min(count - 1);
+        sums[own_shell].grains += 1;
+        sums[own_shell].neighbours += f64::from(neighbours[i.index()]);
         let first = (((distance - grain.radius) / width).max(0.0) as usize).min(count - 1);
-        let mut below = shared_volume(edges[first], grain.radius, distance);
+        let mut inner_volume = shared_volume(edges[first], grain.radius, distance);
         for k in first..count {
-            let up_to = shared_volume(edges[k + 1], grain.radius, distance);
-            let part = up_to - below;
-            below = up_to;
+            let outer_volume = shared_volume(edges[k + 1], grain.radius, distance);
+            let part = outer_volume - inner_volume;
+            inner_volume = outer_volume;
             sums[k].filled += part;
             sums[k].pressure += part * mean;
             sums[k].radial += part * radial;

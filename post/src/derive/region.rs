@@ -76,7 +76,7 @@ impl Region {
         let Some((shape, volume)) = placed else {
             return Region { kind: RegionKind::None, volume: f64::NAN, members: Vec::new(), probe: None };
         };
-        let Some(shifts) = shifts(frame, &shape) else {
+        let Some(shifts) = image_shifts(frame, &shape) else {
             return Region { kind: RegionKind::None, volume: f64::NAN, members: Vec::new(), probe: None };
         };
         let inside = |x: &Vec3| shifts.iter().any(|shift| shape.contains(&(x + shift)));
@@ -84,6 +84,7 @@ impl Region {
         Region { kind: shape.region_kind(), volume, members, probe: Some(PlacedProbe { shape, shifts }) }
     }
 
+    /// Whether a grain has its centre inside.
     fn is_member(&self, grain: GrainId) -> bool {
         self.members.binary_search(&grain).is_ok()
     }
@@ -119,7 +120,7 @@ impl Region {
             BodyIndex::Grain(i) => frame.grains[i].x_contact + image,
             BodyIndex::Wall(_) => point,
         };
-        let of = |contact: &crate::frame::Contact| -> Mat3 {
+        let moment = |contact: &crate::frame::Contact| -> Mat3 {
             match &self.probe {
                 Some(probe) => {
                     let to = end(contact.candidate, Vec3::zeros(), contact.point);
@@ -129,13 +130,16 @@ impl Region {
                     share * contact.force * (to - from).transpose()
                 }
                 None => {
-                    let own = contact.on_grains().filter(|(i, ..)| self.is_member(*i));
-                    own.map(|(i, force, image)| force * (frame.grains[i].x_contact + image - contact.point).transpose())
+                    let on_members = contact.on_grains().filter(|(i, ..)| self.is_member(*i));
+                    on_members
+                        .map(|(i, force, image)| {
+                            force * (frame.grains[i].x_contact + image - contact.point).transpose()
+                        })
                         .sum()
                 }
             }
         };
-        frame.active_contacts().map(of).sum::<Mat3>() / self.volume
+        frame.active_contacts().map(moment).sum::<Mat3>() / self.volume
     }
 
     /// A third of the trace of [`Region::stress`], Pa, mean over the steps since the snapshot before. NaN without an
@@ -146,12 +150,12 @@ impl Region {
             return f64::NAN;
         }
         // Half of the exchange counts for a pair with one grain inside.
-        let of = |exchange: &ImpulseExchange| {
+        let virial = |exchange: &ImpulseExchange| {
             let grains = || exchange.sides.iter().filter_map(|side| side.grain_id());
             let inside = grains().filter(|&i| self.is_member(i)).count();
             exchange.virial * inside as f64 / grains().count() as f64
         };
-        exchanges.iter().map(of).sum::<f64>() / length / (3.0 * self.volume)
+        exchanges.iter().map(virial).sum::<f64>() / length / (3.0 * self.volume)
     }
 
     /// Velocity of the centre of mass of the region's contents, m/s.
@@ -167,11 +171,11 @@ impl Region {
     pub fn kinetic_stress(&self, frame: &Frame) -> Mat3 {
         let shares = self.volume_shares(frame);
         let mean = self.mean_velocity(frame, &shares);
-        let of = |&(i, share): &(GrainId, f64)| {
+        let moment = |&(i, share): &(GrainId, f64)| {
             let grain = &frame.grains[i];
             share * grain.mass * (grain.v - mean) * (grain.v - mean).transpose()
         };
-        shares.iter().map(of).sum::<Mat3>() / self.volume
+        shares.iter().map(moment).sum::<Mat3>() / self.volume
     }
 
     /// Pressure that balances the loads at rest, Pa: -(1/3V) (sum (x_i - x_com).F_i + sum (p - x_com).f).
@@ -194,7 +198,7 @@ impl Region {
         let mass: f64 = self.member_grains(frame).map(|g| g.mass).sum();
         let com = self.member_grains(frame).map(|g| g.mass * g.x_contact).sum::<Vec3>() / mass;
         let self_gravity = self_gravity_constant(frame).map_or(0.0, |constant| {
-            let own =
+            let inner =
                 gravitational_energy(self.member_grains(frame).map(|g| (g.x_contact, g.mass)), constant, summation);
             let others: Vec<(Vec3, f64)> = frame
                 .grain_ids()
@@ -202,7 +206,7 @@ impl Region {
                 .map(|i| (frame.grains[i].x_contact, frame.grains[i].mass))
                 .collect();
             let members: Vec<(Vec3, f64)> = self.member_grains(frame).map(|g| (g.x_contact - com, g.mass)).collect();
-            own + constant * attraction_between(&members, &com, &others)
+            inner + constant * attraction_between(&members, &com, &others)
         });
         let on_members = |contact: &crate::frame::Contact| -> f64 {
             let own = contact.on_grains().filter(|(i, ..)| self.is_member(*i));
@@ -211,11 +215,11 @@ impl Region {
         let walls: f64 = frame.active_contacts().filter(|contact| contact.grain_pair().is_none()).map(on_members).sum();
         let fields = external_fields(frame);
         let rate = RotatingAxes::from_frame(frame).rotation_rate();
-        let pull = |g: &Grain| -> Vec3 {
+        let acceleration = |g: &Grain| -> Vec3 {
             let at_rest: Vec3 = fields.iter().map(|field| field.acceleration_and_potential(&g.x_contact).0).sum();
             at_rest - 2.0 * rate.cross(&g.v)
         };
-        let fields: f64 = self.member_grains(frame).map(|g| g.mass * (g.x_contact - com).dot(&pull(g))).sum();
+        let fields: f64 = self.member_grains(frame).map(|g| g.mass * (g.x_contact - com).dot(&acceleration(g))).sum();
         -(self_gravity + fields + walls) / (3.0 * self.volume)
     }
 }
@@ -225,7 +229,7 @@ const MAX_PROBE_IMAGES: f64 = 1e4;
 
 /// Sums of whole periods that shift grains of the cell, or contacts of these, into a shape. Only zero without periods and
 /// for a layer, which contains the whole cell. None for more than `MAX_PROBE_IMAGES`.
-fn shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
+fn image_shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
     let Some((centre, half)) = shape.bounds() else { return Some(vec![Vec3::zeros()]) };
     // Branches reach from a grain of the cell to the centre of a neighbour.
     let reach = 2.0 * frame.grains.iter().map(Grain::bounding_radius).fold(0.0, f64::max);
@@ -253,12 +257,12 @@ fn aggregate_region(frame: &Frame, fragments: &[Fragment]) -> Region {
     walls.flat_map(|contact| contact.on_grains()).for_each(|(i, ..)| touched[i.index()] = true);
     let touching_wall = fragments.iter().find(|fragment| fragment.grains.iter().any(|&i| touched[i.index()]));
     let largest = touching_wall.or(fragments.first());
-    let remnant = |fragment: &&Fragment| {
+    let is_remnant = |fragment: &&Fragment| {
         let is_single = fragment.grains.len() == 1 && frame.grains.len() > 1;
         let share = fragment.grains.len() as f64 / frame.grains.len() as f64;
-        !is_single && (fragment.whole.mass >= MIN_REMNANT_SHARE * frame.total_mass() || share >= MIN_REMNANT_SHARE)
+        !is_single && (fragment.sums.mass >= MIN_REMNANT_SHARE * frame.total_mass() || share >= MIN_REMNANT_SHARE)
     };
-    let (kind, members) = match largest.filter(remnant) {
+    let (kind, members) = match largest.filter(is_remnant) {
         Some(fragment) => (RegionKind::LargestGroup, fragment.grains.clone()),
         None => (RegionKind::AllGrains, frame.grain_ids().collect()),
     };

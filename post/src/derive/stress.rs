@@ -35,8 +35,8 @@ pub fn pressure(stress: &Mat3) -> f64 {
 ///
 /// It is not included in [`mean_stress`]; a third of its trace is the pressure of the motion.
 pub fn kinetic_stress(grains: &[Grain], velocity: Vec3, volume: f64) -> Mat3 {
-    let of = |g: &Grain| g.mass * (g.v - velocity) * (g.v - velocity).transpose();
-    grains.iter().map(of).sum::<Mat3>() / volume
+    let moment = |g: &Grain| g.mass * (g.v - velocity) * (g.v - velocity).transpose();
+    grains.iter().map(moment).sum::<Mat3>() / volume
 }
 
 /// Invariants of the symmetric part of a stress.
@@ -92,8 +92,9 @@ pub fn grain_stresses(frame: &Frame) -> Vec<Mat3> {
 /// Share of the grains' volume in grains whose own pressure ([`grain_stresses`]) is negative: tension.
 pub fn tensile_fraction(frame: &Frame) -> f64 {
     let volume: f64 = frame.grains.iter().map(Grain::volume).sum();
-    let pulled = grain_stresses(frame).into_iter().zip(&frame.grains).filter(|(stress, _)| pressure(stress) < 0.0);
-    pulled.map(|(_, grain)| grain.volume()).sum::<f64>() / volume
+    let under_tension =
+        grain_stresses(frame).into_iter().zip(&frame.grains).filter(|(stress, _)| pressure(stress) < 0.0);
+    under_tension.map(|(_, grain)| grain.volume()).sum::<f64>() / volume
 }
 
 #[cfg(test)]

@@ -53,9 +53,11 @@ impl DirectionGrid {
 
     /// Solid angle of each cell.
     fn solid_angles(&self) -> Vec<f64> {
-        let (up, across) =
+        let (latitude_step, longitude_step) =
             (std::f64::consts::PI / self.latitudes as f64, std::f64::consts::TAU / self.longitudes as f64);
-        (0..self.len()).map(|k| across * 2.0 * self.cell_angles(k).0.cos() * (0.5 * up).sin()).collect()
+        (0..self.len())
+            .map(|k| longitude_step * 2.0 * self.cell_angles(k).0.cos() * (0.5 * latitude_step).sin())
+            .collect()
     }
 
     /// Index of the cell `north` rows and `east` columns away; beyond a pole the meridian continues on the opposite side.
@@ -91,33 +93,33 @@ pub struct SurfaceFacet {
     pub error: f64,
 }
 
-/// Heights, effective gravity and slopes of the grains `members` with the sums `whole`.
+/// Heights, effective gravity and slopes of the grains `members`, whose mass, inertia and motion are `sums`.
 ///
 /// Rays from the centre of mass to the last surface of a sphere give the heights (a polyhedron counts as the sphere of
 /// equal volume). Height and normal are those of the least-squares plane through the heights, over the arcs along the
 /// surface, within `reach` mean radii ([`PlaneFit`]), at most a quarter of the circumference. Gravity is that of all grains
 /// of the frame, each a solid ball, and of the primaries, and `acceleration_in_own_axes`; `constant`: G. The spin is
-/// that of `whole`, in fixed axes.
+/// that of `sums`, in fixed axes.
 pub fn aggregate_surface(
     frame: &Frame,
     members: &[GrainId],
-    whole: &AggregateSums,
+    sums: &AggregateSums,
     constant: f64,
     grid: DirectionGrid,
     reach: f64,
 ) -> Vec<SurfaceFacet> {
     let grains: Vec<&Grain> = members.iter().map(|&i| &frame.grains[i]).collect();
-    let raw = surface_heights(&grains, whole.x, grid);
+    let ray_heights = surface_heights(&grains, sums.x, grid);
     let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
-    let (heights, fits, density) = fit_planes(&raw, reach * mean_radius, 2.0 * mean_radius, grid);
+    let (heights, fits, density) = fit_planes(&ray_heights, reach * mean_radius, 2.0 * mean_radius, grid);
     let fields = external_fields(frame);
-    let added = acceleration_in_own_axes(frame, members, whole, constant, &fields);
+    let own_acceleration = acceleration_in_own_axes(frame, members, sums, constant, &fields);
     let gravity = |x: Vec3| {
         let grains = frame.grains.iter().map(|g| ball_attraction(g, x)).sum::<Vec3>() * constant;
-        grains + primary_attraction(&fields, x) + added
+        grains + primary_attraction(&fields, x) + own_acceleration
     };
     let gradient = |k: usize| fits[k].map_or([f64::NAN; 2], |plane| plane.gradient);
-    let mut facets = facets_of(&heights, gradient, whole.x, whole.spin(), gravity, grid);
+    let mut facets = facets_of(&heights, gradient, sums.x, sums.spin(), gravity, grid);
     for (facet, fit) in facets.iter_mut().zip(&fits) {
         // Slope by the arc, over the distance from the centre.
         let noise = fit.map_or(f64::NAN, |plane| (density * plane.variance).sqrt() / plane.height);
@@ -142,7 +144,7 @@ pub fn rms_noise(facets: &[SurfaceFacet]) -> f64 {
 fn acceleration_in_own_axes(
     frame: &Frame,
     members: &[GrainId],
-    whole: &AggregateSums,
+    sums: &AggregateSums,
     constant: f64,
     fields: &[FieldModel],
 ) -> Vec3 {
@@ -153,7 +155,7 @@ fn acceleration_in_own_axes(
     if frame.active_contacts().any(borne) {
         let turning = fields.iter().filter(|field| matches!(field, FieldModel::Turning { .. }));
         return Vec3::from(frame.meta.parameters.uniform_gravity)
-            + turning.map(|f| f.acceleration_and_potential(&whole.x).0).sum::<Vec3>();
+            + turning.map(|f| f.acceleration_and_potential(&sums.x).0).sum::<Vec3>();
     }
     let others: Vec<&Grain> = frame.grain_ids().filter(|i| !own[i.index()]).map(|i| &frame.grains[i]).collect();
     let pull = |&i: &GrainId| {
@@ -163,7 +165,7 @@ fn acceleration_in_own_axes(
     };
     // Summed in one order, independent of the number of threads.
     let pulls: Vec<Vec3> = members.par_iter().map(pull).collect();
-    -pulls.iter().sum::<Vec3>() / whole.mass
+    -pulls.iter().sum::<Vec3>() / sums.mass
 }
 
 /// Attraction by the primaries among the fields, m/s^2.
@@ -261,10 +263,14 @@ pub fn surface_facets(
     gravity: impl Fn(Vec3) -> Vec3 + Sync,
     grid: DirectionGrid,
 ) -> Vec<SurfaceFacet> {
-    let (up, across) = (std::f64::consts::PI / grid.latitudes as f64, std::f64::consts::TAU / grid.longitudes as f64);
+    let (latitude_step, longitude_step) =
+        (std::f64::consts::PI / grid.latitudes as f64, std::f64::consts::TAU / grid.longitudes as f64);
     let gradient = |k: usize| {
         let at = |n: isize, e: isize| heights[grid.neighbour_cell(k, n, e)];
-        [(at(0, 1) - at(0, -1)) / (2.0 * across * grid.cell_angles(k).0.cos()), (at(1, 0) - at(-1, 0)) / (2.0 * up)]
+        [
+            (at(0, 1) - at(0, -1)) / (2.0 * longitude_step * grid.cell_angles(k).0.cos()),
+            (at(1, 0) - at(-1, 0)) / (2.0 * latitude_step),
+        ]
     };
     facets_of(heights, gradient, centre, spin, gravity, grid)
 }
@@ -278,7 +284,7 @@ fn facets_of(
     gravity: impl Fn(Vec3) -> Vec3 + Sync,
     grid: DirectionGrid,
 ) -> Vec<SurfaceFacet> {
-    let solid = grid.solid_angles();
+    let solid_angles = grid.solid_angles();
     let facet = |k: usize| {
         let (latitude, longitude) = grid.cell_angles(k);
         let [out, east, north] = grid.cell_axes(k);
@@ -294,7 +300,7 @@ fn facets_of(
             x,
             height,
             gravity: effective,
-            area: solid[k] * height * normal.norm(),
+            area: solid_angles[k] * height * normal.norm(),
             slope,
             error: 0.0,
         }
@@ -306,14 +312,14 @@ fn facets_of(
 pub fn slopes_below(facets: &[SurfaceFacet], shares: &[f64]) -> Vec<f64> {
     let mut known: Vec<(f64, f64)> = facets.iter().map(|f| (f.slope, f.area)).filter(|(s, _)| s.is_finite()).collect();
     known.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let all: f64 = known.iter().map(|(_, area)| area).sum();
+    let total: f64 = known.iter().map(|(_, area)| area).sum();
     let at = |share: &f64| {
         let mut below = 0.0;
         let mut reached = known.iter().skip_while(|(_, area)| {
             below += area;
-            below < share * all
+            below < share * total
         });
-        reached.next().or(known.last()).map(|(slope, _)| *slope) // rounding may leave the whole out of reach
+        reached.next().or(known.last()).map(|(slope, _)| *slope) // rounding may leave the sum below the total
     };
     shares.iter().filter_map(at).collect()
 }
@@ -411,8 +417,7 @@ mod tests {
         scene.snapshot.meta.parameters.fields = vec![ExternalField::RotatingFrame { rate, centre: [5.0, 0.0, 0.0] }];
         let frame = scene.frame();
         let largest = &find_fragments(&frame)[0];
-        for facet in aggregate_surface(&frame, &largest.grains, &largest.whole, constant, DirectionGrid::STANDARD, 3.0)
-        {
+        for facet in aggregate_surface(&frame, &largest.grains, &largest.sums, constant, DirectionGrid::STANDARD, 3.0) {
             let (sin, cos) = facet.latitude.abs().sin_cos();
             let expected = (0.5 * sin * cos).atan2(1.0 - 0.5 * cos * cos);
             assert!((facet.slope - expected).abs() < 1e-7, "{facet:?} {expected}"); // the cosine of 1e-7 is 1 to rounding
@@ -423,7 +428,7 @@ mod tests {
     fn of(scene: &Scene, constant: f64) -> Vec<SurfaceFacet> {
         let frame = scene.frame();
         let largest = &find_fragments(&frame)[0];
-        aggregate_surface(&frame, &largest.grains, &largest.whole, constant, DirectionGrid::STANDARD, 3.0)
+        aggregate_surface(&frame, &largest.grains, &largest.sums, constant, DirectionGrid::STANDARD, 3.0)
     }
 
     #[test]

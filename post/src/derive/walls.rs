@@ -11,8 +11,8 @@ pub fn supported_grains(frame: &Frame, fragments: &[Fragment]) -> Vec<GrainId> {
     let mut touched = vec![false; frame.grains.len()];
     let walls = frame.active_contacts().filter(|contact| contact.grain_pair().is_none());
     walls.flat_map(|contact| contact.on_grains()).for_each(|(i, _, _)| touched[i.index()] = true);
-    let borne = fragments.iter().filter(|fragment| fragment.grains.iter().any(|&i| touched[i.index()]));
-    let mut grains: Vec<GrainId> = borne.flat_map(|fragment| fragment.grains.iter().copied()).collect();
+    let supported = fragments.iter().filter(|fragment| fragment.grains.iter().any(|&i| touched[i.index()]));
+    let mut grains: Vec<GrainId> = supported.flat_map(|fragment| fragment.grains.iter().copied()).collect();
     grains.sort_unstable();
     grains
 }
@@ -121,7 +121,7 @@ pub fn bounding_planes(frame: &Frame, grains: &[GrainId]) -> Vec<WallPlane> {
     let mut faces: Vec<(Vec3, f64, WallFace)> = Vec::new();
     for wall in frame.wall_ids() {
         faces.extend(wall_faces(frame, wall, grains).into_iter().filter_map(|(normal, corners)| {
-            // Places are from the middle of the grains, whose distance from the origin may be large.
+            // Positions are relative to the middle of the grains, whose distance from the origin may be large.
             let offset = corners.iter().map(|p| (p - centre).dot(&normal)).fold(f64::NEG_INFINITY, f64::max);
             let corners = counter_clockwise(corners, &normal);
             nearly_all(frame, grains, |x| (x - centre).dot(&normal) >= offset).then_some((
@@ -135,10 +135,10 @@ pub fn bounding_planes(frame: &Frame, grains: &[GrainId]) -> Vec<WallPlane> {
     let mut planes: Vec<WallPlane> = Vec::new();
     for (normal, offset, face) in faces {
         let near = planes.iter_mut().rev().take_while(|plane| normal.x - plane.normal.x <= FLUSH_ANGLE);
-        let flush = |plane: &&mut WallPlane| {
+        let is_flush = |plane: &&mut WallPlane| {
             (plane.normal - normal).norm() <= FLUSH_ANGLE && (plane.offset - offset).abs() <= FLUSH_STEP * mean_radius
         };
-        match near.into_iter().find(flush) {
+        match near.into_iter().find(is_flush) {
             Some(plane) => {
                 plane.offset = plane.offset.max(offset);
                 plane.faces.push(face);

@@ -127,7 +127,7 @@ fn grain_arrays(frame: &Frame, fragments: &[Fragment], rows: &[usize]) -> Vec<At
     let motion: Vec<Mat3> =
         grains.iter().map(|g| kinetic_stress(std::slice::from_ref(*g), velocity, g.volume())).collect();
     let stresses: Vec<Mat3> = rows.iter().map(|&row| stresses[row]).collect();
-    let of = |counts: &[u32]| rows.iter().map(|&row| counts[row]).collect::<Vec<u32>>();
+    let counts_of_rows = |counts: &[u32]| rows.iter().map(|&row| counts[row]).collect::<Vec<u32>>();
     let energy = |grain: &&Grain| {
         let (translation, rotation) = kinetic_energies(grain);
         translation + rotation
@@ -136,21 +136,21 @@ fn grain_arrays(frame: &Frame, fragments: &[Fragment], rows: &[usize]) -> Vec<At
         let q = grain.rotation.quaternion();
         [q.w, q.i, q.j, q.k]
     };
-    let each = |value: &dyn Fn(&&Grain) -> f64| grains.iter().map(value).collect::<Vec<f64>>();
+    let numbers = |value: &dyn Fn(&&Grain) -> f64| grains.iter().map(value).collect::<Vec<f64>>();
     vec![
-        scalar_attribute("radius", each(&|g| g.radius)),
+        scalar_attribute("radius", numbers(&|g| g.radius)),
         scalar_attribute("id", grains.iter().map(|g| g.id).collect::<Vec<u64>>()),
         vector_attribute("velocity", grains.iter().map(|g| g.v)),
         vector_attribute("spin", grains.iter().map(|g| g.w)),
-        scalar_attribute("contacts", of(&contacts)),
+        scalar_attribute("contacts", counts_of_rows(&contacts)),
         tensor_attribute("stress", &stresses),
         scalar_attribute("pressure", stresses.iter().map(pressure).collect::<Vec<f64>>()),
         scalar_attribute("material", grains.iter().map(|g| g.material).collect::<Vec<u16>>()),
         scalar_attribute("colour", grains.iter().map(|g| g.colour).collect::<Vec<u16>>()),
-        scalar_attribute("mass", each(&|g| g.mass)),
-        scalar_attribute("kinetic_energy", each(&|g| energy(g))),
-        scalar_attribute("neighbours", of(&neighbours)),
-        scalar_attribute("fragment", of(&fragments)),
+        scalar_attribute("mass", numbers(&|g| g.mass)),
+        scalar_attribute("kinetic_energy", numbers(&|g| energy(g))),
+        scalar_attribute("neighbours", counts_of_rows(&neighbours)),
+        scalar_attribute("fragment", counts_of_rows(&fragments)),
         tensor_attribute("kinetic_stress", &motion),
         component_attribute("orientation", 4, grains.iter().flat_map(orientation).collect::<Vec<f64>>()),
         scalar_attribute("polyhedron", grains.iter().map(|g| u8::from(g.solid.is_some())).collect::<Vec<u8>>()),
@@ -165,8 +165,8 @@ fn contact_lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
         .contacts
         .iter()
         .map(|contact| {
-            // The grain is where it is drawn, also of a wall that meets an image of it elsewhere.
-            let (image, back) = match contact.candidate {
+            // A contact of a wall with an image of a grain is drawn at the grain.
+            let (image, wall_shift) = match contact.candidate {
                 BodyIndex::Grain(_) => (contact.image, Vec3::zeros()),
                 BodyIndex::Wall(_) => (Vec3::zeros(), contact.image),
             };
@@ -177,7 +177,7 @@ fn contact_lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
                     points.len() as u64 - 1
                 }
                 BodyIndex::Wall(_) => {
-                    points.push(contact.point - back);
+                    points.push(contact.point - wall_shift);
                     points.len() as u64 - 1
                 }
             };
@@ -358,8 +358,8 @@ pub fn vtp_bytes(piece: PolyDataPiece) -> Vec<u8> {
     vtk.write_xml(&mut bytes).expect("arrays of equal length, written to memory");
     if no_points {
         // vtkio leaves attributes out that are 0, and VTK rejects a piece without this one.
-        let place = bytes.windows(6).position(|word| word == b"<Piece").expect("a file has one piece") + 6;
-        bytes.splice(place..place, *b" NumberOfPoints=\"0\"");
+        let end_of_tag = bytes.windows(6).position(|word| word == b"<Piece").expect("a file has one piece") + 6;
+        bytes.splice(end_of_tag..end_of_tag, *b" NumberOfPoints=\"0\"");
     }
     bytes
 }

@@ -135,11 +135,11 @@ impl GrowingArray {
         self.row_count += (bytes.len() / self.row_bytes()) as u64;
         self.pending.extend_from_slice(bytes);
         let size = self.chunk_rows() * self.row_bytes();
-        let whole = self.pending.len() / size * size;
-        for chunk in self.pending[..whole].chunks(size) {
+        let full_chunk_bytes = self.pending.len() / size * size;
+        for chunk in self.pending[..full_chunk_bytes].chunks(size) {
             self.chunks.push(file.append(chunk)?);
         }
-        self.pending.drain(..whole);
+        self.pending.drain(..full_chunk_bytes);
         Ok(())
     }
 

@@ -72,80 +72,81 @@ impl MapSheet {
 
 /// Text of the SVG file; `values` by cell of the sheet in `unit`. Cells without a finite value stay white.
 pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &MapSheet) -> String {
-    let [wide, high] = [0, 1].map(|k| sheet.cell[k] * sheet.counts[k] as f64);
+    let [map_width, map_height] = [0, 1].map(|k| sheet.cell[k] * sheet.counts[k] as f64);
     let [cell_x, cell_y] = sheet.cell;
     let finite_values = || values.iter().copied().filter(|v| v.is_finite());
     let (low, top) = finite_values().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, top), v| (low.min(v), top.max(v)));
     // Values that are equal within round-off are one value, in the middle.
-    let equal = low.abs().max(top.abs());
-    let margin = if equal > 0.0 { 0.1 * equal } else { 0.5 };
-    let (low, top) = if top - low > 1e-9 * equal { (low, top) } else { (low - margin, low + margin) };
+    let magnitude = low.abs().max(top.abs());
+    let margin = if magnitude > 0.0 { 0.1 * magnitude } else { 0.5 };
+    let (low, top) = if top - low > 1e-9 * magnitude { (low, top) } else { (low - margin, low + margin) };
     let (factor, unit) = if low.is_finite() { unit_prefix(low.abs().max(top.abs()), unit) } else { (1.0, unit.into()) };
     // On a narrow strip the title and the bar need more width than the map.
-    let titled = TITLE_LETTER * title.chars().count() as f64 + 40.0;
-    let (width, bar_high) = ((LEFT_MARGIN + wide + RIGHT_MARGIN).max(titled), high.max(MIN_BAR_HEIGHT));
-    let height = (TOP_MARGIN + high + BOTTOM_MARGIN).max(TOP_MARGIN + bar_high + 20.0);
+    let title_width = TITLE_LETTER * title.chars().count() as f64 + 40.0;
+    let (width, bar_height) =
+        ((LEFT_MARGIN + map_width + RIGHT_MARGIN).max(title_width), map_height.max(MIN_BAR_HEIGHT));
+    let height = (TOP_MARGIN + map_height + BOTTOM_MARGIN).max(TOP_MARGIN + bar_height + 20.0);
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
          font-family=\"sans-serif\" font-size=\"14\" fill=\"#3c3c3c\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     );
-    let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
-    let middle = (LEFT_MARGIN + wide / 2.0).clamp(titled / 2.0, width - titled / 2.0);
-    put(format!("<text x=\"{middle}\" y=\"20\" font-size=\"20\" text-anchor=\"middle\">{title}</text>"));
-    put("<g shape-rendering=\"crispEdges\">".into());
+    let mut write_line = |line: String| writeln!(text, "{line}").expect("writing to a string");
+    let middle = (LEFT_MARGIN + map_width / 2.0).clamp(title_width / 2.0, width - title_width / 2.0);
+    write_line(format!("<text x=\"{middle}\" y=\"20\" font-size=\"20\" text-anchor=\"middle\">{title}</text>"));
+    write_line("<g shape-rendering=\"crispEdges\">".into());
     for (k, value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
         let (row, column) = (k / sheet.counts[0], k % sheet.counts[0]);
-        let (x, y) = (LEFT_MARGIN + cell_x * column as f64, TOP_MARGIN + high - cell_y * (row + 1) as f64);
+        let (x, y) = (LEFT_MARGIN + cell_x * column as f64, TOP_MARGIN + map_height - cell_y * (row + 1) as f64);
         let fill = colour_ramp((value - low) / (top - low));
-        put(format!("<rect x=\"{x}\" y=\"{y}\" width=\"{cell_x}\" height=\"{cell_y}\" fill=\"{fill}\"/>"));
+        write_line(format!("<rect x=\"{x}\" y=\"{y}\" width=\"{cell_x}\" height=\"{cell_y}\" fill=\"{fill}\"/>"));
     }
-    let bar = LEFT_MARGIN + wide + 20.0;
+    let bar = LEFT_MARGIN + map_width + 20.0;
     for step in 0..COLOUR_STEPS {
-        let y = TOP_MARGIN + bar_high * (1.0 - (step + 1) as f64 / COLOUR_STEPS as f64);
+        let y = TOP_MARGIN + bar_height * (1.0 - (step + 1) as f64 / COLOUR_STEPS as f64);
         let fill = colour_ramp((step as f64 + 0.5) / COLOUR_STEPS as f64);
-        put(format!(
+        write_line(format!(
             "<rect x=\"{bar}\" y=\"{y:.2}\" width=\"18\" height=\"{:.2}\" fill=\"{fill}\"/>",
-            bar_high / COLOUR_STEPS as f64 + 0.5
+            bar_height / COLOUR_STEPS as f64 + 0.5
         ));
     }
-    put("</g>".into());
-    put(format!(
-        "<rect x=\"{LEFT_MARGIN}\" y=\"{TOP_MARGIN}\" width=\"{wide}\" height=\"{high}\" fill=\"none\" stroke=\"#3c3c3c\"/>"
+    write_line("</g>".into());
+    write_line(format!(
+        "<rect x=\"{LEFT_MARGIN}\" y=\"{TOP_MARGIN}\" width=\"{map_width}\" height=\"{map_height}\" fill=\"none\" stroke=\"#3c3c3c\"/>"
     ));
     for (share, label) in &sheet.ticks[0] {
-        let x = LEFT_MARGIN + wide * share;
-        put(format!("<path d=\"M{x} {}v6\" stroke=\"#3c3c3c\"/>", TOP_MARGIN + high));
-        put(format!(
+        let x = LEFT_MARGIN + map_width * share;
+        write_line(format!("<path d=\"M{x} {}v6\" stroke=\"#3c3c3c\"/>", TOP_MARGIN + map_height));
+        write_line(format!(
             "<text x=\"{x}\" y=\"{}\" text-anchor=\"middle\" font-size=\"13\">{label}</text>",
-            TOP_MARGIN + high + 21.0
+            TOP_MARGIN + map_height + 21.0
         ));
     }
     for (share, label) in &sheet.ticks[1] {
-        let y = TOP_MARGIN + high * (1.0 - share);
-        put(format!("<path d=\"M{LEFT_MARGIN} {y}h-6\" stroke=\"#3c3c3c\"/>"));
+        let y = TOP_MARGIN + map_height * (1.0 - share);
+        write_line(format!("<path d=\"M{LEFT_MARGIN} {y}h-6\" stroke=\"#3c3c3c\"/>"));
         let (x, below) = (LEFT_MARGIN - 10.0, y + 5.0);
-        put(format!("<text x=\"{x}\" y=\"{below}\" text-anchor=\"end\" font-size=\"13\">{label}</text>"));
+        write_line(format!("<text x=\"{x}\" y=\"{below}\" text-anchor=\"end\" font-size=\"13\">{label}</text>"));
     }
     // Without a known value the bar has no numbers.
     for share in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().filter(|_| low.is_finite()) {
-        let (y, value) = (TOP_MARGIN + bar_high * (1.0 - share), (low + share * (top - low)) / factor);
+        let (y, value) = (TOP_MARGIN + bar_height * (1.0 - share), (low + share * (top - low)) / factor);
         let label = format_digits(value, digits_needed(low.abs().max(top.abs()), 0.25 * (top - low)).max(3));
-        put(format!("<text x=\"{}\" y=\"{}\" font-size=\"13\">{label}</text>", bar + 24.0, y + 5.0));
+        write_line(format!("<text x=\"{}\" y=\"{}\" font-size=\"13\">{label}</text>", bar + 24.0, y + 5.0));
     }
     let label = if unit == "1" { quantity.to_string() } else { format!("{quantity} ({unit})") };
-    put(format!("<text x=\"{bar}\" y=\"{}\">{label}</text>", TOP_MARGIN - 12.0));
-    put(format!(
+    write_line(format!("<text x=\"{bar}\" y=\"{}\">{label}</text>", TOP_MARGIN - 12.0));
+    write_line(format!(
         "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-        LEFT_MARGIN + wide / 2.0,
-        TOP_MARGIN + high + 46.0,
+        LEFT_MARGIN + map_width / 2.0,
+        TOP_MARGIN + map_height + 46.0,
         sheet.labels[0]
     ));
-    let middle = TOP_MARGIN + high / 2.0;
-    put(format!(
+    let middle = TOP_MARGIN + map_height / 2.0;
+    write_line(format!(
         "<text x=\"20\" y=\"{middle}\" text-anchor=\"middle\" transform=\"rotate(-90 20 {middle})\">{}</text>",
         sheet.labels[1]
     ));
-    put("</svg>".into());
+    write_line("</svg>".into());
     text
 }
 

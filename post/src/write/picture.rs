@@ -53,7 +53,7 @@ pub enum PictureColouring {
 
 /// Classes of colours, from 0, each with a label.
 struct ColourScale {
-    shade: PictureColouring,
+    colouring: PictureColouring,
     /// Largest kinetic energy, J.
     largest: f64,
     labels: Vec<String>,
@@ -61,14 +61,14 @@ struct ColourScale {
 
 impl ColourScale {
     /// Returns the scale for these states together.
-    fn new(shade: PictureColouring, frames: &[&Frame]) -> Self {
+    fn new(colouring: PictureColouring, frames: &[&Frame]) -> Self {
         let grains = || frames.iter().flat_map(|frame| &frame.grains);
-        match shade {
+        match colouring {
             PictureColouring::Neighbours => {
                 let largest_count =
                     frames.iter().flat_map(|frame| neighbour_counts(frame)).max().unwrap_or(0).min(MAX_COUNT_CLASS);
                 let label = |count: u32| format!("{count}{}", if count == MAX_COUNT_CLASS { "+" } else { "" });
-                ColourScale { shade, largest: 0.0, labels: (0..=largest_count).map(label).collect() }
+                ColourScale { colouring, largest: 0.0, labels: (0..=largest_count).map(label).collect() }
             }
             PictureColouring::KineticEnergy => {
                 let largest = grains().map(kinetic_energy).fold(0.0, f64::max);
@@ -84,7 +84,7 @@ impl ColourScale {
                     }
                 };
                 let labels = if largest > 0.0 { (0..=ENERGY_CLASSES).map(label).collect() } else { vec!["0 J".into()] };
-                ColourScale { shade, largest, labels }
+                ColourScale { colouring, largest, labels }
             }
         }
     }
@@ -96,7 +96,7 @@ impl ColourScale {
 
     /// Class of each grain.
     fn grain_classes(&self, frame: &Frame) -> Vec<u32> {
-        match self.shade {
+        match self.colouring {
             PictureColouring::Neighbours => {
                 neighbour_counts(frame).into_iter().map(|count| count.min(self.max_class())).collect()
             }
@@ -113,23 +113,23 @@ impl ColourScale {
     }
 
     /// Draws the colours next to a picture, with their labels.
-    fn draw_legend(&self, left: f64, put: &mut impl FnMut(String)) {
+    fn draw_legend(&self, left: f64, write_line: &mut impl FnMut(String)) {
         let max_class = self.max_class();
-        let title = match self.shade {
+        let title = match self.colouring {
             PictureColouring::Neighbours => "neighbours",
             PictureColouring::KineticEnergy => "kinetic energy",
         };
-        put(format!("<text x=\"{left}\" y=\"{PICTURE_MARGIN}\">{title}</text>"));
-        if self.shade == PictureColouring::KineticEnergy {
-            put(format!("<text x=\"{left}\" y=\"{PICTURE_MARGIN}\" dy=\"1.2em\">from</text>"));
+        write_line(format!("<text x=\"{left}\" y=\"{PICTURE_MARGIN}\">{title}</text>"));
+        if self.colouring == PictureColouring::KineticEnergy {
+            write_line(format!("<text x=\"{left}\" y=\"{PICTURE_MARGIN}\" dy=\"1.2em\">from</text>"));
         }
         for (class, label) in (0..).zip(&self.labels) {
             let y = 2.2 * PICTURE_MARGIN + COLOUR_HEIGHT * f64::from(max_class - class);
             let [r, g, b] = class_colour(class, max_class);
-            put(format!(
+            write_line(format!(
                 "<rect x=\"{left}\" y=\"{y}\" width=\"{COLOUR_HEIGHT}\" height=\"{COLOUR_HEIGHT}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"/>"
             ));
-            put(format!(
+            write_line(format!(
                 "<text x=\"{}\" y=\"{}\">{label}</text>",
                 left + 1.3 * COLOUR_HEIGHT,
                 y + 0.75 * COLOUR_HEIGHT
@@ -261,10 +261,10 @@ pub fn svgs<const N: usize>(frame: &Frame, colourings: [PictureColouring; N]) ->
 /// Text of the SVG file of several states side by side, on one scale: above by kinetic energy, below by neighbours, each row
 /// with one scale of colours.
 pub fn snapshots_svg(frames: &[&Frame]) -> String {
-    const SMALL: f64 = 0.5 * PICTURE_SIDE;
-    let total_width = SMALL * frames.len() as f64;
-    let mut text = svg_head(total_width + STRIP_WIDTH, 2.0 * SMALL);
-    let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
+    const STATE_SIDE: f64 = 0.5 * PICTURE_SIDE;
+    let total_width = STATE_SIDE * frames.len() as f64;
+    let mut text = svg_head(total_width + STRIP_WIDTH, 2.0 * STATE_SIDE);
+    let mut write_line = |line: String| writeln!(text, "{line}").expect("writing to a string");
     let windows: Vec<ViewWindow> = frames.par_iter().map(|frame| ViewWindow::around_grains(frame)).collect();
     // NaN of states without grains is not the largest.
     let half = windows.iter().map(|window| window.half).fold(f64::NAN, f64::max);
@@ -272,25 +272,25 @@ pub fn snapshots_svg(frames: &[&Frame]) -> String {
     let visible: Vec<VisibleState> = frames
         .par_iter()
         .zip(&windows)
-        .map(|(frame, window)| VisibleState::new(frame, window, PICTURE_SIDE / SMALL))
+        .map(|(frame, window)| VisibleState::new(frame, window, PICTURE_SIDE / STATE_SIDE))
         .collect();
-    for (row, shade) in [PictureColouring::KineticEnergy, PictureColouring::Neighbours].into_iter().enumerate() {
-        let scale = ColourScale::new(shade, frames);
-        let top = SMALL * row as f64;
+    for (row, colouring) in [PictureColouring::KineticEnergy, PictureColouring::Neighbours].into_iter().enumerate() {
+        let scale = ColourScale::new(colouring, frames);
+        let top = STATE_SIDE * row as f64;
         for (column, frame) in frames.iter().enumerate() {
-            put(format!(
-                "<svg x=\"{}\" y=\"{top}\" width=\"{SMALL}\" height=\"{SMALL}\" viewBox=\"0 0 {PICTURE_SIDE} {PICTURE_SIDE}\" font-size=\"{}\">",
-                SMALL * column as f64,
-                0.9 * FONT_SIZE * PICTURE_SIDE / SMALL
+            write_line(format!(
+                "<svg x=\"{}\" y=\"{top}\" width=\"{STATE_SIDE}\" height=\"{STATE_SIDE}\" viewBox=\"0 0 {PICTURE_SIDE} {PICTURE_SIDE}\" font-size=\"{}\">",
+                STATE_SIDE * column as f64,
+                0.9 * FONT_SIZE * PICTURE_SIDE / STATE_SIDE
             ));
-            draw_state(frame, &windows[column], &visible[column], &scale, row * frames.len() + column, &mut put);
-            put("</svg>".into());
+            draw_state(frame, &windows[column], &visible[column], &scale, row * frames.len() + column, &mut write_line);
+            write_line("</svg>".into());
         }
-        put(format!("<g transform=\"translate(0 {top})\">"));
-        scale.draw_legend(total_width + 10.0, &mut put);
-        put("</g>".into());
+        write_line(format!("<g transform=\"translate(0 {top})\">"));
+        scale.draw_legend(total_width + 10.0, &mut write_line);
+        write_line("</g>".into());
     }
-    put("</svg>".into());
+    write_line("</svg>".into());
     text
 }
 
@@ -332,21 +332,21 @@ fn draw_state(
     visible: &VisibleState,
     scale: &ColourScale,
     number: usize,
-    put: &mut impl FnMut(String),
+    write_line: &mut impl FnMut(String),
 ) {
     let max_class = scale.max_class();
     let VisibleState { shapes, outside_count, pixel_scale } = visible;
     let classes = scale.grain_classes(frame);
     let pixels_per_metre = window.pixels_per_metre();
     let edge = EDGE_WIDTH * pixel_scale;
-    put("<defs>".into());
+    write_line("<defs>".into());
     for class in 0..=max_class {
-        put(gradient_svg(number, class, max_class));
+        write_line(gradient_svg(number, class, max_class));
     }
-    put(format!(
+    write_line(format!(
         "<clipPath id=\"frame{number}\"><rect width=\"{PICTURE_SIDE}\" height=\"{PICTURE_SIDE}\"/></clipPath>\n</defs>"
     ));
-    put(format!(
+    write_line(format!(
         "<g clip-path=\"url(#frame{number})\" stroke=\"black\" stroke-opacity=\"0.35\" stroke-width=\"{edge}\" \
          stroke-linejoin=\"round\">"
     ));
@@ -358,7 +358,7 @@ fn draw_state(
             share if share > 0.0 => format!(" stroke-width=\"{:.2}\"", share * edge),
             _ => " stroke=\"none\"".into(),
         };
-        put(match outline {
+        write_line(match outline {
             ShapeOutline::Circle { x, y, radius } => {
                 format!(
                     "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" fill=\"url(#c{number}-{class})\"{stroke}/>"
@@ -371,26 +371,26 @@ fn draw_state(
             }
         });
     }
-    put("</g>".into());
+    write_line("</g>".into());
     // Scale bar.
     if pixels_per_metre.is_finite() {
         let length = round_below(PICTURE_SIDE / 5.0 / pixels_per_metre);
         let (factor, unit) = unit_prefix(length, "m");
         let (left, bottom) = (PICTURE_MARGIN, PICTURE_SIDE - PICTURE_MARGIN);
-        put(format!(
+        write_line(format!(
             "<path d=\"M{left} {bottom}h{:.2}\" stroke=\"black\" stroke-width=\"4\"/>",
             length * pixels_per_metre
         ));
-        put(format!("<text x=\"{left}\" y=\"{}\">{:.0} {unit}</text>", bottom - 10.0, length / factor));
+        write_line(format!("<text x=\"{left}\" y=\"{}\">{:.0} {unit}</text>", bottom - 10.0, length / factor));
     }
     let top = 1.2 * PICTURE_MARGIN;
-    put(format!(
+    write_line(format!(
         "<text x=\"{PICTURE_MARGIN}\" y=\"{top}\">t = {} s, grains: {}</text>",
         format_six_digits(frame.meta.time),
         frame.grains.len()
     ));
     if *outside_count > 0 {
-        put(format!(
+        write_line(format!(
             "<text x=\"{PICTURE_MARGIN}\" y=\"{top}\" dy=\"1.2em\">{outside_count} of them outside the picture</text>"
         ));
     }
@@ -506,8 +506,8 @@ fn face_normal(corners: &[Vec3]) -> Vec3 {
 
 /// Colour of a face in the light: half in the shade, with some white in full light.
 fn shaded_colour(colour: [f64; 3], light: f64) -> [f64; 3] {
-    let bright = 0.45 + 0.65 * light;
-    colour.map(|c| if bright <= 1.0 { bright * c } else { c + (bright - 1.0) * 3.0 * (255.0 - c) })
+    let brightness = 0.45 + 0.65 * light;
+    colour.map(|c| if brightness <= 1.0 { brightness * c } else { c + (brightness - 1.0) * 3.0 * (255.0 - c) })
 }
 
 /// Visible shapes, far ones first. The shapes are painted over each other on a grid of half a pixel, and those with a

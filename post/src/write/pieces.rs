@@ -49,21 +49,21 @@ pub fn split_piece(piece: &PolyDataPiece, max_cells: usize) -> impl Iterator<Ite
 
 /// Piece with the cells of a range, counted over all categories.
 fn cell_range(piece: &PolyDataPiece, lists: &[CellList; 3], range: Range<usize>) -> PolyDataPiece {
-    let mut before = 0;
+    let mut cells_before = 0;
     let ranges = lists.each_ref().map(|list| {
-        let within = |row: usize| row.saturating_sub(before).min(list.ends.len());
-        let list_range = within(range.start)..within(range.end);
-        before += list.ends.len();
+        let list_row = |row: usize| row.saturating_sub(cells_before).min(list.ends.len());
+        let list_range = list_row(range.start)..list_row(range.end);
+        cells_before += list.ends.len();
         list_range
     });
     let all = lists.iter().zip(&ranges).flat_map(|(list, range)| list.cells(range.clone()));
     let mut points: Vec<u64> = all.flatten().copied().collect();
     points.sort_unstable();
     points.dedup();
-    let own: HashMap<u64, u64> = points.iter().copied().zip(0..).collect();
+    let piece_numbers: HashMap<u64, u64> = points.iter().copied().zip(0..).collect();
     let [verts, lines, polys] = [0, 1, 2].map(|category| {
         let cells = lists[category].cells(ranges[category].clone());
-        vertex_numbers(cells.map(|cell| cell.iter().map(|point| own[point]).collect::<Vec<u64>>()))
+        vertex_numbers(cells.map(|cell| cell.iter().map(|point| piece_numbers[point]).collect::<Vec<u64>>()))
     });
     let point_rows: Vec<usize> = points.iter().map(|&point| point as usize).collect();
     let cell_rows: Vec<usize> = range.collect();

@@ -106,9 +106,10 @@ impl SeriesPlot {
     /// Figure of a series.
     pub fn to_figure(&self, rows: &[Row]) -> Figure {
         // Columns without values, such as those of a bed in a scene without one, are not in the legend.
-        let has = |curve: &Curve| curve.name == self.curves[0].1 || curve.points.iter().any(|(_, y)| y.is_finite());
+        let is_shown =
+            |curve: &Curve| curve.name == self.curves[0].1 || curve.points.iter().any(|(_, y)| y.is_finite());
         let curves = self.curves.iter().map(|(name, label)| Curve::line(label, column_points(rows, name)));
-        let curves = curves.filter(has).collect();
+        let curves = curves.filter(is_shown).collect();
         let title = match self.is_of_region.then(|| region_names(rows)) {
             Some(regions) if !regions.is_empty() => format!("{}, {regions}", self.title),
             _ => self.title.into(),

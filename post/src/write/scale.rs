@@ -23,8 +23,8 @@ pub fn unit_prefix(largest: f64, unit: &str) -> (f64, String) {
     }
     let triple = (largest.log10() / 3.0).floor() as i32;
     let factor = 10f64.powi(3 * triple);
-    let takes = |prefix: &&&str| prefix.is_empty() || !unit.starts_with("kg");
-    let label = match UNIT_PREFIXES.get((triple + 4).max(-1) as usize).filter(takes) {
+    let fits_unit = |prefix: &&&str| prefix.is_empty() || !unit.starts_with("kg");
+    let label = match UNIT_PREFIXES.get((triple + 4).max(-1) as usize).filter(fits_unit) {
         Some(prefix) => format!("{prefix}{unit}"),
         None => format!("10{} {unit}", to_superscript(3 * triple)),
     };
@@ -70,8 +70,8 @@ pub fn format_six_digits(value: f64) -> String {
 
 /// Formats a value with `digits` significant digits (at least 1), without trailing zeros.
 pub fn format_digits(value: f64, digits: usize) -> String {
-    let behind = digits.clamp(1, 17) - 1;
-    let rounded: f64 = format!("{value:.behind$e}").parse().unwrap_or(value);
+    let decimals = digits.clamp(1, 17) - 1;
+    let rounded: f64 = format!("{value:.decimals$e}").parse().unwrap_or(value);
     if rounded == 0.0 {
         "0".into()
     } else if (1e-4..1e9).contains(&rounded.abs()) {

@@ -32,9 +32,9 @@ pub fn csv_text(header: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]
 
 /// Text of a CSV file in which the columns of `counts` contain whole numbers, written as `38` and not `38.0`.
 pub fn csv_with_counts(header: &[&str], counts: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]>>) -> String {
-    let whole: Vec<bool> = header.iter().map(|name| counts.contains(name)).collect();
+    let is_count: Vec<bool> = header.iter().map(|name| counts.contains(name)).collect();
     let field = |(k, value): (usize, &f64)| {
-        if whole.get(k) == Some(&true) && value.is_finite() { format!("{value:.0}") } else { value.text() }
+        if is_count.get(k) == Some(&true) && value.is_finite() { format!("{value:.0}") } else { value.text() }
     };
     let lines = rows.into_iter().map(|row| row.as_ref().iter().enumerate().map(field).collect::<Vec<_>>().join(","));
     let mut text = header.join(",") + "\n";

@@ -42,9 +42,9 @@ impl PageState {
     /// Returns the state of snapshot `k` of `count` if it is one of those that fit on a page; the last one always is.
     pub fn from_frame(k: usize, count: usize, frame: &Frame) -> Option<PageState> {
         let grains = &frame.grains;
-        let turning = grains.iter().any(|grain| grain.solid.is_some());
+        let has_rotations = grains.iter().any(|grain| grain.solid.is_some());
         // A text in base 64 is a third longer.
-        let floats = 3 + TIME_DEPENDENT.len() + if turning { 4 } else { 0 };
+        let floats = 3 + TIME_DEPENDENT.len() + if has_rotations { 4 } else { 0 };
         let max_states = MAX_PAGE_BYTES / (grains.len() * floats * 16 / 3).max(1);
         if k + 1 < count && !is_evenly_chosen(k, count, max_states.min(MAX_STATES)) {
             return None;
@@ -61,7 +61,7 @@ impl PageState {
             },
             ids: grains.iter().map(|grain| grain.id).collect(),
             positions: grains.iter().map(|grain| grain.x).collect(),
-            rotations: grains.iter().filter(|_| turning).flat_map(grain_rotation).collect(),
+            rotations: grains.iter().filter(|_| has_rotations).flat_map(grain_rotation).collect(),
             values: [
                 contact_counts(frame).iter().map(|n| f64::from(*n)).collect(),
                 grain_stresses(frame).iter().map(pressure).collect(),
@@ -120,8 +120,9 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
     let (mut corners, mut corner_owners) = (Vec::new(), Vec::new());
     for (k, grain) in grains.iter().enumerate() {
         let solid = grain.solid.as_deref();
-        let whole = solid.is_none().then_some((Vec3::zeros(), grain.radius));
-        for (centre, radius) in whole.into_iter().chain(solid.into_iter().flat_map(|solid| solid.balls.iter().copied()))
+        let own_ball = solid.is_none().then_some((Vec3::zeros(), grain.radius));
+        for (centre, radius) in
+            own_ball.into_iter().chain(solid.into_iter().flat_map(|solid| solid.balls.iter().copied()))
         {
             balls.extend([centre.x, centre.y, centre.z, radius]);
             ball_owners.push(k);
@@ -138,13 +139,13 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
 
     let largest = find_fragments(last);
     let members = largest.first().map_or(Vec::new(), |largest| largest.grains.clone());
-    let mut chosen: Vec<_> = members.iter().map(|&i| grains[i].clone()).collect();
+    let mut framed: Vec<_> = members.iter().map(|&i| grains[i].clone()).collect();
     // If the largest fragment has less than half of the grains, the view covers all grains.
-    if 2 * chosen.len() < grains.len() {
-        chosen.clone_from(grains);
+    if 2 * framed.len() < grains.len() {
+        framed.clone_from(grains);
     }
-    let ball = enclosing_ball(&chosen);
-    let (middle, radius) = if chosen.is_empty() { (Vec3::zeros(), 1.0) } else { (ball.centre, ball.radius) };
+    let ball = enclosing_ball(&framed);
+    let (middle, radius) = if framed.is_empty() { (Vec3::zeros(), 1.0) } else { (ball.centre, ball.radius) };
     // Relative to the middle of the last state, shifted in the other states by the motion of the centre.
     let last_centre = states.last().map_or(Vec3::zeros(), |state| state.centre);
     let relative_positions = |state: &PageState| -> Vec<Vec3> {
@@ -152,8 +153,8 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
         state.positions.iter().map(|x| x - origin).collect()
     };
     let relative_positions: Vec<Vec<Vec3>> = states.iter().map(relative_positions).collect();
-    let farthest = |places: &Vec<Vec3>| {
-        let reaches = places.iter().zip(grains).map(|(x, grain)| x.norm() + 2.0 * grain.bounding_radius());
+    let farthest = |positions: &Vec<Vec3>| {
+        let reaches = positions.iter().zip(grains).map(|(x, grain)| x.norm() + 2.0 * grain.bounding_radius());
         reaches.filter(|reach| reach.is_finite()).fold(radius, f64::max)
     };
     let reach = relative_positions.iter().map(farthest).fold(radius, f64::max);
@@ -171,17 +172,18 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
     let constant = constant.iter().map(|(name, values)| quantity_json(*name, &[values]));
     let distance = |x: &Vec3| if x.x.is_finite() { x.norm() } else { 0.0 };
     let distances: Vec<Vec<f64>> =
-        relative_positions.iter().map(|places| places.iter().map(distance).collect()).collect();
+        relative_positions.iter().map(|positions| positions.iter().map(distance).collect()).collect();
     let distances: Vec<&[f64]> = distances.iter().map(|values| &values[..]).collect();
     let from_centre = quantity_json(("distance from the centre", "m"), &distances);
     let quantities: Vec<Value> = time_dependent.chain([from_centre]).chain(constant).collect();
-    let in_time: Vec<Value> = states
+    let states_json: Vec<Value> = states
         .iter()
         .zip(&relative_positions)
-        .map(|(state, places)| {
+        .map(|(state, positions)| {
             let hidden = HIDDEN_REACHES * reach;
-            let places = places.iter().flat_map(|x| [x.x, x.y, x.z]).map(|x| if x.is_finite() { x } else { hidden });
-            json!({ "step": state.step, "time": state.time, "places": base64_of_f64(places), "turns": base64_of_f32(&state.rotations) })
+            let coordinates =
+                positions.iter().flat_map(|x| [x.x, x.y, x.z]).map(|x| if x.is_finite() { x } else { hidden });
+            json!({ "step": state.step, "time": state.time, "places": base64_of_f64(coordinates), "turns": base64_of_f32(&state.rotations) })
         })
         .collect();
     json!({
@@ -191,7 +193,7 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
         "corner_owners": corner_owners,
         "radius": radius,
         "reach": reach,
-        "states": in_time,
+        "states": states_json,
         "quantities": quantities,
     })
     .to_string()
@@ -208,17 +210,18 @@ fn base64_of_f32(values: &[f32]) -> String {
 /// JSON of a quantity: values of the grains in each state, or one list for all states.
 fn quantity_json((name, unit): (&str, &str), states: &[&[f64]]) -> Value {
     let (low, high) = central_range(states.concat());
-    let in_time = |values: &&[f64]| {
+    let state_json = |values: &&[f64]| {
         let (low, high) = central_range(values.to_vec());
         json!({ "low": low, "high": high, "values": base64_of_f64(values.iter().copied()) })
     };
-    let in_time: Vec<Value> = states.iter().map(in_time).collect();
-    json!({ "name": name, "unit": unit, "low": low, "high": high, "states": in_time })
+    let states_json: Vec<Value> = states.iter().map(state_json).collect();
+    json!({ "name": name, "unit": unit, "low": low, "high": high, "states": states_json })
 }
 
 /// Range of the central 98 of 100 values, so that a single grain does not set the colours.
 fn central_range(mut values: Vec<f64>) -> (f64, f64) {
     values.sort_by(f64::total_cmp);
-    let at = |share: f64| values.get(((values.len() - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
-    if values.is_empty() { (0.0, 1.0) } else { (at(0.01), at(0.99)) }
+    let quantile =
+        |share: f64| values.get(((values.len() - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
+    if values.is_empty() { (0.0, 1.0) } else { (quantile(0.01), quantile(0.99)) }
 }

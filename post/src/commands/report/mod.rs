@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::error::Faults;
 
-use crate::commands::series::{measure_series, outside_of_layers};
+use crate::commands::series::{measure_series, undefined_region_note};
 use crate::commands::state;
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::region_kind::RegionKind;
@@ -109,7 +109,7 @@ pub fn write(dir: &Path, every: u32, measures: &MeasurementFlags) -> Result<(Pat
     let path = dir.join("POSTPRO/report.html");
     let content = PageContent { rows: &rows, states: &states, last: &last, reach, seconds: &seconds };
     atomic::write(&path, page_html(dir, &content, state_files).as_bytes())?;
-    Ok((path, outside_of_layers(&rows).into_iter().collect()))
+    Ok((path, undefined_region_note(&rows).into_iter().collect()))
 }
 
 fn escape_html(text: &str) -> String {
@@ -230,14 +230,14 @@ fn run_html(dir: &Path, first: u64, last: &Frame, seconds: &[(&str, f64)]) -> St
     let (meta, ledger) = (&last.meta, &last.meta.ledger);
     let mut rows: Vec<(String, String)> = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.to_string(), value));
-    // With steps of their own length the number of a step counts units of dt; a row of steps.csv is a step, or as many as it
-    // says. A run that was cut off has rows after its last snapshot, which the ledger does not know.
+    // With adaptive steps the number of a step counts dt; a row of steps.csv is a step, or as many as its column `steps` has. A
+    // run that was cut off has rows after its last snapshot, which the ledger does not know.
     let adaptive = meta.parameters.adaptive.is_some();
     let steps = logged_steps(&dir.join("OUTBOX/steps.csv"), meta.step);
     let steps = steps.or((!adaptive).then_some(meta.step.saturating_sub(first)));
     row(if adaptive { "last time step" } else { "time step" }, format!("{} s", format_six_digits(meta.h)));
-    let units = steps.filter(|_| !adaptive).unwrap_or(meta.step.saturating_sub(first));
-    row(if adaptive { "units of dt" } else { "steps" }, units.to_string());
+    let dt_count = steps.filter(|_| !adaptive).unwrap_or(meta.step.saturating_sub(first));
+    row(if adaptive { "units of dt" } else { "steps" }, dt_count.to_string());
     if let Some(steps) = steps {
         row("sweeps of the contact solver per step", format_six_digits(ledger.sweeps as f64 / steps.max(1) as f64));
     }
@@ -272,10 +272,10 @@ fn run_html(dir: &Path, first: u64, last: &Frame, seconds: &[(&str, f64)]) -> St
 fn logged_steps(path: &Path, last: u64) -> Option<u64> {
     let text = atomic::read_text(path).ok()?;
     let mut lines = text[..text.rfind('\n').unwrap_or(0)].lines();
-    let place = lines.next()?.split(',').position(|name| name == "steps");
+    let steps_column = lines.next()?.split(',').position(|name| name == "steps");
     let steps = |line: &str| {
         let number = line.split(',').next()?.parse::<u64>().ok()?;
-        let steps = place.and_then(|k| line.split(',').nth(k)?.parse().ok()).unwrap_or(1);
+        let steps = steps_column.and_then(|k| line.split(',').nth(k)?.parse().ok()).unwrap_or(1);
         (number <= last).then_some(steps)
     };
     Some(lines.filter_map(steps).sum())

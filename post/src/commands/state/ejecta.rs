@@ -18,12 +18,13 @@ pub const EJECTA_COLUMNS: [Column; 3] = [
     ("mass_share_faster", "1", "share of the mass that is as fast or faster"),
 ];
 
-/// Files of the fragments with their orbits about the largest, and of the speeds of escaping grains.
-pub fn ejecta_files(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>) -> Vec<StateFile> {
+/// Files of the fragments with their orbits about the largest, and of the speeds of the grains outside it, without
+/// `added_bodies`.
+pub fn ejecta_files(frame: &Frame, fragments: &[Fragment], added_bodies: &HashSet<u64>) -> Vec<StateFile> {
     let constant = self_gravity_constant(frame).unwrap_or(0.0);
     let cell = frame.cell();
     let periods = [cell.0[0], cell.0[1], None];
-    let largest = &fragments[0].whole;
+    let largest = &fragments[0].sums;
     let mut orbits = fragment_orbits(fragments, constant).into_iter().map(Some).collect::<Vec<_>>();
     orbits.insert(0, None);
     let header = [
@@ -54,11 +55,11 @@ pub fn ejecta_files(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u
         "speed_at_infinity",
     ];
     let row = |(k, (fragment, orbit)): (usize, (&Fragment, Option<crate::derive::orbits::Orbit>))| {
-        let whole = &fragment.whole;
-        let (v, w, [a, b, c]) = (whole.velocity(), whole.spin(), whole.semi_axes());
-        let mut row = vec![k as f64, fragment.grains.len() as f64, whole.mass];
+        let sums = &fragment.sums;
+        let (v, w, [a, b, c]) = (sums.velocity(), sums.spin(), sums.semi_axes());
+        let mut row = vec![k as f64, fragment.grains.len() as f64, sums.mass];
         row.extend(
-            (0..3).map(|axis| if periods[axis].is_some() { f64::NAN } else { whole.x[axis] }).chain(v.iter().copied()),
+            (0..3).map(|axis| if periods[axis].is_some() { f64::NAN } else { sums.x[axis] }).chain(v.iter().copied()),
         );
         // In a periodic scene arms would depend on the position of the border.
         let arms = [a, b, c, w.x, w.y, w.z, std::f64::consts::TAU / w.norm(), orbit.map_or(f64::NAN, |o| o.distance)];
@@ -76,23 +77,23 @@ pub fn ejecta_files(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u
     let groups =
         csv_with_counts(&header, &["fragment", "grains", "bound"], fragments.iter().zip(orbits).enumerate().map(row));
 
-    let native = |grain: &&Grain| !newcomers.contains(&grain.id);
-    let mass: f64 = frame.grains.iter().filter(native).map(|grain| grain.mass).sum();
+    let is_native = |grain: &&Grain| !added_bodies.contains(&grain.id);
+    let mass: f64 = frame.grains.iter().filter(is_native).map(|grain| grain.mass).sum();
     let others = fragments.iter().skip(1).flat_map(|fragment| fragment.grains.iter().map(|&i| &frame.grains[i]));
     let axes = RotatingAxes::from_frame(frame);
     let speed = |grain: &Grain| (grain.v + axes.velocity(grain.x) - largest.velocity()).norm();
-    let mut speeds: Vec<(f64, f64)> = others.filter(native).map(|grain| (speed(grain), grain.mass / mass)).collect();
+    let mut speeds: Vec<(f64, f64)> = others.filter(is_native).map(|grain| (speed(grain), grain.mass / mass)).collect();
     speeds.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut faster = 0.0;
-    let mut cumulated: Vec<(f64, f64)> = Vec::new();
+    let mut share_faster = 0.0;
+    let mut cumulative: Vec<(f64, f64)> = Vec::new();
     // Grains of equal speed have one share: each is as fast as the others.
     for equal in speeds.chunk_by(|a, b| a.0 == b.0) {
-        faster += equal.iter().map(|(_, share)| share).sum::<f64>();
-        cumulated.extend(equal.iter().map(|(speed, _)| (*speed, faster)));
+        share_faster += equal.iter().map(|(_, share)| share).sum::<f64>();
+        cumulative.extend(equal.iter().map(|(speed, _)| (*speed, share_faster)));
     }
     let [a, b, c] = largest.semi_axes();
     let escape = (2.0 * constant * largest.mass / (a * b * c).cbrt()).sqrt();
-    let rows = cumulated
+    let rows = cumulative
         .iter()
         .rev()
         .map(|&(speed, share)| [speed, if escape > 0.0 { speed / escape } else { f64::NAN }, share]);
@@ -100,7 +101,7 @@ pub fn ejecta_files(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u
         title: "Grains that have left the largest remnant".into(),
         x: FigureAxis::linear("speed relative to it", "m/s"),
         y: FigureAxis::linear("share of the mass that is as fast or faster", "1"),
-        curves: vec![Curve { name: "grains".into(), points: cumulated.clone(), marks: CurveMarks::Dots }],
+        curves: vec![Curve { name: "grains".into(), points: cumulative.clone(), marks: CurveMarks::Dots }],
     };
     vec![
         text_file("fragments.csv", groups),

@@ -1,4 +1,4 @@
-//! A file of a state.
+//! File of a state: name and contents, which the modules of `state` make and `state::write` puts into the folder.
 
 /// Name and contents of a file.
 pub type StateFile = (&'static str, Vec<u8>);

@@ -143,13 +143,13 @@ pub fn added_bodies(dir: &Path) -> Result<HashSet<u64>, Faults> {
     faults.into_result(numbers)
 }
 
-/// Files of a frame with grains; `newcomers`: bodies that never count as ejecta; `slope_reach`: mean radii over which
-/// planes are fitted to a surface.
-pub fn state_files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: Option<f64>) -> Vec<StateFile> {
+/// Files of a frame with grains; `added_bodies`: bodies of another origin, which never count as ejecta; `slope_reach`: mean
+/// radii over which planes are fitted to a surface.
+pub fn state_files(frame: &Frame, added_bodies: &HashSet<u64>, slope_reach: Option<f64>) -> Vec<StateFile> {
     let fragments = find_fragments(frame);
     let mut files = force_files(frame);
     files.push(("fabric.csv", fabric_table(frame).into_bytes()));
-    files.extend(ejecta_files(frame, &fragments, newcomers));
+    files.extend(ejecta_files(frame, &fragments, added_bodies));
     if let Some(bed) = Bed::from_frame(frame, &fragments) {
         files.extend(layer_files(&bed.layers(frame, SHELL_COUNT, bed.top_height(frame))));
     }

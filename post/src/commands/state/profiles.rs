@@ -52,11 +52,11 @@ fn curve_figure(length: &str, title: &str, quantity: &str, unit: &str, curves: V
 
 /// Radial profiles of the largest remnant.
 pub fn profile_files(frame: &Frame, largest: &Fragment) -> Vec<StateFile> {
-    let shells = radial_shells(frame, &largest.grains, largest.whole.x, SHELL_COUNT);
+    let shells = radial_shells(frame, &largest.grains, largest.sums.x, SHELL_COUNT);
     let rows =
         shells.iter().map(|s| [s.inner, s.outer, s.nu, s.grains as f64, s.z, s.pressure, s.radial, s.tangential]);
-    let points = |of: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
-        (0..shells.len()).map(|k| (0.5 * (shells[k].inner + shells[k].outer), of(k))).collect()
+    let points = |value: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
+        (0..shells.len()).map(|k| (0.5 * (shells[k].inner + shells[k].outer), value(k))).collect()
     };
     let figure =
         |title, quantity, unit, curves| curve_figure("distance from the centre of mass", title, quantity, unit, curves);
@@ -78,8 +78,8 @@ pub fn profile_files(frame: &Frame, largest: &Fragment) -> Vec<StateFile> {
 /// Files of the mean layers of a bed over the frames that have one, from the floor to its highest point in any of them; and
 /// the number of these frames.
 pub fn mean_layers(frames: &[Frame]) -> (Vec<StateFile>, usize) {
-    let of = |frame| Bed::from_frame(frame, &find_fragments(frame)).map(|bed| (bed, frame));
-    let beds: Vec<(Bed, &Frame)> = frames.iter().filter_map(of).collect();
+    let bed_of = |frame| Bed::from_frame(frame, &find_fragments(frame)).map(|bed| (bed, frame));
+    let beds: Vec<(Bed, &Frame)> = frames.iter().filter_map(bed_of).collect();
     let top = beds.iter().map(|(bed, frame)| bed.top_height(frame)).fold(0.0, f64::max);
     let layers_by_frame: Vec<Vec<Layer>> =
         beds.iter().map(|(bed, frame)| bed.layers(frame, SHELL_COUNT, top)).collect();
@@ -112,8 +112,8 @@ pub fn layer_files(layers: &[Layer]) -> Vec<StateFile> {
             motion.shear.norm(),
         ]
     };
-    let curve = |name: &str, of: fn(&Layer) -> f64| {
-        Curve::line(name, layers.iter().map(|l| (0.5 * (l.lower + l.upper), of(l))).collect())
+    let curve = |name: &str, value: fn(&Layer) -> f64| {
+        Curve::line(name, layers.iter().map(|l| (0.5 * (l.lower + l.upper), value(l))).collect())
     };
     let figure = |title, quantity, unit, curves| curve_figure("height above the floor", title, quantity, unit, curves);
     let stress = vec![

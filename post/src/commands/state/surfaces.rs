@@ -35,7 +35,7 @@ const SLOPE_SHARE_COUNT: usize = 20;
 pub fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec<StateFile> {
     let grid = DirectionGrid::STANDARD;
     let constant = self_gravity_constant(frame).unwrap_or(0.0);
-    let facets = aggregate_surface(frame, &largest.grains, &largest.whole, constant, grid, slope_reach);
+    let facets = aggregate_surface(frame, &largest.grains, &largest.sums, constant, grid, slope_reach);
     let header =
         ["latitude", "longitude", "x", "y", "z", "height", "g_x", "g_y", "g_z", "slope", "area", "slope_error"];
     let row = |f: &SurfaceFacet| {
@@ -131,25 +131,25 @@ fn surface_vtp(
     slopes: &[f64],
     gravity: Option<&[Vec3]>,
 ) -> Vec<u8> {
-    let mut number = vec![None; x.len()];
+    let mut point_numbers = vec![None; x.len()];
     let mut kept: Vec<usize> = Vec::new();
-    // Without gravity and spin nothing is level.
-    let level = slopes.iter().any(|slope| slope.is_finite());
-    for k in (0..x.len()).filter(|&k| heights[k].is_finite() && (slopes[k].is_finite() || !level)) {
-        number[k] = Some(kept.len() as u64);
+    // Without gravity and spin no slope is known.
+    let has_slopes = slopes.iter().any(|slope| slope.is_finite());
+    for k in (0..x.len()).filter(|&k| heights[k].is_finite() && (slopes[k].is_finite() || !has_slopes)) {
+        point_numbers[k] = Some(kept.len() as u64);
         kept.push(k);
     }
-    let corner = |row: usize, column: usize| number[row % rows * columns + column % columns];
-    let [wide, high] = [columns - usize::from(!closes[0]), rows - usize::from(!closes[1])];
-    let quads = (0..high).flat_map(|row| (0..wide).map(move |column| (row, column)));
+    let corner = |row: usize, column: usize| point_numbers[row % rows * columns + column % columns];
+    let [quad_columns, quad_rows] = [columns - usize::from(!closes[0]), rows - usize::from(!closes[1])];
+    let quads = (0..quad_rows).flat_map(|row| (0..quad_columns).map(move |column| (row, column)));
     let quads = quads.filter_map(|(row, column)| {
         Some([corner(row, column)?, corner(row, column + 1)?, corner(row + 1, column + 1)?, corner(row + 1, column)?])
     });
-    let of = |values: &[f64]| kept.iter().map(|&k| values[k]).collect::<Vec<f64>>();
+    let numbers_of = |values: &[f64]| kept.iter().map(|&k| values[k]).collect::<Vec<f64>>();
     let vectors_of = |values: &[Vec3]| kept.iter().map(|&k| values[k]).collect::<Vec<Vec3>>();
-    let mut point = vec![scalar_attribute("height", of(heights))];
-    if level {
-        point.push(scalar_attribute("slope", of(slopes)));
+    let mut point = vec![scalar_attribute("height", numbers_of(heights))];
+    if has_slopes {
+        point.push(scalar_attribute("slope", numbers_of(slopes)));
     }
     point.extend(gravity.map(|gravity| vector_attribute("gravity", vectors_of(gravity).into_iter())));
     vtp_bytes(PolyDataPiece {

@@ -67,24 +67,24 @@ pub fn axis_range(values: impl Iterator<Item = f64>, logarithmic: bool) -> std::
     if logarithmic {
         // Extends to a mark, so that each end has one: whole powers, or intermediate marks if there are few decades.
         let (low, high) = (low - 0.05, high + 0.05);
-        let whole = low.floor()..high.ceil();
-        if !is_few_decades(&whole) {
-            return whole;
+        let powers = low.floor()..high.ceil();
+        if !is_few_decades(&powers) {
+            return powers;
         }
-        let marks: Vec<f64> = marked_exponents(&whole).collect();
+        let marks: Vec<f64> = marked_exponents(&powers).collect();
         let below = marks.iter().rev().find(|mark| **mark <= low);
         let above = marks.iter().find(|mark| **mark >= high);
-        return *below.unwrap_or(&whole.start)..*above.unwrap_or(&whole.end);
+        return *below.unwrap_or(&powers.start)..*above.unwrap_or(&powers.end);
     }
     // Values that are equal within round-off are one value.
     // Computed by halves: the whole range may overflow.
     let half = 0.5 * high - 0.5 * low;
-    let room = match low.abs().max(high.abs()) {
+    let margin = match low.abs().max(high.abs()) {
         0.0 => 1.0,
-        equal if half <= 0.5e-9 * equal => 0.1 * equal,
+        magnitude if half <= 0.5e-9 * magnitude => 0.1 * magnitude,
         _ => 0.08 * half,
     };
-    (low - room).max(f64::MIN)..(high + room).min(f64::MAX)
+    (low - margin).max(f64::MIN)..(high + margin).min(f64::MAX)
 }
 
 /// Whether the range has so few powers of ten that twice and five times them are marked, too.
@@ -95,8 +95,8 @@ fn is_few_decades(exponents: &std::ops::Range<f64>) -> bool {
 /// Exponents of 1, 2 and 5 times powers of ten in a range, both ends included.
 fn marked_exponents(exponents: &std::ops::Range<f64>) -> impl Iterator<Item = f64> {
     let (from, to) = (exponents.start, exponents.end);
-    let whole = from.floor() as i32..=to.ceil() as i32;
-    let marks = whole.flat_map(|power| [1f64, 2.0, 5.0].map(|m| f64::from(power) + m.log10()));
+    let powers = from.floor() as i32..=to.ceil() as i32;
+    let marks = powers.flat_map(|power| [1f64, 2.0, 5.0].map(|m| f64::from(power) + m.log10()));
     marks.filter(move |mark| (from..=to).contains(mark))
 }
 

@@ -52,7 +52,7 @@ impl LabelSpace {
     /// letters of distance.
     pub fn place_name(&self, (x, y): (i32, i32), letters: i32) -> (i32, PixelRect) {
         let (half_width, half_height) = (LETTER_WIDTH * letters / 2, 8);
-        let place = |distance: i32, (across, down): (i32, i32)| {
+        let candidate = |distance: i32, (across, down): (i32, i32)| {
             let (x, y) = (
                 x + across * (half_width + NAME_DISTANCE),
                 y + down * (half_height + NAME_DISTANCE + half_height * distance),
@@ -68,13 +68,13 @@ impl LabelSpace {
                 },
             )
         };
-        let cost = |(distance, _, place): &(usize, i32, PixelRect)| {
-            let met = |all: &[PixelRect]| all.iter().filter(|other| place.intersects(other)).count();
-            (!self.plot.contains(place), met(&self.names), met(&self.dots) + distance, met(&self.lines))
+        let cost = |(distance, _, rect): &(usize, i32, PixelRect)| {
+            let overlaps = |all: &[PixelRect]| all.iter().filter(|other| rect.intersects(other)).count();
+            (!self.plot.contains(rect), overlaps(&self.names), overlaps(&self.dots) + distance, overlaps(&self.lines))
         };
-        let places = (0..12).flat_map(|distance| NAME_DIRECTIONS.map(|direction| place(distance, direction)));
-        let (_, side, place) = places.min_by_key(cost).expect("there are places");
-        (side, place)
+        let candidates = (0..12).flat_map(|distance| NAME_DIRECTIONS.map(|direction| candidate(distance, direction)));
+        let (_, side, rect) = candidates.min_by_key(cost).expect("there are candidates");
+        (side, rect)
     }
 }
 

@@ -155,12 +155,13 @@ impl Figure {
         root.fill(&WHITE)?;
         let (curves, [x_unit, y_unit]) = self.scaled_curves();
         let (left, right) = root.split_horizontally(root.dim_in_pixel().0 as i32 - self.legend_width());
-        let all = || curves.iter().flatten();
+        let all_points = || curves.iter().flatten();
         let ticks = |axis: &FigureAxis, values: &mut dyn Iterator<Item = f64>| AxisTicks {
             range: axis_range(values, axis.logarithmic),
             logarithmic: axis.logarithmic,
         };
-        let (x_ticks, y_ticks) = (ticks(&self.x, &mut all().map(|p| p.0)), ticks(&self.y, &mut all().map(|p| p.1)));
+        let (x_ticks, y_ticks) =
+            (ticks(&self.x, &mut all_points().map(|p| p.0)), ticks(&self.y, &mut all_points().map(|p| p.1)));
         let (x_offset, y_offset) = (x_ticks.label_offset(), y_ticks.label_offset());
         let mut chart = ChartBuilder::on(&left)
             .caption(&self.title, font_style(20))
@@ -186,19 +187,19 @@ impl Figure {
             if curve.marks == CurveMarks::Named {
                 continue;
             }
-            let CurveStyle { colour, width, repeat: again } = self.curve_style(k);
+            let CurveStyle { colour, width, repeat } = self.curve_style(k);
             let size = 2 + width as i32 / 2;
-            let dot = |point: &(f64, f64)| draw_dot(*point, size, colour, again);
+            let dot = |point: &(f64, f64)| draw_dot(*point, size, colour, repeat);
             if curve.marks == CurveMarks::Dots {
                 chart.draw_series(points.iter().filter(|(_, y)| !y.is_nan()).map(dot))?;
                 continue;
             }
             // A value that is not defined parts the line.
             for part in points.split(|(_, y)| y.is_nan()).filter(|part| !part.is_empty()) {
-                let (way, stroke) = (part.iter().copied(), colour.stroke_width(width));
-                match dash_pattern(again) {
-                    Some((dash, gap)) => drop(chart.draw_series(DashedLineSeries::new(way, dash, gap, stroke))?),
-                    None => drop(chart.draw_series(LineSeries::new(way, stroke))?),
+                let (path, stroke) = (part.iter().copied(), colour.stroke_width(width));
+                match dash_pattern(repeat) {
+                    Some((dash, gap)) => drop(chart.draw_series(DashedLineSeries::new(path, dash, gap, stroke))?),
+                    None => drop(chart.draw_series(LineSeries::new(path, stroke))?),
                 }
                 if curve.marks == CurveMarks::Line && (part.len() == 1 || points.len() <= MAX_MARKED_POINTS) {
                     chart.draw_series(part.iter().map(dot))?;
@@ -206,40 +207,44 @@ impl Figure {
             }
         }
         // Dots are drawn over the lines.
-        let seen = |named: bool| {
-            let curves =
-                self.curves.iter().zip(&curves).filter(move |(curve, _)| (curve.marks == CurveMarks::Named) == named);
+        let points_of = |are_named: bool| {
+            let is_chosen = move |curve: &Curve| (curve.marks == CurveMarks::Named) == are_named;
+            let curves = self.curves.iter().zip(&curves).filter(move |(curve, _)| is_chosen(curve));
             let points = curves.flat_map(|(curve, points)| points.iter().map(|point| (curve.name.as_str(), *point)));
             points.filter(|(_, (_, y))| !y.is_nan())
         };
-        let about = |point: (f64, f64), half: i32| PixelRect::centred_at(chart.backend_coord(&point), half);
+        let named_points = || points_of(true);
+        let square_around = |point: (f64, f64), half: i32| PixelRect::centred_at(chart.backend_coord(&point), half);
         let others =
             self.curves.iter().zip(&curves).filter(|(c, _)| !matches!(c.marks, CurveMarks::Named | CurveMarks::Dots));
-        let pieces = others.flat_map(|(_, points)| points.windows(2)).filter(|ends| ends.iter().all(|p| !p.1.is_nan()));
+        let line_pieces =
+            others.flat_map(|(_, points)| points.windows(2)).filter(|ends| ends.iter().all(|p| !p.1.is_nan()));
         let (across, down) = chart.plotting_area().get_pixel_range();
-        let mut room = LabelSpace {
+        let mut label_space = LabelSpace {
             plot: PixelRect { left: across.start, upper: down.start, right: across.end, lower: down.end },
-            names: seen(true).map(|(_, point)| about(point, NAMED_DOT_RADIUS)).collect(),
-            dots: seen(false).map(|(_, point)| about(point, DOT_RADIUS)).collect(),
-            lines: pieces
+            names: named_points().map(|(_, point)| square_around(point, NAMED_DOT_RADIUS)).collect(),
+            dots: points_of(false).map(|(_, point)| square_around(point, DOT_RADIUS)).collect(),
+            lines: line_pieces
                 .flat_map(|ends| line_rectangles([ends[0], ends[1]].map(|point| chart.backend_coord(&point))))
                 .collect(),
         };
         let mut name = |(name, point): (&str, (f64, f64))| {
-            let place = chart.backend_coord(&point);
-            let (side, around) = room.place_name(place, name.chars().count() as i32);
-            room.names.push(around);
-            let corners = [(around.left, around.upper), (around.right, around.lower)];
-            let corners = corners.map(|(x, y)| (x - place.0, y - place.1));
-            let ground = plotters::element::Rectangle::new(corners, WHITE.mix(0.8).filled());
+            let dot_position = chart.backend_coord(&point);
+            let (side, name_rect) = label_space.place_name(dot_position, name.chars().count() as i32);
+            label_space.names.push(name_rect);
+            let corners = [(name_rect.left, name_rect.upper), (name_rect.right, name_rect.lower)];
+            let corners = corners.map(|(x, y)| (x - dot_position.0, y - dot_position.1));
+            let background = plotters::element::Rectangle::new(corners, WHITE.mix(0.8).filled());
             // Letters may be narrower than the estimate: they begin or end at the dot.
             let anchor = [HPos::Right, HPos::Center, HPos::Left][(1 + side) as usize];
             let style = font_style(FONT_SIZE).pos(Pos::new(anchor, VPos::Top));
-            EmptyElement::at(point) + ground + Text::new(name.to_string(), (side * NAME_DISTANCE, corners[0].1), style)
+            EmptyElement::at(point)
+                + background
+                + Text::new(name.to_string(), (side * NAME_DISTANCE, corners[0].1), style)
         };
-        let names: Vec<_> = seen(true).map(&mut name).collect();
+        let names: Vec<_> = named_points().map(&mut name).collect();
         chart.draw_series(names)?;
-        chart.draw_series(seen(true).map(|(_, point)| Circle::new(point, NAMED_DOT_RADIUS, INK.filled())))?;
+        chart.draw_series(named_points().map(|(_, point)| Circle::new(point, NAMED_DOT_RADIUS, INK.filled())))?;
         self.draw_legend(&right)
     }
 
@@ -272,7 +277,7 @@ impl Figure {
         let coloured = |c: &&Curve| matches!(c.marks, CurveMarks::Line | CurveMarks::Dots);
         let before = self.curves[..k].iter().filter(coloured).count();
         let after = self.curves[k + 1..].iter().filter(|c| c.marks == CurveMarks::Line).count();
-        let of = |number: usize, width| CurveStyle {
+        let style = |number: usize, width| CurveStyle {
             colour: CURVE_COLOURS[number % CURVE_COLOURS.len()],
             width,
             repeat: number / CURVE_COLOURS.len(),
@@ -283,8 +288,8 @@ impl Figure {
         match self.curves[k].marks {
             CurveMarks::Expected => CurveStyle { colour: GREY, width: 1, repeat: 0 },
             CurveMarks::Named => CurveStyle { colour: INK, width: 1, repeat: 0 },
-            CurveMarks::Fit => of(before.saturating_sub(1), 1),
-            CurveMarks::Line | CurveMarks::Dots => of(before, (2 + 2 * after as u32).min(widest)),
+            CurveMarks::Fit => style(before.saturating_sub(1), 1),
+            CurveMarks::Line | CurveMarks::Dots => style(before, (2 + 2 * after as u32).min(widest)),
         }
     }
 
@@ -294,17 +299,17 @@ impl Figure {
         let columns = listed.len().div_ceil(LEGEND_ROWS).max(1);
         let rows = listed.len().div_ceil(columns).max(1);
         let column_width = self.legend_width() / columns as i32;
-        let high = ((FIGURE_SIZE.1 as i32 - FIRST_ROW) / rows as i32).min(ROW_HEIGHT);
-        for (place, (k, name)) in listed.iter().enumerate() {
-            let (left, y) = (column_width * (place / rows) as i32, FIRST_ROW + high * (place % rows) as i32);
-            let (CurveStyle { colour, repeat: again, .. }, marks) = (self.curve_style(*k), self.curves[*k].marks);
+        let row_height = ((FIGURE_SIZE.1 as i32 - FIRST_ROW) / rows as i32).min(ROW_HEIGHT);
+        for (entry, (k, name)) in listed.iter().enumerate() {
+            let (left, y) = (column_width * (entry / rows) as i32, FIRST_ROW + row_height * (entry % rows) as i32);
+            let (CurveStyle { colour, repeat, .. }, marks) = (self.curve_style(*k), self.curves[*k].marks);
             let width = if marks == CurveMarks::Line { 3 } else { 1 };
             let stroke = |from: i32, to: i32| {
                 area.draw(&PathElement::new([(left + from, y), (left + to, y)], colour.stroke_width(width)))
             };
-            match (marks, dash_pattern(again)) {
+            match (marks, dash_pattern(repeat)) {
                 (CurveMarks::Named, _) => {}
-                (CurveMarks::Dots, _) => area.draw(&draw_dot((left + 10, y), 4, colour, again))?,
+                (CurveMarks::Dots, _) => area.draw(&draw_dot((left + 10, y), 4, colour, repeat))?,
                 (_, None) => stroke(0, 20)?,
                 (_, Some((dash, gap))) => {
                     // Half as long, so that two are seen.
@@ -321,8 +326,9 @@ impl Figure {
     }
 }
 
-fn dash_pattern(again: usize) -> Option<(u32, u32)> {
-    Some(DASH_PATTERNS[again.checked_sub(1)? % DASH_PATTERNS.len()])
+/// Dashes of a curve that repeats a colour for the `repeat`th time; None for a full line.
+fn dash_pattern(repeat: usize) -> Option<(u32, u32)> {
+    Some(DASH_PATTERNS[repeat.checked_sub(1)? % DASH_PATTERNS.len()])
 }
 
 /// Draws a dot: full for the first curve of its colour, then open, then of another form.
@@ -330,9 +336,9 @@ fn draw_dot<'a, Coord: Clone + 'static>(
     at: Coord,
     size: i32,
     colour: RGBColor,
-    again: usize,
+    repeat: usize,
 ) -> DynElement<'static, SVGBackend<'a>, Coord> {
-    match again % DOT_FORMS {
+    match repeat % DOT_FORMS {
         0 => Circle::new(at, size, colour.filled()).into_dyn(),
         1 => Circle::new(at, size, colour.stroke_width(1)).into_dyn(),
         2 => TriangleMarker::new(at, size + 1, colour.filled()).into_dyn(),
