@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
 use crate::error::{Fault, Faults};
 
 /// Writes `bytes` to `path` so that a reader finds the old file or the new one, never a part, even if the program or the
@@ -32,8 +34,10 @@ pub fn write_file(path: &Path, put: impl FnOnce(&mut File) -> std::io::Result<()
 
 /// Writes several files that belong together like `write`: none is renamed before all are written.
 pub fn write_all<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Result<(), Faults> {
-    let parts: Result<Vec<PendingFile>, Faults> =
-        files.into_iter().map(|(path, bytes)| PendingFile::write(&path, bytes)).collect();
+    let files: Vec<(PathBuf, &[u8])> = files.into_iter().collect();
+    let parts: Vec<Result<PendingFile, Faults>> =
+        files.par_iter().map(|(path, bytes)| PendingFile::write(path, bytes)).collect();
+    let parts: Result<Vec<PendingFile>, Faults> = parts.into_iter().collect();
     parts?.into_iter().try_for_each(PendingFile::move_into_place)
 }
 

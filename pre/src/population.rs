@@ -10,6 +10,7 @@ use cd_formats::error::Faults;
 use cd_formats::names::{number_text, rounded_number};
 use cd_formats::report::FaultReport;
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use crate::grain::{Grain, Population};
 use crate::placement::cells::SphereGrid;
@@ -284,23 +285,34 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         }
     };
 
-    let mut by_reach: Vec<usize> = (0..grains.len()).collect();
-    by_reach.sort_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
-    let mut cells = SphereGrid::new(by_reach.first().map_or(1.0, |&k| grains[k].reach));
-    for &k in &by_reach {
-        let grain = &grains[k];
+    let mut order: Vec<usize> = (0..grains.len()).collect();
+    order.par_sort_unstable_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
+    let mut cells = SphereGrid::new(order.first().map_or(1.0, |&k| grains[k].reach));
+    let mut numbers = vec![0; grains.len()];
+    for (number, &k) in order.iter().enumerate() {
+        cells.add(grains[k].position, grains[k].reach);
+        numbers[k] = number;
+    }
+    // Grains whose bounding balls overlap, the smaller first. Neighbours in the list of grains are mostly near in space.
+    let overlapping = |(k, grain): (usize, &Grain)| {
+        let mut found = Vec::new();
         cells.for_each_overlap(&grain.position, grain.reach, |number, overlap| {
-            let (a, b) = (k.min(by_reach[number]), k.max(by_reach[number]));
-            let is_allowed = may_overlap[grains[a].group] || may_overlap[grains[b].group];
-            if is_allowed || overlap <= TOUCHING_TOLERANCE * grain.radius {
-                return;
-            }
-            let overlap = penetration(k, by_reach[number], overlap);
-            if overlap > TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius) {
-                overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b))));
+            let is_allowed = || may_overlap[grain.group] || may_overlap[grains[order[number]].group];
+            if number < numbers[k] && overlap > TOUCHING_TOLERANCE * grain.radius && !is_allowed() {
+                found.push((k, order[number], overlap));
             }
         });
-        cells.add(grain.position, grain.reach);
+        found
+    };
+    let near: Vec<(usize, usize, f64)> = grains.par_iter().enumerate().flat_map_iter(overlapping).collect();
+    for (k, other, overlap) in near {
+        let (a, b) = (k.min(other), k.max(other));
+        let overlap = penetration(k, other, overlap);
+        if overlap > TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius) {
+            overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b))));
+        }
+    }
+    for (k, grain) in grains.iter().enumerate() {
         for wall in population.walls.iter().filter(|_| !may_overlap[grain.group]) {
             let image_overlap = |shift: Vector3<f64>| {
                 let overlap = wall.ball_overlap(&(grain.position - shift), grain.reach);

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use cd_formats::bodies::Bodies;
+use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
@@ -16,6 +16,7 @@ use cd_formats::probe::{named_bodies, unknown_bodies};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::AsciiText;
 use cd_formats::tact_behav::TactBehav;
+use rayon::prelude::*;
 
 /// Reads the files (name and bytes) of the folder `datbox` and checks each body by the functions that cd-solve uses.
 /// `driven` are the rows of DRV_DOF.DAT, whose tables may not be written yet.
@@ -49,24 +50,27 @@ pub fn check_files<'a>(
         imposed.get_mut(row.body).into_iter().for_each(|imposed| *imposed = true);
     }
     let periods = [options.xperiode, options.yperiode];
-    let mut body_faults: Vec<BodyFault> = Vec::new();
-    for (k, body) in bodies.0.iter().enumerate() {
+    let body_fault = |(k, body): (usize, &Body)| {
         let density = bulk.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
-        let fault = match body.check_at_density(density) {
-            Err(fault) => fault,
+        match body.check_at_density(density) {
+            Err(fault) => Some((k, fault)),
             Ok(checked) => {
                 // A larger body could touch more than the nearest image.
                 let extent = 2.0 * checked.bounding_radius(body);
-                let short_period = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period);
-                let Some(period) = short_period else { continue };
+                let period = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period)?;
                 let found = format!(
                     "up to {} m long in a scene with the period {} m",
                     rounded_number(extent),
                     number_text(period)
                 );
-                RecordFault::new(found, "expected less than half of that")
+                Some((k, RecordFault::new(found, "expected less than half of that")))
             }
-        };
+        }
+    };
+    let faults: Vec<(usize, RecordFault)> = bodies.0.par_iter().enumerate().filter_map(body_fault).collect();
+    // The first fault of each path.
+    let mut body_faults: Vec<BodyFault> = Vec::new();
+    for (k, fault) in faults {
         let path = scene_path(k);
         match body_faults.iter_mut().find(|known| known.path == path) {
             Some(known) => known.others += 1,

@@ -8,12 +8,16 @@ use cd_formats::surface::MassProperties;
 use cd_formats::tact_behav::{TactBehav, VisibilityRow, VisibilitySide};
 use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::Matrix3;
+use rayon::prelude::*;
 
 use crate::grain::{Grain, Population};
 use crate::scene::{Law, Scene, SceneWall, TimeFunction};
 use crate::shapes::OrientedPolyhedron;
 use crate::sphere::sphere_volume;
 use crate::walls::{FunctionTables, WallBody};
+
+/// Least number of grains per task: their records take some tens of microseconds.
+const GRAINS_PER_TASK: usize = 256;
 
 /// Name of the file of options in DATBOX.
 pub const COMPUTE_FILE: &str = "COMPUTE.RON";
@@ -66,8 +70,8 @@ pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
             contactors: vec![wall.contactor()],
         }
     };
-    let grains = population.grains.iter().map(record_of_grain);
-    Bodies(grains.chain(population.walls.iter().map(record_of_wall)).collect())
+    let grains = population.grains.par_iter().with_min_len(GRAINS_PER_TASK).map(record_of_grain);
+    Bodies(grains.chain(population.walls.par_iter().map(record_of_wall)).collect())
 }
 
 /// Contactors of a polyhedron, one for each convex piece.
@@ -243,7 +247,8 @@ pub fn dof_file(population: &Population) -> Dof {
         let velocity = [0, 1, 2, 3, 4, 5].map(|k| wall.motion[k].initial_value());
         (velocity, matrix_rows(&wall.axes))
     };
-    let states = population.grains.iter().map(grain).chain(population.walls.iter().map(wall));
+    let states = population.grains.par_iter().with_min_len(GRAINS_PER_TASK).map(grain);
+    let states = states.chain(population.walls.par_iter().map(wall));
     let body = |(body, (velocity, axes))| BodyDof { line: 0, body, displacement: [0.0; 6], velocity, axes };
     Dof { step: 0, time: 0.0, bodies: states.enumerate().map(body).collect() }
 }

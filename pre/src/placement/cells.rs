@@ -6,7 +6,7 @@ use rustc_hash::FxHashMap;
 /// Spheres in cubic cells: one grid for each octave of radii. Its cells are as long as the largest diameter of the
 /// octave, so that a cell never contains more than a few spheres that do not overlap.
 ///
-/// Spheres must be added by falling radius: then all spheres that a new one can touch lie in the 27 cells around it of
+/// Spheres must be added by falling radius: then all spheres before one that it can touch lie in the 27 cells around it of
 /// every grid.
 pub struct SphereGrid {
     /// Largest radius, m.
@@ -32,7 +32,7 @@ impl SphereGrid {
     }
 
     /// Calls `visit` with the number (in order of addition) and the overlap, m, > 0, of every sphere that overlaps the
-    /// ball.
+    /// ball and is no smaller; of smaller ones, some.
     pub fn for_each_overlap(&self, centre: &Vector3<f64>, radius: f64, mut visit: impl FnMut(usize, f64)) {
         for octave in 0..self.octaves {
             let cell = self.cell_index(octave, centre);

@@ -1,6 +1,6 @@
 //! Interior of a closed surface as a region for grains.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use cd_formats::surface::{Surface, SurfaceFaults};
 use nalgebra::Vector3;
@@ -12,9 +12,9 @@ use parry3d_f64::shape::{TriMesh, TriMeshFlags};
 #[derive(Clone)]
 pub struct SurfaceRegion {
     /// Solid of volume 1, about its centre of mass.
-    surface: Rc<Surface>,
+    surface: Arc<Surface>,
     /// Mesh of `surface`, for distances.
-    mesh: Rc<TriMesh>,
+    mesh: Arc<TriMesh>,
     /// Factor of all lengths, m.
     scale: f64,
 }
@@ -43,8 +43,8 @@ impl SurfaceRegion {
         let unit = Surface::new(&vertices, surface.triangles())?;
         let mesh = TriMesh::with_flags(points, unit.triangles().to_vec(), TriMeshFlags::ORIENTED);
         Ok(SurfaceRegion {
-            surface: Rc::new(unit),
-            mesh: Rc::new(mesh.map_err(|_| SurfaceFaults(vec!["its triangles enclose no volume".into()]))?),
+            surface: Arc::new(unit),
+            mesh: Arc::new(mesh.map_err(|_| SurfaceFaults(vec!["its triangles enclose no volume".into()]))?),
             scale,
         })
     }

@@ -16,7 +16,7 @@ pub mod lattice;
 pub mod region;
 pub mod sequential;
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use cd_formats::names::number_text;
 use nalgebra::{Matrix3, Vector3};
@@ -177,7 +177,7 @@ fn place_fragments(
     let order = z_order(region, &centres);
     let positions = order.iter().map(|&k| (rotation * centres[k] + centre).map(round_14_columns)).collect();
     let grain =
-        |k: usize| SampledGrain::from_polyhedron(OrientedPolyhedron::new(Rc::new(solids[k].clone()), 1.0, &rotation));
+        |k: usize| SampledGrain::from_polyhedron(OrientedPolyhedron::new(Arc::new(solids[k].clone()), 1.0, &rotation));
     let grains = order.iter().map(|&k| grain(k)).collect();
     let region = if let GrainRegion::Inside(_) = region {
         GrainRegion::Inside(SurfaceRegion::new(&solid).map_err(PlacementError::from_shape)?)

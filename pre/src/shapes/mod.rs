@@ -18,7 +18,7 @@ pub mod regular;
 pub mod rocks;
 
 use std::path::Path;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use cd_formats::error::Faults;
 use nalgebra::{Matrix3, Vector3};
@@ -89,7 +89,7 @@ impl std::error::Error for ShapeError {}
 enum ShapeSource {
     Sphere,
     /// One solid for all grains, and notes on its file.
-    Same(Rc<PrincipalSolid>, String),
+    Same(Arc<PrincipalSolid>, String),
     Rocks(rocks::RockGenerator),
 }
 
@@ -106,12 +106,12 @@ impl GrainSampler {
             GrainShape::Model { file, scale, contact_shape } => {
                 let (solid, summary) =
                     model::model_solid(folder, file, *scale, contact_shape).map_err(ShapeError::File)?;
-                ShapeSource::Same(Rc::new(solid), summary)
+                ShapeSource::Same(Arc::new(solid), summary)
             }
             other => {
                 let hull = hull::convex_hull(&regular::shape_vertices(other)).map_err(ShapeError::Shape)?;
                 ShapeSource::Same(
-                    Rc::new(PrincipalSolid::from_convex(&hull).map_err(ShapeError::Shape)?),
+                    Arc::new(PrincipalSolid::from_convex(&hull).map_err(ShapeError::Shape)?),
                     String::new(),
                 )
             }
@@ -141,7 +141,7 @@ impl GrainSampler {
                 return Ok(SampledGrain { radius, reach: radius, polyhedron: None });
             }
             ShapeSource::Same(solid, _) => solid.clone(),
-            ShapeSource::Rocks(rocks) => Rc::new(rocks.draw_rock(&mut self.random)?),
+            ShapeSource::Rocks(rocks) => Arc::new(rocks.draw_rock(&mut self.random)?),
         };
         let rotation = match &self.orientations {
             GrainOrientations::Random => self.random.uniform_rotation(),

@@ -1,6 +1,6 @@
 //! Polyhedral solids in their principal axes about their centres of mass, and oriented copies of them.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use cd_formats::surface::Surface;
 use nalgebra::{Matrix3, Vector3};
@@ -100,7 +100,7 @@ fn nearest_axes(moments: [f64; 3], axes: [Vector3<f64>; 3]) -> ([f64; 3], Matrix
 /// Solid of some size in its orientation; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrientedPolyhedron {
-    pub solid: Rc<PrincipalSolid>,
+    pub solid: Arc<PrincipalSolid>,
     /// Factor of all lengths of the solid.
     pub scale: f64,
     /// Principal axes along the fixed axes, one a row.
@@ -109,7 +109,7 @@ pub struct OrientedPolyhedron {
 
 impl OrientedPolyhedron {
     /// Solid rotated by `rotation`, from the axes in which the shape was given to the fixed ones.
-    pub fn new(solid: Rc<PrincipalSolid>, scale: f64, rotation: &Matrix3<f64>) -> Self {
+    pub fn new(solid: Arc<PrincipalSolid>, scale: f64, rotation: &Matrix3<f64>) -> Self {
         let axes = round_axes(&(solid.axes * rotation.transpose()));
         OrientedPolyhedron { solid, scale, axes }
     }
