@@ -484,6 +484,7 @@ fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
 mod tests {
     use super::*;
     use crate::samples::Scene;
+    use cd_formats::snapshot::PresenceArrays;
 
     #[test]
     fn planes_and_driven_bodies_are_walls() {
@@ -509,6 +510,18 @@ mod tests {
         assert_eq!(sides, [(grain, walls[0]), (walls[1], grain)]);
         // Force on the candidate is against the grain's own when that is the antagonist.
         assert_eq!(frame.contacts[1].on_grains().collect::<Vec<_>>(), [(GrainId(0), -Vec3::x(), Vec3::zeros())]);
+    }
+
+    #[test]
+    fn bodies_that_are_not_in_the_run_are_left_out() {
+        let mut scene = Scene::default();
+        let rows = [0.0, 4.0, 8.0, 12.0].map(|x| scene.grain([x, 0.0, 0.0], 1.0));
+        scene.contact(rows[1], rows[3], -Vec3::x());
+        scene.snapshot.presence = Some(PresenceArrays { body_presence: vec![2, 1, 0, 1] });
+        let frame = scene.frame();
+        assert_eq!(frame.grains.iter().map(|grain| grain.id).collect::<Vec<_>>(), [2, 4]);
+        assert_eq!(frame.absent, [1, 3]);
+        assert_eq!(frame.contacts[0].grain_pair(), Some((GrainId(0), GrainId(1))));
     }
 
     #[test]

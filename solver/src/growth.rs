@@ -64,6 +64,7 @@ pub fn exchange_bodies(scene: &mut Cow<Scene>, state: &mut State) -> BodyExchang
         }
     }
     let entering = entering_bodies(scene, &roster, state, &leaving);
+    state.bodies_entered = !entering.is_empty();
     if leaving.is_empty() && entering.is_empty() {
         return exchange;
     }
@@ -155,7 +156,8 @@ pub fn presence_text(scene: &Scene, state: &State) -> Option<String> {
     let roster = scene.roster.as_ref()?;
     let count = |presence: BodyPresence| state.presence.iter().filter(|of_body| **of_body == presence).count();
     let gone = (0..scene.bodies.len()).filter(|&i| state.presence[i] == BodyPresence::Gone);
-    let mass: f64 = gone.map(|i| scene.bodies[i].mass).sum();
+    // The sum of no numbers is -0.
+    let mass = gone.map(|i| scene.bodies[i].mass).sum::<f64>() + 0.0;
     let overdue = scene.options.sources.iter().zip(&roster.entries).flat_map(|(schedule, entries)| {
         let waiting = entries.iter().enumerate().filter(|(_, (body, _))| is_waiting(state, *body));
         waiting.filter(|(k, _)| schedule.entry_time(*k) <= state.time + EVENT_SLACK * scene.options.dt)

@@ -360,6 +360,8 @@ pub struct State {
     pub postpro: PostproSums,
     /// Whether each body is in the run; empty if the run has neither sinks nor sources.
     pub presence: Vec<BodyPresence>,
+    /// Whether bodies have entered after the last step, of which no contacts are known.
+    pub bodies_entered: bool,
     /// Time since when all bodies have been at rest, s, if a condition at rest ends the run.
     pub rest_since: Option<f64>,
 }

@@ -147,6 +147,9 @@ pub struct SnapshotMeta {
     /// Time since when all bodies have been at rest, s; only if a condition `AtRest` ends the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest_since: Option<f64>,
+    /// Whether bodies have entered after the last step.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub bodies_entered: bool,
     /// Options of the run as in COMPUTE.RON, flags included; see [`crate::compute::Compute::result_options`]. Empty in
     /// snapshots of versions without this field.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -375,6 +378,7 @@ impl Default for SnapshotMeta {
             fallback: FallbackState::default(),
             postpro: PostproSums::default(),
             rest_since: None,
+            bodies_entered: false,
             options: BTreeMap::new(),
             parts: Vec::new(),
         }

@@ -14,9 +14,10 @@ use cd_formats::groups::{DisjointSets, GroupSize, largest_remnant};
 use cd_formats::ids::BodyId;
 use cd_formats::law_table::is_law_of_points;
 use cd_formats::names::{count_text, vector_text};
+use cd_formats::probe::ProbeQuantity;
 use cd_formats::snapshot::{
-    self, AttractionArrays, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PairArrays, START_FILE,
-    ShapeArrays, Snapshot, TurningArrays,
+    self, AttractionArrays, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PRESENCE_WAITING,
+    PairArrays, START_FILE, ShapeArrays, Snapshot, TurningArrays,
 };
 use cd_formats::surface::MassProperties;
 use cd_formats::tact_behav::TactBehav;
@@ -129,23 +130,30 @@ impl SourceCase {
         faults.gather_result(computed.expect_laws(&tact_path, &tact));
         faults.gather_result(computed.expect_driven(&driven_path, &driven));
         faults.0.extend(wire_fault(&snapshot, &bodies, &tact, &tact_path));
-        let absent = (0..snapshot.bodies.body_id.len()).filter(|&row| !snapshot.is_present(row)).count();
-        if absent > 0 {
-            let found = format!("{} that has left or not yet entered", count_text(absent, "body"));
-            let expected =
-                "expected a snapshot with all bodies: cd-solve --resume continues a run with sinks and sources";
-            faults.push(Fault::new(path, None, "snapshot", found, expected));
-        }
         faults.into_result(())?;
         let shift = |(body, own): (&Body, &MassProperties)| body.centre_of_mass_offset(own).into();
         let shifts = bodies.0.iter().zip(&mass_properties).map(shift).collect();
         let is_first = snapshots.first().is_some_and(|(_, first)| first == path);
         let has_start = path_exists(&datbox.join(START_FILE));
-        let (options, mut notes) = run_options(&file_options, &snapshot.meta, is_first, has_start);
+        let (mut options, mut notes) = run_options(&file_options, &snapshot.meta, is_first, has_start);
         let origin = if path_exists(&compute_path) { "COMPUTE.RON has" } else { "the default is" };
         let changed =
             options.option_values().into_iter().zip(file_options.option_values()).filter(|(run, file)| run != file);
         notes.extend(changed.map(|((name, run), (_, file))| (name, format!("{run} as in the run; {origin} {file}"))));
+        if !options.sources.is_empty() {
+            // Bodies that have entered would wait again.
+            options.sources.clear();
+            options.probes.retain(|probe| !matches!(probe.quantity, ProbeQuantity::Entered { .. }));
+            let waiting = |row: &usize| {
+                snapshot.presence.as_ref().is_some_and(|presence| presence.body_presence[*row] == PRESENCE_WAITING)
+            };
+            let waiting = (0..snapshot.bodies.body_id.len()).filter(waiting).count();
+            let text = match waiting {
+                0 => "none from here on: all bodies have entered".into(),
+                _ => format!("none from here on, without the {} still to enter", count_text(waiting, "body")),
+            };
+            notes.push(("sources", text));
+        }
         let gravity = snapshot.meta.parameters.uniform_gravity;
         let sets_gravity = |event: &Event| matches!(event.action, EventAction::SetGravity(_));
         if bulk.gravity != gravity && !past_events(&file_options.events, &snapshot.meta).iter().any(sets_gravity) {
@@ -225,7 +233,8 @@ impl SourceCase {
             if is_driven(*body) {
                 selection.walls != excepted[body.index()]
             } else {
-                passes_filter.as_ref().is_none_or(|passes| passes[body.index()])
+                self.snapshot.is_present(body.index())
+                    && passes_filter.as_ref().is_none_or(|passes| passes[body.index()])
             }
         };
         let source_bodies: Vec<BodyId> =
@@ -350,7 +359,7 @@ impl SourceCase {
             }
         }
         let mut sizes = vec![GroupSize::default(); count];
-        for row in (0..count).filter(|&row| bodies.body_driven[row] == 0) {
+        for row in (0..count).filter(|&row| bodies.body_driven[row] == 0 && self.snapshot.is_present(row)) {
             let size = &mut sizes[groups.find(row)];
             size.mass += bodies.body_mass[row];
             size.members += 1;

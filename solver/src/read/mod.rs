@@ -191,6 +191,7 @@ fn initial_state(
         ledger: Ledger::default(),
         postpro: PostproSums::default(),
         presence: Vec::new(),
+        bodies_entered: false,
         rest_since: None,
     }
 }

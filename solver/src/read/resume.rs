@@ -442,6 +442,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     state.ledger = meta.ledger;
     state.postpro = meta.postpro;
     state.rest_since = meta.rest_since;
+    state.bodies_entered = meta.bodies_entered;
     state.fallback = meta.fallback;
     let exchanges = interval.interval_body.into_iter().zip(interval.interval_virial);
     state.interval = OutputInterval {

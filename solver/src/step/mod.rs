@@ -84,7 +84,7 @@ pub fn step(scene: &Scene, state: &mut State, times: &mut StageTimes) -> Option<
 /// which its contacts are detected.
 fn begin_step(scene: &Scene, state: &mut State) -> (AppliedEvents, ContactConfiguration) {
     let events = assemble::apply_events(scene, state);
-    let multiple = integrate::choose_step_multiple(scene, state, events.any_event);
+    let multiple = integrate::choose_step_multiple(scene, state, events.any_event || state.bodies_entered);
     assemble::apply_torque_and_damping(scene, state, multiple);
     let changed = unforeseen::velocities_are_unbounded(scene, state, &events);
     let is_implicit = unforeseen::needs_implicit_step(scene, state, multiple, changed);

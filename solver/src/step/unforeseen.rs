@@ -1,4 +1,4 @@
-//! Velocities that no contact problem has bounded: those at the start of a run and after events.
+//! Velocities that no contact problem has bounded: those at the start of a run, after events, and of bodies that enter.
 //!
 //! A step bounds its end velocities V⁺ by the gaps on the path to the next contact configuration, x_c + h V⁺. If velocities
 //! are changed when a step begins, the path (1-θ) h V to its contact configuration is not bounded.
@@ -18,7 +18,7 @@ const SPEED_DIGITS: f64 = 1e-6;
 
 /// Whether velocities differ from those at the end of the last step and are not bounded by it.
 pub fn velocities_are_unbounded(scene: &Scene, state: &State, applied: &AppliedEvents) -> bool {
-    state.step == scene.start.step || applied.velocities_changed
+    state.step == scene.start.step || applied.velocities_changed || state.bodies_entered
 }
 
 /// Whether the next step, of `step_multiple` times `dt`, is taken with θ = 1: with x_c = x + (1-θ) h V some bodies would close

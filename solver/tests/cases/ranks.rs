@@ -10,6 +10,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::case::{Case, uniform};
+use crate::growth::mixed;
 use crate::same_bits::{collapse, outbox, poured, same, scene, slab};
 
 /// Smallest number of bodies in a block in these tests.
@@ -112,6 +113,13 @@ fn ranks_change_no_byte_of_a_shaken_tub() {
 #[test]
 fn ranks_change_no_byte_of_a_bonded_slab() {
     expect_same_bytes(&slab());
+}
+
+#[test]
+fn ranks_change_no_byte_while_bodies_leave_and_enter() {
+    for polyhedra in [false, true] {
+        expect_same_bytes(&mixed(polyhedra));
+    }
 }
 
 #[test]
