@@ -2,9 +2,10 @@
 //!
 //! A spring of the law adds its compliance C to the normal unknown, û_n = u_n + shift + C r̂_n, so that the force at the end of
 //! the step is that of the gap at the end of the step, for any stiffness and length of the step. A coupled row has u = 0 for
-//! any impulse. A wire or rod has a spring, too, and pulls. An interface acts next to the contact: its impulse, with the damage of the start of the step, is linear in the
-//! velocity of the row. The sweeps are those of [`gauss_seidel`](super::gauss_seidel), one contact after the other: such rows are few,
-//! and all other scenes keep the sweeps in vectors, which know neither.
+//! any impulse. A wire or rod has a spring, too, and pulls. An interface acts next to the contact: its impulse, with the
+//! damage of the start of the step, is linear in the velocity of the row. The sweeps are those of
+//! [`gauss_seidel`](super::gauss_seidel), one contact after the other: such rows are few, and all other scenes keep the
+//! sweeps in vectors, which know neither.
 //!
 //! E is |F(r)|/|F(r_0)| as in [`residual`](super::residual), with the ρ = 3/trace W of each row, W including C: the rows of
 //! soft and of stiff springs differ by many orders of magnitude.
@@ -55,25 +56,27 @@ struct InterfaceBlock {
     /// K, kg.
     stiffness: Matrix3<f64>,
     /// Effective W of ρ, (1 + W K)⁻¹ W, 1/kg.
-    whole: Matrix3<f64>,
-    /// H, N s.
-    at_rest: Vec3,
+    effective_block: Matrix3<f64>,
+    /// H: impulse of the interface at rest, N s.
+    impulse_at_rest: Vec3,
 }
 
 impl InterfaceBlock {
     fn new(block: &Matrix3<f64>, n: &Vec3, interface: &InterfaceRow) -> InterfaceBlock {
-        let (at_rest, [k_n, k_t]) = interface.stiffness(n);
+        let (impulse_at_rest, [k_n, k_t]) = interface.stiffness(n);
         let along = n * n.transpose();
         let stiffness = (Matrix3::identity() - along) * k_t + along * k_n;
         // W and K are not negative, so that 1 + W K has an inverse.
         let inverse = (Matrix3::identity() + block * stiffness).try_inverse().unwrap_or_else(Matrix3::identity);
-        let whole = inverse * block;
-        InterfaceBlock { stiffness, whole: (whole + whole.transpose()) * 0.5, at_rest }
+        let effective_block = inverse * block;
+        // Symmetric up to rounding.
+        let effective_block = (effective_block + effective_block.transpose()) * 0.5;
+        InterfaceBlock { stiffness, effective_block, impulse_at_rest }
     }
 
     /// Impulse of the contact alone, at the velocity `v` of the interface.
     fn contact_impulse(&self, r: &Vec3, v: &Vec3) -> Vec3 {
-        r - self.at_rest + self.stiffness * v
+        r - self.impulse_at_rest + self.stiffness * v
     }
 }
 
@@ -96,7 +99,7 @@ impl SweptRow {
     }
 
     /// W with the compliance, 1/kg.
-    fn whole_block(&self, n: &Vec3) -> Matrix3<f64> {
+    fn regularised_block(&self, n: &Vec3) -> Matrix3<f64> {
         match self.kind {
             RowKind::Contact { compliance } | RowKind::Link { compliance, .. } => {
                 self.block + n * n.transpose() * compliance
@@ -105,8 +108,8 @@ impl SweptRow {
         }
     }
 
-    /// û of the impulse `r`, if it is `u` without the compliance.
-    fn whole_velocity(&self, n: &Vec3, u: &Vec3, r: &Vec3) -> Vec3 {
+    /// û of the row with the impulse `r`, whose velocity without the compliance is `u`.
+    fn regularised_velocity(&self, n: &Vec3, u: &Vec3, r: &Vec3) -> Vec3 {
         match self.kind {
             RowKind::Contact { compliance } | RowKind::Link { compliance, .. } => u + n * (compliance * n.dot(r)),
             RowKind::Coupled | RowKind::Interface(_) => *u,
@@ -116,7 +119,7 @@ impl SweptRow {
     /// r̂ that solves the row alone, where û without compliance is `u` with the impulse `r`.
     fn solve(&self, contact_problem: &ContactProblem, u: &Vec3, r: &Vec3) -> Vec3 {
         let row = &contact_problem.rows[self.row.index()];
-        let (w, u) = (self.whole_block(&row.normal), self.whole_velocity(&row.normal, u, r));
+        let (w, u) = (self.regularised_block(&row.normal), self.regularised_velocity(&row.normal, u, r));
         match self.kind {
             RowKind::Contact { .. } => solve_contact_block(symmetric_components(&w), row.normal, row.friction, &u, r),
             RowKind::Link { is_wire, .. } => {
@@ -129,11 +132,16 @@ impl SweptRow {
                 let n = &row.normal;
                 let interface_block = InterfaceBlock::new(&self.block, n, &interface);
                 let v = interface.velocity(n, &u);
-                let before = interface_block.contact_impulse(r, &v);
-                let contact_impulse =
-                    solve_contact_block(symmetric_components(&interface_block.whole), *n, row.friction, &u, &before);
-                let v = v + interface_block.whole * (contact_impulse - before);
-                contact_impulse + interface_block.at_rest - interface_block.stiffness * v
+                let old_impulse = interface_block.contact_impulse(r, &v);
+                let contact_impulse = solve_contact_block(
+                    symmetric_components(&interface_block.effective_block),
+                    *n,
+                    row.friction,
+                    &u,
+                    &old_impulse,
+                );
+                let v = v + interface_block.effective_block * (contact_impulse - old_impulse);
+                contact_impulse + interface_block.impulse_at_rest - interface_block.stiffness * v
             }
         }
     }
@@ -142,7 +150,7 @@ impl SweptRow {
     fn natural_map(&self, contact_problem: &ContactProblem, u: &Vec3, r: &Vec3) -> Vec3 {
         let row = &contact_problem.rows[self.row.index()];
         let n = row.normal;
-        let (mut rho, u) = (3.0 / self.whole_block(&n).trace(), self.whole_velocity(&n, u, r));
+        let (mut rho, u) = (3.0 / self.regularised_block(&n).trace(), self.regularised_velocity(&n, u, r));
         let mut r = *r;
         match &self.kind {
             RowKind::Coupled => return u * rho,
@@ -153,7 +161,7 @@ impl SweptRow {
             RowKind::Interface(interface) => {
                 let interface_block = InterfaceBlock::new(&self.block, &n, interface);
                 r = interface_block.contact_impulse(&r, &interface.velocity(&n, &u));
-                rho = 3.0 / interface_block.whole.trace();
+                rho = 3.0 / interface_block.effective_block.trace();
             }
             RowKind::Contact { .. } => {}
         }
@@ -179,19 +187,19 @@ fn residual_norm(contact_problem: &ContactProblem, rows: &[SweptRow], impulses: 
     let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
     for swept in rows {
         let k = swept.row.index();
-        let size2 = swept
+        let size_squared = swept
             .natural_map(contact_problem, &contact_problem.shifted_velocity(k, &contact_problem.bodies), &impulses[k])
             .norm_squared();
-        sum += size2;
-        if size2 > largest {
-            (largest, worst) = (size2, Some(swept.row));
+        sum += size_squared;
+        if size_squared > largest {
+            (largest, worst) = (size_squared, Some(swept.row));
         }
     }
     (sum.sqrt(), worst)
 }
 
 /// Solves as [`solve_nlgs`](super::solve_nlgs) does a problem with regularised rows.
-pub fn solve_regularised(contact_problem: &ContactProblem, until: StoppingCriteria) -> ContactSolution {
+pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCriteria) -> ContactSolution {
     let mut active: Vec<ContactId> = (0..contact_problem.rows.len())
         .map(ContactId::new)
         .filter(|k| contact_problem.rows[k.index()].can_close)
@@ -212,13 +220,13 @@ pub fn solve_regularised(contact_problem: &ContactProblem, until: StoppingCriter
             let row = &contact_problem.rows[k.index()];
             balance[k.index()] = row.normal * row.balancing_impulse();
         }
-        let speeds = |k: &ContactId| {
+        let speed_scale = |k: &ContactId| {
             let row = &contact_problem.rows[k.index()];
             let (w_n, w_t) = contact_problem.delassus_diagonal(k.index());
             let speed_sum: f64 = row.bodies.iter().map(|i| contact_problem.bodies[i.index()].v.norm()).sum();
             (speed_sum + row.shift.norm() + w_n * row.impulse_shift.abs()) * 3.0 / (w_n + 2.0 * w_t)
         };
-        let floor = ROUNDING_FLOOR * active.iter().map(|k| speeds(k).powi(2)).sum::<f64>().sqrt();
+        let floor = ROUNDING_FLOOR * active.iter().map(|k| speed_scale(k).powi(2)).sum::<f64>().sqrt();
         let initial = residual_norm(&with_impulses(&balance), &rows, &balance).0.max(floor);
         let mut work = with_impulses(&impulses);
         let evaluate = |work: &ContactProblem, impulses: &[Vec3]| {
@@ -226,8 +234,8 @@ pub fn solve_regularised(contact_problem: &ContactProblem, until: StoppingCriter
             if norm <= floor { (0.0, None) } else { (norm / initial, worst) }
         };
         let (mut residual, mut worst) = evaluate(&work, &impulses);
-        while residual > until.target_residual && sweeps < until.max_sweeps && !activity::is_stopped() {
-            for _ in 0..SWEEPS_BETWEEN_CHECKS.min(until.max_sweeps - sweeps) {
+        while residual > criteria.target_residual && sweeps < criteria.max_sweeps && !activity::is_stopped() {
+            for _ in 0..SWEEPS_BETWEEN_CHECKS.min(criteria.max_sweeps - sweeps) {
                 for swept in &rows {
                     let k = swept.row.index();
                     let new = swept.solve(&work, &work.shifted_velocity(k, &work.bodies), &impulses[k]);
@@ -243,7 +251,7 @@ pub fn solve_regularised(contact_problem: &ContactProblem, until: StoppingCriter
         }
         let solver_bodies: Vec<SolverBody> = work.bodies;
         let missed = closing_inactive_rows(contact_problem, &active, &solver_bodies);
-        if missed.is_empty() || sweeps >= until.max_sweeps || activity::is_stopped() {
+        if missed.is_empty() || sweeps >= criteria.max_sweeps || activity::is_stopped() {
             return ContactSolution {
                 impulses,
                 moments: vec![],
@@ -251,7 +259,7 @@ pub fn solve_regularised(contact_problem: &ContactProblem, until: StoppingCriter
                 sweeps,
                 single_precision: false,
                 residual,
-                converged: residual <= until.tol && missed.is_empty(),
+                converged: residual <= criteria.tol && missed.is_empty(),
                 left_out: missed.len(),
                 worst: worst.or(missed.first().copied()),
                 active_rows: active.len(),

@@ -141,8 +141,8 @@ impl<'a> ResidualEvaluator<'a> {
             rows.iter().fold((0.0, 0.0, false), |(trace, squared_speeds, attracts), &k| {
                 let row = &problem.rows[k.index()];
                 let speed_of_side = |side: usize| {
-                    let record = &problem.bodies[row.bodies[side].index()];
-                    record.v.norm() + record.w.norm() * problem.contact_arm(k.index(), side).norm()
+                    let body_start = &problem.bodies[row.bodies[side].index()];
+                    body_start.v.norm() + body_start.w.norm() * problem.contact_arm(k.index(), side).norm()
                 };
                 let (w_n, w_t) = problem.delassus_diagonal(k.index());
                 let speed = speed_of_side(0) + speed_of_side(1) + row.shift.norm() + w_n * row.impulse_shift.abs();
@@ -159,7 +159,7 @@ impl<'a> ResidualEvaluator<'a> {
             0.0 => Vec3::zeros(),
             _ => row.normal * row.balancing_impulse(),
         };
-        let free_motion = |record: &SolverBody| body_motion(&record.v, &record.w);
+        let free_motion = |body_start: &SolverBody| body_motion(&body_start.v, &body_start.w);
         let (balance, motions): (Vec<Vec3>, _) = if attracts {
             let balance: Vec<Vec3> = problem.rows.par_iter().with_min_len(PAR_MIN_LEN).map(balance).collect();
             let motions = evaluator.body_motions(&balance);
@@ -181,13 +181,17 @@ impl<'a> ResidualEvaluator<'a> {
     /// Rounding of the impulses over the sum of the momenta of the bodies and |F(r_0)|.
     pub fn rounding_share(&self, impulses: &[Vec3]) -> f64 {
         let impulse_sum: f64 = self.rows.iter().map(|&k| impulses[k.index()].norm_squared()).sum();
-        let moves = |record: &&SolverBody| record.inverse_mass > 0.0;
-        let momenta =
-            self.problem.bodies.iter().filter(moves).map(|record| (record.v / record.inverse_mass).norm_squared());
+        let moves = |body_start: &&SolverBody| body_start.inverse_mass > 0.0;
+        let momenta = self
+            .problem
+            .bodies
+            .iter()
+            .filter(moves)
+            .map(|body_start| (body_start.v / body_start.inverse_mass).norm_squared());
         f64::EPSILON * impulse_sum.sqrt() / momenta.sum::<f64>().sqrt().max(self.initial_norm).max(self.floor)
     }
 
-    /// E of the impulses r̂ (one per row of the system, world frame, N s; 0 in rows that are not evaluated).
+    /// E of the impulses r̂ (one per row of the problem, world frame, N s; 0 in rows that are not evaluated).
     pub fn residual(&self, impulses: &[Vec3]) -> Residual {
         self.residual_at(impulses, &self.body_motions(impulses))
     }
@@ -197,7 +201,7 @@ impl<'a> ResidualEvaluator<'a> {
         self.residual_with(impulses, &[], motions)
     }
 
-    /// E of impulses and moments, one per rolling constraint of the system, and of the motions that result from both.
+    /// E of impulses and moments, one per rolling constraint of the problem, and of the motions that result from both.
     pub fn residual_with(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[BodyMotion]) -> Residual {
         let (norm, worst) = self.residual_norm(impulses, moments, motions);
         if norm <= self.floor {
@@ -230,14 +234,15 @@ impl<'a> ResidualEvaluator<'a> {
         };
         let parts = (0..halves * ranges).into_par_iter().with_max_len(1);
         let parts: Vec<Vec<[f64; 6]>> = parts.map(part_motions).collect();
-        let motion_of_body = |(body, record): (usize, &SolverBody)| {
+        let motion_of_body = |(body, body_start): (usize, &SolverBody)| {
             let mut sum = [0.0; 6];
             let (range, index) = (body >> range_bits, body & ((1 << range_bits) - 1));
             for half in parts.chunks_exact(ranges) {
                 (0..6).for_each(|k| sum[k] += half[range][index][k]);
             }
-            let v = record.v + self.problem.velocity_change(BodyId(body as u32), &Vec3::new(sum[0], sum[1], sum[2]));
-            let w = record.w
+            let v =
+                body_start.v + self.problem.velocity_change(BodyId(body as u32), &Vec3::new(sum[0], sum[1], sum[2]));
+            let w = body_start.w
                 + self.problem.angular_velocity_change(BodyId(body as u32), &Vec3::new(sum[3], sum[4], sum[5]));
             body_motion(&v, &w)
         };
@@ -263,12 +268,12 @@ impl<'a> ResidualEvaluator<'a> {
         motions
     }
 
-    /// The system's records with these motions.
+    /// The bodies of the problem with these motions.
     pub fn solver_bodies(&self, motions: &[BodyMotion]) -> Vec<SolverBody> {
-        let with_motion = |(record, m): (&SolverBody, &BodyMotion)| SolverBody {
+        let with_motion = |(body_start, m): (&SolverBody, &BodyMotion)| SolverBody {
             v: Vec3::new(m[0], m[1], m[2]),
             w: Vec3::new(m[4], m[5], m[6]),
-            ..*record
+            ..*body_start
         };
         self.problem
             .bodies
@@ -279,14 +284,14 @@ impl<'a> ResidualEvaluator<'a> {
             .collect()
     }
 
-    /// The system's records after impulses of 0. Adding these makes -0 to 0, as in [`Self::body_motions`].
+    /// The bodies of the problem after impulses of 0. Adding these turns -0 into 0, as in [`Self::body_motions`].
     pub fn unmoved_bodies(&self) -> Vec<SolverBody> {
-        let of = |(body, record): (usize, &SolverBody)| SolverBody {
-            v: record.v + self.problem.velocity_change(BodyId(body as u32), &Vec3::zeros()),
-            w: record.w + self.problem.angular_velocity_change(BodyId(body as u32), &Vec3::zeros()),
-            ..*record
+        let unmoved = |(body, body_start): (usize, &SolverBody)| SolverBody {
+            v: body_start.v + self.problem.velocity_change(BodyId(body as u32), &Vec3::zeros()),
+            w: body_start.w + self.problem.angular_velocity_change(BodyId(body as u32), &Vec3::zeros()),
+            ..*body_start
         };
-        self.problem.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(of).collect()
+        self.problem.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(unmoved).collect()
     }
 
     /// |F| and the row with the largest part in it.
@@ -356,6 +361,7 @@ impl<'a> ResidualEvaluator<'a> {
         sizes2
     }
 
+    /// |F|² of the rows of a task.
     fn evaluate_groups(
         &self,
         rows: &[ContactId],
@@ -444,27 +450,28 @@ fn moments_about_centres<L: F64Arithmetic>(
     for (impulse, r) in impulse.iter_mut().zip(r) {
         *impulse = l.load(&r[range.clone()]);
     }
-    let mut about = None;
+    let mut normal_moment = None;
     if let Some(levers) = levers {
         let mut lever = impulse;
         for (lever, column) in lever.iter_mut().zip(levers) {
             *lever = l.load(&column[range.clone()]);
         }
-        about = Some(inner_product(l, lever, impulse));
+        normal_moment = Some(inner_product(l, lever, impulse));
     }
     for (moments, arm) in moments.iter_mut().zip(&columns.arms) {
         for (axis, to) in moments.iter_mut().enumerate() {
             let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
             let (arm_i, arm_j) = (l.load(&arm[i][range.clone()]), l.load(&arm[j][range.clone()]));
             let mut moment = l.sub(l.mul(arm_i, impulse[j]), l.mul(arm_j, impulse[i]));
-            if let Some(about) = about {
-                moment = l.add(moment, l.mul(l.load(&columns.n[axis][range.clone()]), about));
+            if let Some(normal_moment) = normal_moment {
+                moment = l.add(moment, l.mul(l.load(&columns.n[axis][range.clone()]), normal_moment));
             }
             l.store(&mut to[range.clone()], moment);
         }
     }
 }
 
+/// Columns of the data of up to eight rows.
 fn contact_group(problem: &ContactProblem, rows: &[ContactId]) -> ContactGroup {
     let zero = [0.0; GROUP_LANES];
     let (three, bodies) = ([zero; 3], [[0; GROUP_LANES]; 2]);
@@ -487,6 +494,7 @@ fn contact_group(problem: &ContactProblem, rows: &[ContactId]) -> ContactGroup {
     columns
 }
 
+/// Columns of the friction levers of up to eight rows.
 fn group_levers(problem: &ContactProblem, rows: &[ContactId]) -> GroupLevers {
     let mut levers = [[0.0; GROUP_LANES]; 3];
     for (lane, &k) in rows.iter().enumerate() {
@@ -501,7 +509,7 @@ struct NaturalMap<'a> {
     rows: &'a [ContactId],
     contacts: &'a [ContactGroup],
     levers: &'a [GroupLevers],
-    /// Impulses by row of the system; missing ones are 0.
+    /// Impulses by row of the problem; missing ones are 0.
     impulses: &'a [Vec3],
     motions: &'a [BodyMotion],
     rho: f64,

@@ -1,4 +1,5 @@
-//! Choice of the solver for the contact problem of a step, and of the fallback if the sweeps stall.
+//! Chooses the solver for the contact problem of a step, and the fallback if the sweeps stall: `step` calls
+//! [`solve_contact_problem`], which calls the sweeps of `gauss_seidel` and the solvers of `matrix`.
 
 use cd_formats::compute::ContactSolver;
 use cd_formats::snapshot::FallbackState;
@@ -52,9 +53,9 @@ pub fn update_backoff(
     if request.fallback_suppressed || !request.may_use_fallback() {
         return;
     }
-    let gained =
+    let has_gained =
         solution.stalled_residual.is_some_and(|stalled| solution.residual <= COSTS.success_residual_share * stalled);
-    if !solution.converged && !gained {
+    if !solution.converged && !has_gained {
         let failures = (fallback.failures + 1).min(COSTS.max_backoff_failures);
         *fallback = FallbackState { failures, due: step + (step_multiple << failures) };
     } else if solution.sweeps > MOMENTUM_CYCLE && request.criteria.target_residual == request.criteria.tol {
@@ -111,7 +112,7 @@ pub fn solve_contact_problem(
     }
 }
 
-/// Solves with the solver of the task, from the warm start of the rows.
+/// Solves with the solver of the request, from the warm start of the rows.
 fn solve_from_warm_start(
     contact_problem: &ContactProblem,
     request: SolveRequest,
@@ -140,7 +141,7 @@ fn solve_from_warm_start(
         ContactSolver::Admm => (MatrixSolver::Admm, f64::INFINITY),
         ContactSolver::InteriorPoint => (MatrixSolver::InteriorPoint, f64::INFINITY),
     };
-    // The other solvers continue from the warm start.
+    // The solvers that the options request continue from the warm start without sweeps.
     let sweeps = if solver == MatrixSolver::Auto { COSTS.sweeps_before_fallback(contacts, max_sweeps) } else { 0 };
     let start = sweep(sweeps);
     let target = if solver == MatrixSolver::Auto { tol } else { target_residual };
@@ -285,7 +286,7 @@ fn solve_on_matrix(
 }
 
 /// Continues from `start` with a solver of stored problems. Returns the better of the two by E; it has converged if it
-/// reaches the task's `tol`.
+/// reaches the `tol` of the request.
 fn solve_by_fallback(
     contact_problem: &ContactProblem,
     start: ContactSolution,

@@ -51,22 +51,22 @@ pub fn solve_admm(run: &mut SolverRun, steps: u64) {
         })
         .collect();
     let mut anderson = AndersonAcceleration::new(ANDERSON_DEPTH, 3 * n);
-    let solving = solution_cost(3 * n, 9 * matrix.len());
-    let mut right = vec![[0.0; 3]; n];
+    let solve_cost = solution_cost(3 * n, 9 * matrix.len());
+    let mut right_side = vec![[0.0; 3]; n];
     let end = run.sweeps.saturating_add(steps);
     while !run.is_over() && run.sweeps < end {
-        run.count_pass(solving + run.problem.sweep_cost());
+        run.count_pass(solve_cost + run.problem.sweep_cost());
         let z: Vec<LocalVector> = v.iter().zip(&scaled.mu).map(|(v, mu)| project_to_cone(*v, *mu)).collect();
         run.record_iterate(&scaled.impulses_out(&z));
         for i in 0..n {
             let y: LocalVector = std::array::from_fn(|k| v[i][k] - z[i][k]);
             let slip = scaled.mu[i] * libm::hypot(y[1], y[2]);
             for k in 0..3 {
-                let bent = if k == 0 { slip } else { 0.0 };
-                right[i][k] = PENALTY * (z[i][k] - y[k] - bent) - scaled.q(i)[k];
+                let cone_shift = if k == 0 { slip } else { 0.0 };
+                right_side[i][k] = PENALTY * (z[i][k] - y[k] - cone_shift) - scaled.q(i)[k];
             }
         }
-        let r = factors.solve(&right);
+        let r = factors.solve(&right_side);
         let next: Vec<LocalVector> = (0..n).map(|i| std::array::from_fn(|k| r[i][k] + v[i][k] - z[i][k])).collect();
         if !next.as_flattened().iter().all(|x| x.is_finite()) {
             return;
@@ -75,7 +75,7 @@ pub fn solve_admm(run: &mut SolverRun, steps: u64) {
     }
 }
 
-/// Nearest point of Coulomb's cone.
+/// Nearest point of Coulomb's cone { |v_T| <= mu v_n }.
 fn project_to_cone(v: LocalVector, mu: f64) -> LocalVector {
     let slope = (1.0 + mu * mu).sqrt();
     let (cos, sin) = (1.0 / slope, mu / slope);

@@ -105,7 +105,13 @@ fn norm_of_difference(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// y of G y = b by Cholesky's method for G scaled to a diagonal of 1 + 1e-14; directions that are lost in rounding get 0.
+/// Added to the diagonal of the scaled Gram matrix: more than the rounding of its sums.
+const GRAM_REGULARISATION: f64 = 1e-14;
+
+/// Pivot, its root, below which a direction is lost in the regularisation.
+const MIN_PIVOT: f64 = 1e-7;
+
+/// y of G y = b by Cholesky's method for G scaled to a diagonal of 1; directions that are lost in rounding get 0.
 fn solve_gram(gram: &[Vec<f64>], mut b: Vec<f64>) -> Vec<f64> {
     let n = b.len();
     let scale: Vec<f64> = (0..n).map(|k| if gram[k][k] > 0.0 { gram[k][k].sqrt().recip() } else { 0.0 }).collect();
@@ -115,17 +121,17 @@ fn solve_gram(gram: &[Vec<f64>], mut b: Vec<f64>) -> Vec<f64> {
         for j in 0..=i {
             let sum: f64 = gram[i][j] * scale[i] * scale[j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
             l[i][j] = match i == j {
-                true => (sum + 1e-14).max(0.0).sqrt(),
+                true => (sum + GRAM_REGULARISATION).max(0.0).sqrt(),
                 false if l[j][j] > 0.0 => sum / l[j][j],
                 false => 0.0,
             };
         }
         let sum: f64 = (0..i).map(|k| l[i][k] * b[k]).sum();
-        b[i] = if l[i][i] > 1e-7 { (b[i] - sum) / l[i][i] } else { 0.0 };
+        b[i] = if l[i][i] > MIN_PIVOT { (b[i] - sum) / l[i][i] } else { 0.0 };
     }
     for i in (0..n).rev() {
         let sum: f64 = (i + 1..n).map(|k| l[k][i] * b[k]).sum();
-        b[i] = if l[i][i] > 1e-7 { (b[i] - sum) / l[i][i] } else { 0.0 };
+        b[i] = if l[i][i] > MIN_PIVOT { (b[i] - sum) / l[i][i] } else { 0.0 };
     }
     b.iter().zip(scale).map(|(b, s)| b * s).collect()
 }

@@ -86,7 +86,7 @@ impl LuFactors {
             let front = &mut fronts[k];
             let (own, size) = front.row_counts();
             let stride = column_stride(size);
-            front.own.iter().chain(&front.later).enumerate().for_each(|(at, &i)| first_row[i as usize] = 3 * at);
+            front.own.iter().chain(&front.later).enumerate().for_each(|(k, &i)| first_row[i as usize] = 3 * k);
             a.clear();
             a.resize(stride * size, 0.0);
             for (i, j, block) in entries_of[k].drain(..) {
@@ -111,11 +111,11 @@ impl LuFactors {
             if !eliminate_front(width, &mut a, stride, size, &mut front.pivots) {
                 return None;
             }
-            let columns = |of: usize| &a[of * stride..][..size];
-            (0..own).for_each(|c| front.left.extend_from_slice(columns(c)));
-            (own..size).for_each(|c| front.right.extend_from_slice(&columns(c)[..own]));
+            let column_rows = |c: usize| &a[c * stride..][..size];
+            (0..own).for_each(|c| front.left.extend_from_slice(column_rows(c)));
+            (own..size).for_each(|c| front.right.extend_from_slice(&column_rows(c)[..own]));
             if let Some(next) = front.later.iter().map(|&i| front_of[i as usize]).min() {
-                remainders[next].push((k, (own..size).flat_map(|c| columns(c)[own..].iter().copied()).collect()));
+                remainders[next].push((k, (own..size).flat_map(|c| column_rows(c)[own..].iter().copied()).collect()));
             }
         }
         Some(LuFactors { fronts, width })
@@ -124,7 +124,7 @@ impl LuFactors {
     /// x of A x = `right`; may be infinite or NaN if A is nearly singular.
     pub fn solve(&self, right: &[LocalVector]) -> Vec<LocalVector> {
         let mut x = right.to_vec();
-        self.width.run(BackSubstitution { factors: self, x: &mut x });
+        self.width.run(TriangularSolution { factors: self, x: &mut x });
         x
     }
 }
@@ -165,17 +165,17 @@ fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix
     // and the front; then the fronts with their zeros.
     let mut later: Vec<Vec<u32>> = Vec::with_capacity(count);
     let mut children: Vec<Vec<u32>> = vec![Vec::new(); count];
-    let mut seen = vec![usize::MAX; count];
+    let mut last_coupled = vec![usize::MAX; count];
     let mut front_of = vec![0; count];
     let mut fronts: Vec<(Vec<u32>, f64)> = Vec::new();
     for k in 0..count {
-        seen[k] = k;
+        last_coupled[k] = k;
         let mut coupled = Vec::new();
         let near = neighbours[starts[order[k]]..starts[order[k] + 1]].iter().map(|&j| positions[j] as u32);
         let from = children[k].iter().flat_map(|&child| later[child as usize].iter().copied());
         for j in near.filter(|&j| j as usize > k).chain(from) {
-            if seen[j as usize] != k {
-                seen[j as usize] = k;
+            if last_coupled[j as usize] != k {
+                last_coupled[j as usize] = k;
                 coupled.push(j);
             }
         }
@@ -186,8 +186,8 @@ fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix
         let front = joined.map(|child| (front_of[child], later[child].len())).and_then(|(front, before)| {
             let (own, zeros) = &fronts[front];
             let zeros = zeros + (own.len() * (coupled.len() + 1 - before)) as f64;
-            let all = ((own.len() + 1) * (coupled.len() + 1 + own.len() / 2)) as f64;
-            (zeros <= MAX_FRONT_ZEROS * all).then_some((front, zeros))
+            let entry_count = ((own.len() + 1) * (coupled.len() + 1 + own.len() / 2)) as f64;
+            (zeros <= MAX_FRONT_ZEROS * entry_count).then_some((front, zeros))
         });
         match front {
             Some((front, zeros)) => {
@@ -219,6 +219,7 @@ fn eliminate_front(width: SimdWidth, a: &mut [f64], stride: usize, size: usize, 
     width.run(FrontElimination { a, stride, size, pivots })
 }
 
+/// Operation of [`eliminate_front`].
 struct FrontElimination<'a> {
     a: &'a mut [f64],
     stride: usize,
@@ -330,12 +331,13 @@ impl ColumnPanel<'_> {
     }
 }
 
-struct BackSubstitution<'a> {
+/// Operation of [`LuFactors::solve`]: forward substitution with L, then backward with U.
+struct TriangularSolution<'a> {
     factors: &'a LuFactors,
     x: &'a mut [LocalVector],
 }
 
-impl LaneOperation for BackSubstitution<'_> {
+impl LaneOperation for TriangularSolution<'_> {
     type Output = ();
     #[inline(always)]
     fn call<L: F64Arithmetic>(self, _: L) {

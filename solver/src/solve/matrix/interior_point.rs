@@ -35,8 +35,8 @@ const STALL_REDUCTION: f64 = 0.5;
 pub fn interior_point(run: &mut SolverRun, steps: u64) {
     let scaled = ScaledProblem::new(run.problem);
     let sizes: Vec<[f64; 2]> = scaled.mu.iter().map(|mu| [1.0 / mu.max(1.0), mu / mu.max(1.0)]).collect();
-    let middle = (0..sizes.len()).flat_map(|i| scaled.q(i)).fold(0.0, |a: f64, x| a.max(x.abs()));
-    let mut x = vec![[middle, 0.0, 0.0]; sizes.len()];
+    let start_n = (0..sizes.len()).flat_map(|i| scaled.q(i)).fold(0.0, |a: f64, x| a.max(x.abs()));
+    let mut x = vec![[start_n, 0.0, 0.0]; sizes.len()];
     let mut y = x.clone();
     let end = run.sweeps.saturating_add(steps);
     let mut smallest_residuals = vec![f64::INFINITY];
@@ -77,7 +77,7 @@ fn newton_direction(
     let count = x.len();
     let r: Vec<LocalVector> = x.iter().zip(sizes).map(|(x, size)| apply_cone_scaling(*size, *x)).collect();
     let u = scaled.relative_velocities(&r);
-    let missed: Vec<LocalVector> = (0..count)
+    let defects: Vec<LocalVector> = (0..count)
         .map(|i| {
             let u = apply_cone_scaling(sizes[i], u[i]);
             let slip = libm::hypot(y[i][1], y[i][2]);
@@ -87,9 +87,9 @@ fn newton_direction(
     let scalings: Vec<NesterovToddScaling> =
         x.iter().zip(y).map(|(x, y)| NesterovToddScaling::new(x, y)).collect::<Option<_>>()?;
     let points: Vec<LocalVector> = x.iter().zip(&scalings).map(|(x, scaling)| scaling.apply_scaling(x)).collect();
-    // (S W S + N T^2) dx = -missed + N T g,   dy = T g - T^2 dx,   N = 1 - n y_T / |y_T|.
+    // Solves (S W S + N T^2) dx = -defects + N T g,   dy = T g - T^2 dx,   N = 1 - n y_T / |y_T|.
     let squares: Vec<MatrixBlock> = scalings.iter().map(NesterovToddScaling::squared_matrix).collect();
-    let lean = |i: usize, v: LocalVector| -> LocalVector {
+    let apply_slip_matrix = |i: usize, v: LocalVector| -> LocalVector {
         let slip = libm::hypot(y[i][1], y[i][2]);
         let along = if slip > 0.0 { (y[i][1] * v[1] + y[i][2] * v[2]) / slip } else { 0.0 };
         [v[0] - along, v[1], v[2]]
@@ -99,47 +99,48 @@ fn newton_direction(
         for (j, w) in scaled.row_blocks(i) {
             let value = |k: usize, l: usize| {
                 let value = sizes[i][k.min(1)] * w[k][l] * sizes[j][l.min(1)];
-                let square = || lean(i, [squares[i][0][l], squares[i][1][l], squares[i][2][l]])[k];
+                let square = || apply_slip_matrix(i, [squares[i][0][l], squares[i][1][l], squares[i][2][l]])[k];
                 if i == j { value + square() } else { value }
             };
             matrix.push((i, j, std::array::from_fn(|k| std::array::from_fn(|l| value(k, l)))));
         }
     }
     let factors = LuFactors::new(count, &matrix)?;
-    let toward = |goals: &[LocalVector]| -> [Vec<LocalVector>; 2] {
-        let pushed: Vec<LocalVector> =
+    let direction_to = |goals: &[LocalVector]| -> [Vec<LocalVector>; 2] {
+        let scaled_goals: Vec<LocalVector> =
             (0..count).map(|i| scalings[i].apply_scaling(&jordan_quotient(&points[i], &goals[i]))).collect();
         let right = (0..count).map(|i| {
-            let leaning = lean(i, pushed[i]);
-            std::array::from_fn(|k| leaning[k] - missed[i][k])
+            let slipped = apply_slip_matrix(i, scaled_goals[i]);
+            std::array::from_fn(|k| slipped[k] - defects[i][k])
         });
         let dx = factors.solve(&right.collect::<Vec<LocalVector>>());
-        let dy =
-            (0..count).map(|i| std::array::from_fn(|k| pushed[i][k] - dot_product(&squares[i][k], &dx[i]))).collect();
+        let dy = (0..count)
+            .map(|i| std::array::from_fn(|k| scaled_goals[i][k] - dot_product(&squares[i][k], &dx[i])))
+            .collect();
         [dx, dy]
     };
     // First step as if tau could be 0 at once; its length determines how far tau is reduced.
     let goals: Vec<LocalVector> = points.iter().map(|l| jordan_product(l, l).map(|x| -x)).collect();
-    let [dx, dy] = toward(&goals);
+    let [dx, dy] = direction_to(&goals);
     let share = max_step_share(x, &dx).min(max_step_share(y, &dy)).min(1.0);
     let tau = duality_gap(x, y, &dx, &dy, 0.0);
-    let lower = (duality_gap(x, y, &dx, &dy, share) / tau).clamp(0.0, 1.0).powi(3);
+    let centring = (duality_gap(x, y, &dx, &dy, share) / tau).clamp(0.0, 1.0).powi(3);
     let goals: Vec<LocalVector> = (0..count)
         .map(|i| {
             let second = jordan_product(&scalings[i].apply_scaling(&dx[i]), &scalings[i].apply_inverse_scaling(&dy[i]));
             let mut goal: LocalVector = std::array::from_fn(|k| goals[i][k] - second[k]);
-            goal[0] += lower * tau;
+            goal[0] += centring * tau;
             goal
         })
         .collect();
-    let found = toward(&goals);
+    let found = direction_to(&goals);
     found.iter().flatten().flatten().all(|x| x.is_finite()).then_some(found)
 }
 
 /// Mean of x.y at a share of a step.
 fn duality_gap(x: &[LocalVector], y: &[LocalVector], dx: &[LocalVector], dy: &[LocalVector], share: f64) -> f64 {
-    let at = |v: &LocalVector, d: &LocalVector| -> LocalVector { std::array::from_fn(|k| v[k] + share * d[k]) };
-    (0..x.len()).map(|i| dot_product(&at(&x[i], &dx[i]), &at(&y[i], &dy[i]))).sum::<f64>() / x.len() as f64
+    let point = |v: &LocalVector, d: &LocalVector| -> LocalVector { std::array::from_fn(|k| v[k] + share * d[k]) };
+    (0..x.len()).map(|i| dot_product(&point(&x[i], &dx[i]), &point(&y[i], &dy[i]))).sum::<f64>() / x.len() as f64
 }
 
 /// Adds a share of the step `d` to `v`.
@@ -152,9 +153,10 @@ fn max_step_share(v: &[LocalVector], d: &[LocalVector]) -> f64 {
     let share_of_cone = |(v, d): (&LocalVector, &LocalVector)| {
         let size = cone_determinant(v).sqrt();
         let [n, s, t] = v.map(|c| c / size);
-        let middle = (n * d[0] - s * d[1] - t * d[2]) / size;
-        let lean = (middle + d[0] / size) / (n + 1.0);
-        1.0 / (libm::hypot(d[1] / size - lean * s, d[2] / size - lean * t) - middle).max(0.0)
+        let normal_part = (n * d[0] - s * d[1] - t * d[2]) / size;
+        let tangential_factor = (normal_part + d[0] / size) / (n + 1.0);
+        1.0 / (libm::hypot(d[1] / size - tangential_factor * s, d[2] / size - tangential_factor * t) - normal_part)
+            .max(0.0)
     };
     v.iter().zip(d).map(share_of_cone).fold(f64::INFINITY, f64::min)
 }

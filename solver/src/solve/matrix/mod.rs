@@ -69,7 +69,7 @@ impl MatrixSolver {
 
 /// Number of Newton steps after which the method starts again: as many as `auto` gives it from 0.
 const STEPS_BEFORE_RESTART: u64 = 400;
-/// Number of sweeps before it does: the smallest number that `auto` makes before its other solvers.
+/// Number of accelerated sweeps between two such starts: the smallest number that `auto` makes before its other solvers.
 const SWEEPS_BEFORE_RESTART: u64 = 100;
 
 /// Result of a solver: its best iterate.
@@ -95,10 +95,10 @@ pub fn solve(
     limits: SolverLimits,
 ) -> MatrixSolution {
     let mut run = SolverRun::new(problem, limits);
-    let from_zero = run.best_residual;
-    let warm = start.len() == problem.len() && run.record_iterate(start) < from_zero;
+    let zero_residual = run.best_residual;
+    let is_warm_start = start.len() == problem.len() && run.record_iterate(start) < zero_residual;
     match solver {
-        MatrixSolver::Auto => run_fallback_sequence(&mut run, warm),
+        MatrixSolver::Auto => run_fallback_sequence(&mut run, is_warm_start),
         MatrixSolver::Nlgs => gauss_seidel::solve_nlgs(&mut run, 0, u64::MAX),
         MatrixSolver::NlgsAnderson => gauss_seidel::solve_nlgs(&mut run, gauss_seidel::ANDERSON_DEPTH, u64::MAX),
         MatrixSolver::ProxNewton => run_newton_with_restarts(&mut run),
@@ -131,10 +131,10 @@ fn run_newton_with_restarts(run: &mut SolverRun) {
 }
 
 /// Runs the solvers in turn. First accelerated sweeps, as many as cost ten Newton steps, 100 to 1000. If they stall, the
-/// interior-point method once; it makes no use of earlier results, and so after a `warm` start a few steps of Newton's method
+/// interior-point method once; it makes no use of earlier results, and so after a warm start a few steps of Newton's method
 /// come before it. Then ADMM and Newton from the best so far, and Newton from 0, which at times converges where the others
 /// fail; then all again with four times the budget.
-fn run_fallback_sequence(run: &mut SolverRun, warm: bool) {
+fn run_fallback_sequence(run: &mut SolverRun, is_warm_start: bool) {
     let problem = run.problem;
     let (sweep, newton) = (problem.sweep_cost(), problem.newton_cost());
     for round in 0.. {
@@ -142,7 +142,7 @@ fn run_fallback_sequence(run: &mut SolverRun, warm: bool) {
         let steps = factor.saturating_mul(20);
         let sweeps = (0.5 * steps as f64 * newton / sweep) as u64;
         gauss_seidel::solve_nlgs(run, gauss_seidel::ANDERSON_DEPTH, sweeps.clamp(100, factor.saturating_mul(1000)));
-        if round == 0 && warm {
+        if round == 0 && is_warm_start {
             newton::prox_newton(run, &run.best_r.clone(), steps);
         }
         if round == 0 {

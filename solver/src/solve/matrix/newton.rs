@@ -75,7 +75,7 @@ pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
 struct NewtonIterate<'a> {
     scaled: &'a ScaledProblem,
     /// Iterate r_k of the outer loop.
-    center: &'a [LocalVector],
+    centre: &'a [LocalVector],
     /// Proximal parameter.
     a: f64,
     /// Impulses, scaled.
@@ -88,10 +88,10 @@ struct NewtonIterate<'a> {
 
 impl<'a> NewtonIterate<'a> {
     /// Evaluates tau and Phi at `r`.
-    fn new(scaled: &'a ScaledProblem, r: &[LocalVector], center: &'a [LocalVector], a: f64) -> Self {
+    fn new(scaled: &'a ScaledProblem, r: &[LocalVector], centre: &'a [LocalVector], a: f64) -> Self {
         let u = scaled.relative_velocities(r);
         let tau: Vec<LocalVector> =
-            (0..r.len()).map(|i| std::array::from_fn(|k| r[i][k] - u[i][k] - a * (r[i][k] - center[i][k]))).collect();
+            (0..r.len()).map(|i| std::array::from_fn(|k| r[i][k] - u[i][k] - a * (r[i][k] - centre[i][k]))).collect();
         let phi = (0..r.len())
             .map(|i| {
                 let (r, [n, t1, t2]) = (r[i], tau[i]);
@@ -101,7 +101,7 @@ impl<'a> NewtonIterate<'a> {
                 [r[0] - n, r[1] - share * t1, r[2] - share * t2]
             })
             .collect();
-        NewtonIterate { scaled, center, a, r: r.to_vec(), tau, phi }
+        NewtonIterate { scaled, centre, a, r: r.to_vec(), tau, phi }
     }
 
     /// Newton step -J^-1 Phi, J an element of Phi's generalised Jacobian; `None` if J is singular.
@@ -164,7 +164,7 @@ impl<'a> NewtonIterate<'a> {
     fn advanced_by(&self, step: &[LocalVector], share: f64) -> Self {
         let r: Vec<LocalVector> =
             self.r.iter().zip(step).map(|(r, d)| std::array::from_fn(|k| r[k] + share * d[k])).collect();
-        NewtonIterate::new(self.scaled, &r, self.center, self.a)
+        NewtonIterate::new(self.scaled, &r, self.centre, self.a)
     }
 }
 
