@@ -1,4 +1,6 @@
-//! Reads the options of a run from a script of LMGC90, without running Python.
+//! Reads the options of a run from a script of LMGC90, without running Python, for `--lmgc90`: `tokens` splits the script
+//! into lines, `walk` finds the calls in their order, `values` evaluates arguments, `commands` states what calls mean, and
+//! this file makes options of them.
 
 mod commands;
 mod tokens;
@@ -50,9 +52,10 @@ const MAX_COUNTED_STEPS: u64 = 100_000_000;
 pub fn read_driver(path: &Path, case: &Path, given: &ComputeFlags) -> Result<DriverSettings, Faults> {
     let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
     let text = String::from_utf8_lossy(&bytes);
-    let lines = logical_lines(text.trim_start_matches('\u{feff}'))
-        .map_err(|(line, what)| Fault::new(path, Some(line), what, "is not closed", "expected a script of Python"))?;
-    let walk = walk(lines);
+    let lines = logical_lines(text.trim_start_matches('\u{feff}')).map_err(|unclosed| {
+        Fault::new(path, Some(unclosed.line), unclosed.kind, "is not closed", "expected a script of Python")
+    })?;
+    let script = walk(lines);
     let mut reader = DriverReader {
         path,
         case,
@@ -61,20 +64,20 @@ pub fn read_driver(path: &Path, case: &Path, given: &ComputeFlags) -> Result<Dri
         given_dt: given.dt,
         settings: DriverSettings::default(),
         faults: Faults::default(),
-        remarks: walk.remarks,
+        remarks: script.remarks,
         set_options: BTreeMap::new(),
         without_counterpart: BTreeMap::new(),
         has_stepped: false,
     };
-    for (line, name, found) in walk.refused {
+    for rejected in script.rejected {
         let expected =
             "expected assignments and functions of one meaning, or the values as options instead of the script";
-        reader.faults.push(Fault::new(path, Some(line), name, found, expected));
+        reader.faults.push(Fault::new(path, Some(rejected.line), rejected.name, rejected.finding, expected));
     }
-    reader.report_unread_files(&walk.imports);
-    walk.calls.iter().for_each(|call| reader.read_call(call));
+    reader.report_unread_files(&script.imports);
+    script.calls.iter().for_each(|call| reader.read_call(call));
     reader.read_pictures();
-    reader.read_steps(&walk.calls);
+    reader.read_steps(&script.calls);
     reader.finish()
 }
 

@@ -1,4 +1,4 @@
-//! Lexical analysis of Python: logical lines with indentation.
+//! Lexical analysis of Python: splits the text of a script into logical lines with indentation, for `walk`.
 
 /// Keywords of statements with a block below them.
 pub const BLOCK_KEYWORDS: [&str; 12] =
@@ -53,8 +53,14 @@ pub struct LogicalLine {
     pub tokens: Vec<Lexeme>,
 }
 
-/// Line and kind of a bracket or string that is not closed.
-pub type Unclosed = (usize, &'static str);
+/// Bracket or string that is not closed.
+#[derive(Debug, PartialEq)]
+pub struct Unclosed {
+    /// Line in which it opens.
+    pub line: usize,
+    /// `bracket` or `string`.
+    pub kind: &'static str,
+}
 
 /// Operators of more than one character, longer ones first.
 const LONG_OPERATORS: [&str; 23] = [
@@ -66,13 +72,15 @@ const LONG_OPERATORS: [&str; 23] = [
 pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
     let mut scanner = TokenScanner { rest: text, line: 1 };
     let (mut lines, mut tokens) = (Vec::new(), Vec::<Lexeme>::new());
-    let (mut indent, mut open) = (scanner.indentation(), Vec::new());
+    let mut indent = scanner.skip_indentation();
+    // Lines of the brackets that are open.
+    let mut open = Vec::new();
     while let Some(next) = scanner.rest.chars().next() {
         let line = scanner.line;
         match next {
             '#' => scanner.skip(scanner.rest.find('\n').unwrap_or(scanner.rest.len())),
             '\\' if scanner.rest[1..].trim_start_matches('\r').starts_with('\n') => {
-                scanner.skip(1 + scanner.rest[1..].find('\n').map_or(0, |at| at + 1));
+                scanner.skip(1 + scanner.rest[1..].find('\n').map_or(0, |length| length + 1));
             }
             '\n' | ';' if open.is_empty() => {
                 scanner.skip(1);
@@ -83,12 +91,12 @@ pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
                     indent += usize::from(is_header);
                 }
                 if next == '\n' {
-                    indent = scanner.indentation();
+                    indent = scanner.skip_indentation();
                 }
             }
             _ if next.is_whitespace() => scanner.skip(next.len_utf8()),
             _ => {
-                let token = scanner.token()?;
+                let token = scanner.read_token()?;
                 if let ScriptToken::Symbol(symbol) = &token {
                     match symbol.as_str() {
                         "(" | "[" | "{" => open.push(line),
@@ -101,7 +109,7 @@ pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
         }
     }
     if let Some(&line) = open.first() {
-        return Err((line, "bracket"));
+        return Err(Unclosed { line, kind: "bracket" });
     }
     if !tokens.is_empty() {
         lines.push(LogicalLine { indent, tokens });
@@ -109,7 +117,7 @@ pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
     Ok(lines)
 }
 
-/// Rest of a script and the number of its first line.
+/// Rest of a script that is not split yet, and the number of its first line.
 struct TokenScanner<'a> {
     rest: &'a str,
     line: usize,
@@ -123,7 +131,7 @@ impl TokenScanner<'_> {
     }
 
     /// Skips the blanks at the start of a line; returns the column after them.
-    fn indentation(&mut self) -> usize {
+    fn skip_indentation(&mut self) -> usize {
         let blanks = self.rest.len() - self.rest.trim_start_matches([' ', '\t', '\r', '\u{c}']).len();
         let columns = self.rest[..blanks].chars().fold(0, |column, c| match c {
             '\t' => (column / 8 + 1) * 8,
@@ -135,12 +143,12 @@ impl TokenScanner<'_> {
     }
 
     /// Reads the token at the start of the rest, which is neither empty nor begins with a blank.
-    fn token(&mut self) -> Result<ScriptToken, Unclosed> {
+    fn read_token(&mut self) -> Result<ScriptToken, Unclosed> {
         let text = self.rest;
-        let word = text.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(text.len());
+        let word_length = text.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(text.len());
         let first = text.chars().next().unwrap_or_default();
-        if text[word..].starts_with(['"', '\'']) && text[..word].chars().all(|c| "rRbBuUfF".contains(c)) {
-            return self.string(word);
+        if text[word_length..].starts_with(['"', '\'']) && text[..word_length].chars().all(|c| "rRbBuUfF".contains(c)) {
+            return self.read_string(word_length);
         }
         if first.is_ascii_digit() || first == '.' && text[1..].starts_with(|c: char| c.is_ascii_digit()) {
             let mut end = 0;
@@ -155,9 +163,9 @@ impl TokenScanner<'_> {
             self.skip(end);
             return Ok(ScriptToken::Number(text[..end].to_string()));
         }
-        if word > 0 {
-            self.skip(word);
-            return Ok(ScriptToken::Name(text[..word].to_string()));
+        if word_length > 0 {
+            self.skip(word_length);
+            return Ok(ScriptToken::Name(text[..word_length].to_string()));
         }
         let symbol = LONG_OPERATORS.into_iter().find(|operator| text.starts_with(operator));
         let length = symbol.map_or(first.len_utf8(), str::len);
@@ -165,18 +173,18 @@ impl TokenScanner<'_> {
         Ok(ScriptToken::Symbol(text[..length].to_string()))
     }
 
-    /// Reads a string whose prefix has `prefix` bytes.
-    fn string(&mut self, prefix: usize) -> Result<ScriptToken, Unclosed> {
+    /// Reads a string whose prefix, as the f of `f'...'`, has `prefix` bytes.
+    fn read_string(&mut self, prefix: usize) -> Result<ScriptToken, Unclosed> {
         let (line, text) = (self.line, self.rest);
         let quote = &text[prefix..=prefix];
         let triple = quote.repeat(3);
         let quotes = if text[prefix..].starts_with(&triple) { triple } else { quote.to_string() };
         let start = prefix + quotes.len();
         let mut escaped = false;
-        for (at, c) in text[start..].char_indices() {
-            if !escaped && text[start + at..].starts_with(&quotes) {
-                self.skip(start + at + quotes.len());
-                let content = text[start..start + at].to_string();
+        for (length, c) in text[start..].char_indices() {
+            if !escaped && text[start + length..].starts_with(&quotes) {
+                self.skip(start + length + quotes.len());
+                let content = text[start..start + length].to_string();
                 let formatted = text[..prefix].contains(['f', 'F']);
                 return Ok(if formatted { ScriptToken::Symbol("f-string".into()) } else { ScriptToken::Text(content) });
             }
@@ -185,7 +193,7 @@ impl TokenScanner<'_> {
             }
             escaped = c == '\\' && !escaped;
         }
-        Err((line, "string"))
+        Err(Unclosed { line, kind: "string" })
     }
 }
 
@@ -231,9 +239,9 @@ mod tests {
 
     #[test]
     fn lines_that_do_not_end() {
-        assert_eq!(logical_lines("a = 1\nf(2,\n3"), Err((2, "bracket")));
-        assert_eq!(logical_lines("a = 'b\nc'"), Err((1, "string")));
-        assert_eq!(logical_lines("'''a\n"), Err((1, "string")));
+        assert_eq!(logical_lines("a = 1\nf(2,\n3"), Err(Unclosed { line: 2, kind: "bracket" }));
+        assert_eq!(logical_lines("a = 'b\nc'"), Err(Unclosed { line: 1, kind: "string" }));
+        assert_eq!(logical_lines("'''a\n"), Err(Unclosed { line: 1, kind: "string" }));
         // Bytes of no meaning are symbols.
         for text in ["$", "é$\u{1}", ")", "\\", "1e", ".", "'", "\u{feff}a"] {
             let _ = logical_lines(text);

@@ -1,4 +1,5 @@
-//! Values of Python expressions that can be computed without running Python.
+//! Values of Python expressions that can be computed without running Python, and helpers that split lists of tokens. `walk`
+//! calls them for conditions, assignments and arguments.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -7,14 +8,21 @@ use std::rc::Rc;
 
 use super::tokens::{Lexeme, ScriptToken};
 
-/// Content of a list or dictionary, which all names of the same object share, as in Python.
+/// List or dictionary, which all names of the same object share, as in Python.
 #[derive(Debug, Clone)]
-pub struct ScriptObject<T>(Rc<(T, Cell<bool>)>);
+pub struct ScriptObject<T>(Rc<SharedContent<T>>);
+
+#[derive(Debug)]
+struct SharedContent<T> {
+    content: T,
+    /// Whether the content has become unknown.
+    is_forgotten: Cell<bool>,
+}
 
 impl<T> ScriptObject<T> {
     /// Object that has no name yet.
     pub fn new(content: T) -> Self {
-        Self(Rc::new((content, Cell::new(false))))
+        Self(Rc::new(SharedContent { content, is_forgotten: Cell::new(false) }))
     }
 
     /// Whether another name or object holds it too.
@@ -27,7 +35,7 @@ impl<T> Deref for ScriptObject<T> {
     type Target = T;
 
     fn deref(&self) -> &T {
-        &self.0.0
+        &self.0.content
     }
 }
 
@@ -66,12 +74,12 @@ impl ScriptValue {
 
     /// Makes the content of a list or dictionary unknown by all its names, with those inside.
     pub fn forget(&self) {
-        let changed = match self {
-            ScriptValue::List(list) => &list.0.1,
-            ScriptValue::Map(map) => &map.0.1,
+        let is_forgotten = match self {
+            ScriptValue::List(list) => &list.0.is_forgotten,
+            ScriptValue::Map(map) => &map.0.is_forgotten,
             _ => return,
         };
-        if !changed.replace(true) {
+        if !is_forgotten.replace(true) {
             self.forget_items();
         }
     }
@@ -88,8 +96,8 @@ impl ScriptValue {
     /// Whether the content of this list or dictionary has become unknown.
     pub fn is_forgotten(&self) -> bool {
         match self {
-            ScriptValue::List(list) => list.0.1.get(),
-            ScriptValue::Map(map) => map.0.1.get(),
+            ScriptValue::List(list) => list.0.is_forgotten.get(),
+            ScriptValue::Map(map) => map.0.is_forgotten.get(),
             _ => false,
         }
     }
@@ -128,7 +136,7 @@ const MAX_EXPRESSION_DEPTH: usize = 100;
 
 /// Value of an expression.
 pub fn evaluate(tokens: &[Lexeme], variables: &Variables) -> Evaluation {
-    let mut parser = ExpressionParser { tokens, at: 0, variables, depth: 0 };
+    let mut parser = ExpressionParser { tokens, next: 0, variables, depth: 0 };
     let value = parser.tuple()?;
     match parser.peek() {
         None => Ok(value),
@@ -136,10 +144,10 @@ pub fn evaluate(tokens: &[Lexeme], variables: &Variables) -> Evaluation {
     }
 }
 
-/// Index after the bracket that closes the one at `open`.
+/// Index after the bracket that closes the one at index `open`.
 pub fn after_bracket(tokens: &[Lexeme], open: usize) -> usize {
     let mut depth = 0usize;
-    for (at, lexeme) in tokens.iter().enumerate().skip(open) {
+    for (index, lexeme) in tokens.iter().enumerate().skip(open) {
         match &lexeme.token {
             ScriptToken::Symbol(symbol) if ["(", "[", "{"].contains(&symbol.as_str()) => depth += 1,
             ScriptToken::Symbol(symbol) if [")", "]", "}"].contains(&symbol.as_str()) => {
@@ -148,7 +156,7 @@ pub fn after_bracket(tokens: &[Lexeme], open: usize) -> usize {
             _ => {}
         }
         if depth == 0 {
-            return at + 1;
+            return index + 1;
         }
     }
     tokens.len()
@@ -156,14 +164,15 @@ pub fn after_bracket(tokens: &[Lexeme], open: usize) -> usize {
 
 /// Parts of a list of tokens between the symbols `separator` outside of brackets; empty if there are no tokens.
 pub fn split_at<'a>(tokens: &'a [Lexeme], separator: &str) -> Vec<&'a [Lexeme]> {
-    let (mut parts, mut start, mut at) = (Vec::new(), 0, 0);
-    while at < tokens.len() {
-        let token = &tokens[at].token;
+    let (mut parts, mut start, mut index) = (Vec::new(), 0, 0);
+    while index < tokens.len() {
+        let token = &tokens[index].token;
         if token.is(separator) {
-            parts.push(&tokens[start..at]);
-            start = at + 1;
+            parts.push(&tokens[start..index]);
+            start = index + 1;
         }
-        at = if ["(", "[", "{"].iter().any(|open| token.is(open)) { after_bracket(tokens, at) } else { at + 1 };
+        index =
+            if ["(", "[", "{"].iter().any(|open| token.is(open)) { after_bracket(tokens, index) } else { index + 1 };
     }
     if start < tokens.len() {
         parts.push(&tokens[start..]);
@@ -171,9 +180,9 @@ pub fn split_at<'a>(tokens: &'a [Lexeme], separator: &str) -> Vec<&'a [Lexeme]> 
     parts
 }
 
-/// Name with points that begins at `at`, and the index after it.
-pub fn dotted_name(tokens: &[Lexeme], at: usize) -> (String, usize) {
-    let (mut name, mut end) = (tokens[at].token.name().to_string(), at + 1);
+/// Name with points that begins at `index`, and the index after it.
+pub fn dotted_name(tokens: &[Lexeme], index: usize) -> (String, usize) {
+    let (mut name, mut end) = (tokens[index].token.name().to_string(), index + 1);
     while end + 1 < tokens.len() && tokens[end].token.is(".") && !tokens[end + 1].token.name().is_empty() {
         name = format!("{name}.{}", tokens[end + 1].token.name());
         end += 2;
@@ -184,27 +193,32 @@ pub fn dotted_name(tokens: &[Lexeme], at: usize) -> (String, usize) {
 /// Recursive descent through the grammar of expressions, with a function for each level of precedence.
 struct ExpressionParser<'a> {
     tokens: &'a [Lexeme],
-    at: usize,
+    /// Index of the next token.
+    next: usize,
     variables: &'a Variables,
+    /// Number of brackets, signs and calls around the next token.
     depth: usize,
 }
 
 impl ExpressionParser<'_> {
+    /// The next token, which stays the next one.
     fn peek(&self) -> Option<&ScriptToken> {
-        self.tokens.get(self.at).map(|lexeme| &lexeme.token)
+        self.tokens.get(self.next).map(|lexeme| &lexeme.token)
     }
 
     /// Reads the symbol or keyword `word`, if it comes next.
     fn accept(&mut self, word: &str) -> bool {
         let found = self.peek().is_some_and(|token| token.is(word) || token.name() == word);
-        self.at += usize::from(found);
+        self.next += usize::from(found);
         found
     }
 
-    fn take_any(&mut self, words: &[&'static str]) -> Option<&'static str> {
+    /// Reads the first of these symbols or keywords that comes next.
+    fn accept_any(&mut self, words: &[&'static str]) -> Option<&'static str> {
         words.iter().copied().find(|word| self.accept(word))
     }
 
+    /// Value of `a`, or of `a, b, ...` as a list.
     fn tuple(&mut self) -> Evaluation {
         let first = self.choice()?;
         if !self.peek().is_some_and(|token| token.is(",")) {
@@ -231,6 +245,7 @@ impl ExpressionParser<'_> {
         if condition { first } else { other }
     }
 
+    /// Value of `a or b`, or of `a` alone; so each level below.
     fn disjunction(&mut self) -> Evaluation {
         let mut value = self.conjunction()?;
         while self.accept("or") {
@@ -254,7 +269,7 @@ impl ExpressionParser<'_> {
             return Ok(ScriptValue::Bool(!self.read_nested(Self::comparison)?.is_true()));
         }
         let left = self.sum()?;
-        let Some(operator) = self.take_any(&["==", "!=", "<=", ">=", "<", ">", "is"]) else { return Ok(left) };
+        let Some(operator) = self.accept_any(&["==", "!=", "<=", ">=", "<", ">", "is"]) else { return Ok(left) };
         let negated = operator == "is" && self.accept("not") || operator == "!=";
         let right = self.sum()?;
         let holds = match (operator, left.number(), right.number()) {
@@ -271,7 +286,7 @@ impl ExpressionParser<'_> {
 
     fn sum(&mut self) -> Evaluation {
         let mut value = self.product()?;
-        while let Some(operator) = self.take_any(&["+", "-"]) {
+        while let Some(operator) = self.accept_any(&["+", "-"]) {
             value = apply_operator(operator, value, self.product()?)?;
         }
         Ok(value)
@@ -279,14 +294,14 @@ impl ExpressionParser<'_> {
 
     fn product(&mut self) -> Evaluation {
         let mut value = self.sign()?;
-        while let Some(operator) = self.take_any(&["*", "//", "/", "%"]) {
+        while let Some(operator) = self.accept_any(&["*", "//", "/", "%"]) {
             value = apply_operator(operator, value, self.sign()?)?;
         }
         Ok(value)
     }
 
     fn sign(&mut self) -> Evaluation {
-        match self.take_any(&["-", "+"]) {
+        match self.accept_any(&["-", "+"]) {
             Some("-") => {
                 let value = self.read_nested(Self::sign)?;
                 apply_operator("*", ScriptValue::Int(-1), value)
@@ -314,18 +329,19 @@ impl ExpressionParser<'_> {
         value
     }
 
+    /// Value of a number, text, name, call, bracket or dictionary.
     fn atom(&mut self) -> Evaluation {
         let Some(token) = self.peek().cloned() else { return Err("an incomplete expression".into()) };
         if !token.name().is_empty() {
             return self.named_value();
         }
-        self.at += 1;
+        self.next += 1;
         match token {
             ScriptToken::Number(text) => parse_number(&text),
             ScriptToken::Text(mut text) => {
                 while let Some(ScriptToken::Text(more)) = self.peek() {
                     text += more;
-                    self.at += 1;
+                    self.next += 1;
                 }
                 Ok(ScriptValue::Text(text))
             }
@@ -335,7 +351,7 @@ impl ExpressionParser<'_> {
                     return Ok(ScriptValue::list(Vec::new()));
                 }
                 let is_single =
-                    split_at(&self.tokens[self.at..after_bracket(self.tokens, self.at - 1) - 1], ",").len() < 2;
+                    split_at(&self.tokens[self.next..after_bracket(self.tokens, self.next - 1) - 1], ",").len() < 2;
                 let value = self.read_nested(Self::tuple)?;
                 if !self.accept(close) {
                     return Err(self.peek().map_or("a bracket".into(), |token| format!("'{}'", token.source())));
@@ -363,7 +379,7 @@ impl ExpressionParser<'_> {
         }
     }
 
-    /// Item of a list or dictionary, for each `[...]` that follows; `name` is for messages.
+    /// Item of `value` in the brackets `[...]` that follow it, if there are any; `name` is for messages.
     fn items(&mut self, name: &str, mut value: ScriptValue) -> Evaluation {
         let known = |value: ScriptValue| match value.is_forgotten() {
             true => Err(format!("{name}, which changes in part")),
@@ -388,18 +404,19 @@ impl ExpressionParser<'_> {
 
     /// Value of a variable, constant or call.
     fn named_value(&mut self) -> Evaluation {
-        let (name, end) = dotted_name(self.tokens, self.at);
+        let (name, end) = dotted_name(self.tokens, self.next);
         let called = self.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
         if called {
             let close = after_bracket(self.tokens, end);
             let inside = &self.tokens[end + 1..(close - 1).max(end + 1)];
-            self.at = close;
+            self.next = close;
             let mut argument = |part: &[Lexeme]| {
                 self.depth += 1;
-                let mut inner = ExpressionParser { tokens: part, at: 0, variables: self.variables, depth: self.depth };
+                let mut inner =
+                    ExpressionParser { tokens: part, next: 0, variables: self.variables, depth: self.depth };
                 let value = inner.read_nested(ExpressionParser::choice);
                 self.depth -= 1;
-                if inner.at < part.len() { value.and(Err(format!("the call of {name}"))) } else { value }
+                if inner.next < part.len() { value.and(Err(format!("the call of {name}"))) } else { value }
             };
             // Settings of a progress bar, or the first number of `enumerate`.
             let is_setting = |part: &&[Lexeme]| part.get(1).is_some_and(|lexeme| lexeme.token.is("="));
@@ -420,7 +437,7 @@ impl ExpressionParser<'_> {
             let value = call_function(&name, &arguments).filter(|_| !is_redefined);
             return value.unwrap_or_else(|| Err(format!("the call of {name}")));
         }
-        self.at = end;
+        self.next = end;
         let known = self.variables.get(&name);
         if self.peek().is_some_and(|token| token.is("[")) && !matches!(known, Some(Ok(_))) {
             return Err(format!("{name}[...]"));
@@ -457,7 +474,7 @@ fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Eval
     let unknown = || Err(format!("the result of '{operator}'"));
     if let (ScriptValue::Int(a), ScriptValue::Int(b)) = (&left, &right) {
         let (a, b) = (*a, *b);
-        let whole = match operator {
+        let integer = match operator {
             "+" => a.checked_add(b),
             "-" => a.checked_sub(b),
             "*" => a.checked_mul(b),
@@ -466,8 +483,8 @@ fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Eval
             "**" => u32::try_from(b).ok().and_then(|b| a.checked_pow(b)),
             _ => None,
         };
-        if let Some(whole) = whole {
-            return Ok(ScriptValue::Int(whole));
+        if let Some(integer) = integer {
+            return Ok(ScriptValue::Int(integer));
         }
     }
     match (left, right) {
@@ -488,7 +505,7 @@ fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Eval
     }
 }
 
-/// Quotient and remainder of Python's `a // b` and `a % b` of floats: from the exact remainder, with the sign of `b`. So
+/// Results of Python's `a // b` and `a % b` of floats: from the exact remainder, with the sign of `b`. So
 /// 1.0 // 0.1 is 9, since 0.1 is a little more than a tenth.
 fn floor_division(a: f64, b: f64) -> (f64, f64) {
     let mut remainder = a % b;
@@ -561,9 +578,9 @@ fn call_function(name: &str, arguments: &[ScriptValue]) -> Option<Evaluation> {
 
 /// Range of integers with the arguments of Python's `range`.
 fn range_value(arguments: &[ScriptValue]) -> Option<ScriptValue> {
-    let whole = |value: &ScriptValue| if let ScriptValue::Int(x) = value { Some(i128::from(*x)) } else { None };
-    let whole: Vec<i128> = arguments.iter().map(whole).collect::<Option<_>>()?;
-    let (start, stop, step) = match whole[..] {
+    let integer = |value: &ScriptValue| if let ScriptValue::Int(x) = value { Some(i128::from(*x)) } else { None };
+    let integers: Vec<i128> = arguments.iter().map(integer).collect::<Option<_>>()?;
+    let (start, stop, step) = match integers[..] {
         [stop] => (0, stop, 1),
         [start, stop] => (start, stop, 1),
         [start, stop, step] if step != 0 => (start, stop, step),

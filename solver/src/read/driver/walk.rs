@@ -1,4 +1,5 @@
-//! Order of the calls in a script: its statements are followed without running Python.
+//! Order of the calls in a script: its statements are followed without running Python. [`walk`] takes the lines of `tokens`
+//! and finds the calls whose meaning `commands` states; `values` evaluates their arguments.
 //!
 //! Both branches of a condition without a known value are followed, and what they call is marked. Bodies of loops are
 //! followed once. Functions of the script are followed where they are called.
@@ -48,8 +49,17 @@ pub struct ScriptCalls {
     pub remarks: Vec<(usize, String)>,
     /// Lines and names of imported modules that are not LMGC90's.
     pub imports: Vec<(usize, String)>,
-    /// Lines, names and findings of statements that change values or functions in ways that are not followed.
-    pub refused: BTreeSet<(usize, String, &'static str)>,
+    /// In the order of their lines.
+    pub rejected: BTreeSet<RejectedUse>,
+}
+
+/// Use of a name that changes values or functions in a way that is not followed.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct RejectedUse {
+    pub line: usize,
+    pub name: String,
+    /// What is wrong with it, for the message after the name.
+    pub finding: &'static str,
 }
 
 /// Name with which LMGC90 reports its time.
@@ -120,13 +130,13 @@ pub fn walk(lines: Vec<LogicalLine>) -> ScriptCalls {
     let mut assigned = BTreeSet::new();
     assigned_names(&statements, &mut assigned);
     walker.redefined.extend(assigned.into_iter().filter(|name| walker.functions.contains_key(name)));
-    walker.find_whole_uses(&statements);
+    walker.find_shared_objects(&statements);
     walker.follow(&statements);
     walker.report_uncalled();
-    if walker.statements >= MAX_STATEMENTS {
-        walker.walk.remarks.push((1, format!("more than {MAX_STATEMENTS} statements: the rest is not read")));
+    if walker.statement_count >= MAX_STATEMENTS {
+        walker.found.remarks.push((1, format!("more than {MAX_STATEMENTS} statements: the rest is not read")));
     }
-    walker.walk
+    walker.found
 }
 
 type Lines = std::iter::Peekable<std::vec::IntoIter<LogicalLine>>;
@@ -135,11 +145,11 @@ type Lines = std::iter::Peekable<std::vec::IntoIter<LogicalLine>>;
 fn read_block(lines: &mut Lines, indent: usize, depth: usize) -> Vec<ScriptStatement> {
     let mut block = Vec::new();
     while let Some(line) = lines.next_if(|line| line.indent >= indent) {
-        let own = line.indent;
+        let own_indent = line.indent;
         let mut statement = split_header(line.tokens);
-        let deeper = lines.peek().is_some_and(|next| next.indent > own);
+        let deeper = lines.peek().is_some_and(|next| next.indent > own_indent);
         if deeper && depth < MAX_NESTING {
-            statement.body.extend(read_block(lines, own + 1, depth + 1));
+            statement.body.extend(read_block(lines, own_indent + 1, depth + 1));
         }
         block.push(statement);
     }
@@ -160,48 +170,59 @@ fn split_header(tokens: Vec<Lexeme>) -> ScriptStatement {
 /// State of following a script: its variables, functions, loops and conditions, and the calls that were found.
 #[derive(Default)]
 struct ScriptWalker<'a> {
-    walk: ScriptCalls,
+    found: ScriptCalls,
     variables: Variables,
-    /// Functions and classes of the script by name.
+    /// Functions of the script by name.
     functions: BTreeMap<String, &'a ScriptStatement>,
+    /// Classes of the script by name.
     classes: BTreeMap<String, &'a ScriptStatement>,
-    called: BTreeSet<String>,
+    called_functions: BTreeSet<String>,
     /// Functions and classes with a decorator, which may call or change them.
     decorated: BTreeSet<String>,
     /// Values of the parameters of a function that has been defined, by its name; `None` for those without default.
     defaults: BTreeMap<String, Vec<Option<Evaluation>>>,
     /// Names of objects that the script passes on or copies, or whose methods it calls: their attributes may change.
-    whole_uses: BTreeSet<String>,
-    /// Functions with more than one definition, and variables that a function declares as global or nonlocal.
+    shared_objects: BTreeSet<String>,
+    /// Functions with more than one definition.
     redefined: BTreeSet<String>,
+    /// Variables that a function declares as global or nonlocal, and attributes that a function sets.
     globals: BTreeSet<String>,
-    /// Names by which the module `chipy` is known, and those of its module `computation`.
-    modules: BTreeSet<String>,
-    computation: BTreeSet<String>,
-    /// Commands that are known by a name without prefix.
-    imported: BTreeMap<String, String>,
+    /// Names by which the script knows the module `chipy`.
+    chipy_names: BTreeSet<String>,
+    /// Names by which it knows the module `chipy.computation`.
+    computation_names: BTreeSet<String>,
+    /// Commands by the names without prefix that the script gives them.
+    command_aliases: BTreeMap<String, String>,
     /// Whether all names of `chipy` are imported without prefix.
-    all_names: bool,
+    all_names_imported: bool,
+    /// Line of the condition without a known value on which the statement depends.
     condition: Option<usize>,
     /// Line of a condition under which a `continue` or `return` skips the rest of the loop or function.
-    skipped: Option<usize>,
+    skip_condition: Option<usize>,
     /// Whether the rest of the block is not reached.
-    ended: bool,
+    is_block_ended: bool,
     /// Whether the rest of the script is not reached.
-    exited: bool,
+    is_script_ended: bool,
+    /// Loops around the statement, the outermost first.
     loops: Vec<ScriptLoop>,
+    /// Number of blocks around the statement, with those of the calls that lead to it.
     depth: usize,
-    statements: usize,
+    /// Number of statements that have been followed.
+    statement_count: usize,
 }
 
 impl<'a> ScriptWalker<'a> {
+    fn reject(&mut self, line: usize, name: impl Into<String>, finding: &'static str) {
+        self.found.rejected.insert(RejectedUse { line, name: name.into(), finding });
+    }
+
     /// Records the functions, classes and global variables of a block, and names that change variables indirectly.
     fn find_functions(&mut self, block: &'a [ScriptStatement]) {
         let mut has_decorator = false;
         for statement in block {
             for lexeme in statement.tokens.iter().filter(|lexeme| INDIRECT_NAMES.contains(&lexeme.token.name())) {
-                let found = "changes or reads variables by other means than their names";
-                self.walk.refused.insert((lexeme.line, lexeme.token.name().to_string(), found));
+                let finding = "changes or reads variables by other means than their names";
+                self.reject(lexeme.line, lexeme.token.name(), finding);
             }
             let name = statement.tokens.get(1).map_or("", |lexeme| lexeme.token.name()).to_string();
             match statement.keyword() {
@@ -232,12 +253,12 @@ impl<'a> ScriptWalker<'a> {
     }
 
     /// Records the names of objects that may change by other names, and attributes that functions set.
-    fn find_whole_uses(&mut self, block: &[ScriptStatement]) {
+    fn find_shared_objects(&mut self, block: &[ScriptStatement]) {
         for ScriptStatement { tokens, body } in block {
-            let mut at = 0;
-            while at < tokens.len() {
-                let (start, (name, end)) = (at, dotted_name(tokens, at));
-                at = end;
+            let mut index = 0;
+            while index < tokens.len() {
+                let (start, (name, end)) = (index, dotted_name(tokens, index));
+                index = end;
                 let before = |words: &[&str]| start > 0 && words.contains(&tokens[start - 1].token.source().as_str());
                 let next = |symbol: &str| tokens.get(end).is_some_and(|lexeme| lexeme.token.is(symbol));
                 let is_target = next("=") || start == 0 && next(":");
@@ -250,14 +271,14 @@ impl<'a> ScriptWalker<'a> {
                     None if self.functions.contains_key(&name) || self.classes.contains_key(&name) => continue,
                     None => &name,
                 };
-                self.whole_uses.insert(used.to_string());
+                self.shared_objects.insert(used.to_string());
             }
             if tokens[0].token.name() == "def" {
                 let mut assigned = BTreeSet::new();
                 assigned_names(body, &mut assigned);
                 self.globals.extend(assigned.into_iter().filter(|name| name.contains('.')));
             }
-            self.find_whole_uses(body);
+            self.find_shared_objects(body);
         }
     }
 
@@ -267,12 +288,16 @@ impl<'a> ScriptWalker<'a> {
         // Value of the last condition of a chain of `if` and `elif`: whether a branch was taken, unless it is not known.
         let mut branch_taken = Some(true);
         for statement in block {
-            self.statements += 1;
-            if self.depth > MAX_NESTING || self.statements >= MAX_STATEMENTS || self.ended || self.exited {
+            self.statement_count += 1;
+            if self.depth > MAX_NESTING
+                || self.statement_count >= MAX_STATEMENTS
+                || self.is_block_ended
+                || self.is_script_ended
+            {
                 break;
             }
             let line = statement.line();
-            self.condition = self.condition.or(self.skipped);
+            self.condition = self.condition.or(self.skip_condition);
             match statement.keyword() {
                 "def" => self.define(statement),
                 "class" if self.is_constant_class(statement) => self.set_class_attributes(statement),
@@ -315,23 +340,26 @@ impl<'a> ScriptWalker<'a> {
                 "try" | "with" | "finally" => {
                     branch_taken = Some(false);
                     self.find_calls(&statement.tokens[1..]);
-                    self.release(&statement.tokens[1..]);
-                    for (at, _) in statement.tokens.iter().enumerate().filter(|(_, word)| word.token.name() == "as") {
-                        let names = statement.tokens[at + 1..].split(|lexeme| lexeme.token.is(",")).next();
+                    self.forget_objects(&statement.tokens[1..]);
+                    for (index, _) in statement.tokens.iter().enumerate().filter(|(_, word)| word.token.name() == "as")
+                    {
+                        let names = statement.tokens[index + 1..].split(|lexeme| lexeme.token.is(",")).next();
                         let names = target_names(names.unwrap_or_default());
-                        names.iter().for_each(|name| self.lose(name, "which a context sets"));
+                        names.iter().for_each(|name| self.make_unknown(name, "which a context sets"));
                     }
                     self.follow(&statement.body);
                 }
-                "del" => statement.tokens[1..].iter().for_each(|lexeme| self.lose(lexeme.token.name(), "deleted")),
+                "del" => {
+                    statement.tokens[1..].iter().for_each(|lexeme| self.make_unknown(lexeme.token.name(), "deleted"))
+                }
                 "import" | "from" => self.import(&statement.tokens),
                 "continue" | "return" => {
                     self.find_calls(&statement.tokens[1..]);
                     // The caller may change the returned value under another name.
-                    self.release(&statement.tokens[1..]);
+                    self.forget_objects(&statement.tokens[1..]);
                     match self.condition {
-                        Some(line) => self.skipped = self.skipped.or(Some(line)),
-                        None => self.ended = true,
+                        Some(line) => self.skip_condition = self.skip_condition.or(Some(line)),
+                        None => self.is_block_ended = true,
                     }
                 }
                 _ => {
@@ -389,16 +417,16 @@ impl<'a> ScriptWalker<'a> {
         let (name, end) = dotted_name(&statement.tokens, 0);
         let called = statement.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
         if called && EXIT_FUNCTIONS.contains(&name.as_str()) && self.condition.is_none() && self.loops.is_empty() {
-            self.walk.remarks.push((statement.line(), format!("{name}: the rest of the script is not read")));
-            self.exited = true;
+            self.found.remarks.push((statement.line(), format!("{name}: the rest of the script is not read")));
+            self.is_script_ended = true;
         }
     }
 
     /// Follows the body of a loop or function, whose `continue` or `return` ends there.
-    fn follow_closed(&mut self, block: &'a [ScriptStatement]) {
-        let (condition, skipped) = (self.condition, self.skipped.take());
+    fn follow_loop_or_function_body(&mut self, block: &'a [ScriptStatement]) {
+        let (condition, skipped) = (self.condition, self.skip_condition.take());
         self.follow(block);
-        (self.condition, self.skipped, self.ended) = (condition, skipped, false);
+        (self.condition, self.skip_condition, self.is_block_ended) = (condition, skipped, false);
     }
 
     /// Follows a block whose condition, in `line`, has no known value.
@@ -425,7 +453,7 @@ impl<'a> ScriptWalker<'a> {
         let end = match (statement.keyword(), position) {
             ("for", Some(position)) => {
                 for name in target_names(&tokens[..position]) {
-                    self.lose(&name, &changing);
+                    self.make_unknown(&name, &changing);
                 }
                 match iterable {
                     Some(Ok(ScriptValue::Range(count))) => LoopEnd::Count(count),
@@ -435,7 +463,7 @@ impl<'a> ScriptWalker<'a> {
                 }
             }
             ("while", _) => {
-                self.time_limit(tokens).or_else(|| self.counted(tokens, &statement.body)).unwrap_or_else(|| {
+                self.time_limit(tokens).or_else(|| self.counted_loop(tokens, &statement.body)).unwrap_or_else(|| {
                     unknown(tokens.iter().map(|lexeme| lexeme.token.source()).collect::<Vec<_>>().join(" "))
                 })
             }
@@ -445,23 +473,23 @@ impl<'a> ScriptWalker<'a> {
         let end = break_line(&statement.body).map_or(end, |(word, line)| unknown(format!("{word} in line {line}")));
         let mut changed = BTreeSet::new();
         assigned_names(&statement.body, &mut changed);
-        changed.iter().for_each(|name| self.lose(name, &changing));
+        changed.iter().for_each(|name| self.make_unknown(name, &changing));
         self.loops.push(ScriptLoop { line, end });
-        self.follow_closed(&statement.body);
+        self.follow_loop_or_function_body(&statement.body);
         self.loops.pop();
     }
 
     /// Follows the body of a loop for the lists and dictionaries that it changes; all else is restored. The first
     /// iteration may read values that the body changes later.
     fn find_changes(&mut self, statement: &'a ScriptStatement) {
-        let (variables, imported) = (self.variables.clone(), self.imported.clone());
-        let (calls, remarks) = (self.walk.calls.len(), self.walk.remarks.len());
+        let (variables, imported) = (self.variables.clone(), self.command_aliases.clone());
+        let (calls, remarks) = (self.found.calls.len(), self.found.remarks.len());
         self.loops.push(ScriptLoop { line: statement.line(), end: LoopEnd::Count(1) });
-        self.follow_closed(&statement.body);
+        self.follow_loop_or_function_body(&statement.body);
         self.loops.pop();
-        self.walk.calls.truncate(calls);
-        self.walk.remarks.truncate(remarks);
-        (self.variables, self.imported) = (variables, imported);
+        self.found.calls.truncate(calls);
+        self.found.remarks.truncate(remarks);
+        (self.variables, self.command_aliases) = (variables, imported);
     }
 
     /// End of a loop with the condition that LMGC90's time is before a value.
@@ -499,7 +527,7 @@ impl<'a> ScriptWalker<'a> {
 
     /// Number of iterations of a loop whose condition compares a variable with a value, and whose body adds to the variable
     /// once in each iteration, as in `while k < 20: ...; k += 1`.
-    fn counted(&self, tokens: &[Lexeme], body: &[ScriptStatement]) -> Option<LoopEnd> {
+    fn counted_loop(&self, tokens: &[Lexeme], body: &[ScriptStatement]) -> Option<LoopEnd> {
         const SIGNS: [&str; 5] = ["<", "<=", ">", ">=", "!="];
         let position = tokens.iter().position(|lexeme| SIGNS.iter().any(|sign| lexeme.token.is(sign)))?;
         let (left, right) = (&tokens[..position], &tokens[position + 1..]);
@@ -507,8 +535,8 @@ impl<'a> ScriptWalker<'a> {
         all_assigned_names(body, &mut changed);
         changed.extend(self.globals.iter().cloned());
         let is_fixed = |tokens: &[Lexeme]| {
-            let names = (0..tokens.len()).filter(|&at| !tokens[at].token.name().is_empty());
-            names.map(|at| dotted_name(tokens, at).0).all(|name| !changed.contains(&name))
+            let names = (0..tokens.len()).filter(|&index| !tokens[index].token.name().is_empty());
+            names.map(|index| dotted_name(tokens, index).0).all(|name| !changed.contains(&name))
         };
         let number = |tokens: &[Lexeme]| evaluate(tokens, &self.variables).ok()?.number();
         let counter_first = !is_fixed(left);
@@ -517,10 +545,10 @@ impl<'a> ScriptWalker<'a> {
         if counter.len() != end || name.is_empty() || !is_fixed(limit) {
             return None;
         }
-        let [once] = changed.iter().filter(|known| **known == name).collect::<Vec<_>>()[..] else { return None };
+        let [once] = changed.iter().filter(|other| **other == name).collect::<Vec<_>>()[..] else { return None };
         let step = body.iter().find_map(|statement| {
-            let added = added_to(&statement.tokens, once)?;
-            is_fixed(&added.1).then(|| number(&added.1)).flatten().map(|x| added.0 * x)
+            let added = added_term(&statement.tokens, once)?;
+            is_fixed(&added.expression).then(|| number(&added.expression)).flatten().map(|term| added.sign * term)
         })?;
         let (mut value, limit) = (number(counter)?, number(limit)?);
         let sign = tokens[position].token.source();
@@ -558,74 +586,74 @@ impl<'a> ScriptWalker<'a> {
             let name = if part[0].token.is("*") { "*".to_string() } else { name };
             let alias = part.get(end).filter(|lexeme| lexeme.token.name() == "as").and(part.get(end + 1));
             let alias = alias.map_or(name.clone(), |lexeme| lexeme.token.name().to_string());
-            let whole = from.as_ref().map_or(name.clone(), |module| format!("{module}.{name}"));
-            self.bind(&whole, &alias);
+            let full_name = from.as_ref().map_or(name.clone(), |module| format!("{module}.{name}"));
+            self.add_alias(&full_name, &alias);
             let module = from.as_ref().unwrap_or(&name);
             let is_known = KNOWN_MODULES.contains(&module.split('.').next().unwrap_or_default());
             if name == "*" && !is_known {
                 let names: Vec<String> = self.variables.keys().cloned().collect();
-                names.iter().for_each(|name| self.lose(name, "which a module may set"));
+                names.iter().for_each(|name| self.make_unknown(name, "which a module may set"));
             } else if !is_known {
-                self.lose(&alias, "which is imported");
+                self.make_unknown(&alias, "which is imported");
             }
             if !module.contains("chipy") && !module.contains("pylmgc90") {
-                self.walk.imports.push((tokens[0].line, module.clone()));
+                self.found.imports.push((tokens[0].line, module.clone()));
             }
         }
     }
 
     /// Gives an object of LMGC90, as `pylmgc90.chipy.SetDimension`, another name.
-    fn bind(&mut self, whole: &str, alias: &str) {
-        let parts: Vec<&str> = whole.split('.').filter(|part| !["lmgc90", "macro"].contains(part)).collect();
+    fn add_alias(&mut self, full_name: &str, alias: &str) {
+        let parts: Vec<&str> = full_name.split('.').filter(|part| !["lmgc90", "macro"].contains(part)).collect();
         let Some(chipy) = parts.iter().position(|part| *part == "chipy") else {
-            if ["pylmgc90", "pylmgc90.*"].contains(&whole) {
+            if ["pylmgc90", "pylmgc90.*"].contains(&full_name) {
                 let module = if alias == "*" { "chipy".to_string() } else { format!("{alias}.chipy") };
-                self.bind("pylmgc90.chipy", &module);
+                self.add_alias("pylmgc90.chipy", &module);
             }
             return;
         };
         match parts[chipy + 1..] {
             [] => {
-                self.modules.insert(alias.to_string());
-                self.computation.insert(format!("{alias}.computation"));
+                self.chipy_names.insert(alias.to_string());
+                self.computation_names.insert(format!("{alias}.computation"));
                 for part in ["lmgc90", "macro"] {
-                    self.modules.insert(format!("{alias}.{part}"));
+                    self.chipy_names.insert(format!("{alias}.{part}"));
                 }
             }
             ["*"] => {
-                self.all_names = true;
-                self.computation.insert("computation".to_string());
+                self.all_names_imported = true;
+                self.computation_names.insert("computation".to_string());
             }
-            ["computation"] => drop(self.computation.insert(alias.to_string())),
+            ["computation"] => drop(self.computation_names.insert(alias.to_string())),
             ["computation", "*"] => {
                 let named = |name: &str| (name.to_string(), format!("computation.{name}"));
-                self.imported.extend(COMPUTATION_FUNCTIONS.map(named));
+                self.command_aliases.extend(COMPUTATION_FUNCTIONS.map(named));
             }
             [.., name] => {
                 let module = if parts[chipy + 1] == "computation" { "computation." } else { "" };
-                self.imported.insert(alias.to_string(), format!("{module}{name}"));
+                self.command_aliases.insert(alias.to_string(), format!("{module}{name}"));
             }
         }
     }
 
     /// Records another name for the module or a command, as in `step = chipy.IncrementStep`.
-    fn bind_assigned(&mut self, target: &[Lexeme], value: &[Lexeme]) {
+    fn add_assigned_alias(&mut self, target: &[Lexeme], value: &[Lexeme]) {
         let [name] = target else { return };
         let name = name.token.name().to_string();
-        self.imported.remove(&name);
+        self.command_aliases.remove(&name);
         if name.is_empty() || value.first().is_none_or(|lexeme| lexeme.token.name().is_empty()) {
             return;
         }
-        let (whole, end) = dotted_name(value, 0);
+        let (full_name, end) = dotted_name(value, 0);
         if end != value.len() {
             return;
         }
-        if self.modules.contains(&whole) {
-            self.bind("pylmgc90.chipy", &name);
-        } else if self.computation.contains(&whole) {
-            self.computation.insert(name);
-        } else if let Some(command) = self.command(&whole) {
-            self.imported.insert(name, command);
+        if self.chipy_names.contains(&full_name) {
+            self.add_alias("pylmgc90.chipy", &name);
+        } else if self.computation_names.contains(&full_name) {
+            self.computation_names.insert(name);
+        } else if let Some(command) = self.command(&full_name) {
+            self.command_aliases.insert(name, command);
         }
     }
 
@@ -633,7 +661,7 @@ impl<'a> ScriptWalker<'a> {
     fn assign(&mut self, tokens: &[Lexeme]) {
         self.find_calls(tokens);
         if tokens.iter().any(|lexeme| lexeme.token.name() == "yield") {
-            self.release(tokens);
+            self.forget_objects(tokens);
         }
         let parts = split_at(tokens, "=");
         let augmented = tokens.iter().position(|lexeme| {
@@ -652,13 +680,13 @@ impl<'a> ScriptWalker<'a> {
             let value = self.value(&sum);
             // A list is extended in place.
             if value.is_err() {
-                self.lose(&name, "which changes in part");
+                self.make_unknown(&name, "which changes in part");
             }
             self.set_target(&tokens[..position], value);
         } else if let Some((&value, targets)) = parts.split_last().filter(|(_, targets)| !targets.is_empty()) {
             for target in targets {
                 self.check_command(target, value);
-                self.bind_assigned(target, value);
+                self.add_assigned_alias(target, value);
             }
             let value_tokens = value;
             let value = self.value(value_tokens);
@@ -673,7 +701,7 @@ impl<'a> ScriptWalker<'a> {
                     }
                     value if names.len() == 1 => self.set_target(target, value.clone()),
                     _ => {
-                        self.release(value_tokens);
+                        self.forget_objects(value_tokens);
                         names.into_iter().for_each(|name| self.set_target(name, Err("a part of a value".into())));
                     }
                 }
@@ -711,35 +739,35 @@ impl<'a> ScriptWalker<'a> {
     fn value(&self, tokens: &[Lexeme]) -> Evaluation {
         let value = evaluate(tokens, &self.variables);
         if value.is_err() {
-            self.release(tokens);
+            self.forget_objects(tokens);
         }
         value
     }
 
     /// Makes lists and dictionaries unknown that code which is not followed may change through this expression.
-    fn release(&self, tokens: &[Lexeme]) {
-        let mut at = 0;
-        while at < tokens.len() {
-            let (start, whole) = (at, dotted_name(tokens, at));
-            at = if whole.0.is_empty() { at + 1 } else { whole.1 };
-            let called = tokens.get(at).is_some_and(|lexeme| lexeme.token.is("("));
-            if whole.0.is_empty() || start > 0 && tokens[start - 1].token.is(".") {
+    fn forget_objects(&self, tokens: &[Lexeme]) {
+        let mut index = 0;
+        while index < tokens.len() {
+            let (start, (name, after_name)) = (index, dotted_name(tokens, index));
+            index = if name.is_empty() { index + 1 } else { after_name };
+            let called = tokens.get(index).is_some_and(|lexeme| lexeme.token.is("("));
+            if name.is_empty() || start > 0 && tokens[start - 1].token.is(".") {
                 continue;
             }
             // Functions of the script are followed.
-            if called && (PURE_FUNCTIONS.contains(&whole.0.as_str()) || self.functions.contains_key(&whole.0)) {
-                at = after_bracket(tokens, at);
+            if called && (PURE_FUNCTIONS.contains(&name.as_str()) || self.functions.contains_key(&name)) {
+                index = after_bracket(tokens, index);
                 continue;
             }
-            let mut end = at;
+            let mut end = index;
             while tokens.get(end).is_some_and(|lexeme| lexeme.token.is("[")) {
                 end = after_bracket(tokens, end);
             }
-            let prefixes = whole.0.match_indices('.').map(|(point, _)| &whole.0[..point]).chain([whole.0.as_str()]);
-            for known in prefixes.filter_map(|name| self.variables.get(name)).flatten() {
+            let prefixes = name.match_indices('.').map(|(point, _)| &name[..point]).chain([name.as_str()]);
+            for known in prefixes.filter_map(|prefix| self.variables.get(prefix)).flatten() {
                 match evaluate(&tokens[start..end], &self.variables) {
                     Ok(item) => item.forget(),
-                    Err(_) if end > at || is_pure_method(&whole.0) => known.forget_items(),
+                    Err(_) if end > index || is_pure_method(&name) => known.forget_items(),
                     Err(_) => known.forget(),
                 }
             }
@@ -747,7 +775,7 @@ impl<'a> ScriptWalker<'a> {
     }
 
     /// Makes a variable unknown, and the list or dictionary that it is by its other names too.
-    fn lose(&mut self, name: &str, why: &str) {
+    fn make_unknown(&mut self, name: &str, why: &str) {
         if let Some(Ok(before)) = self.variables.insert(name.to_string(), Err(why.to_string())) {
             before.forget();
         }
@@ -760,15 +788,15 @@ impl<'a> ScriptWalker<'a> {
         let command = self.command(&name).filter(|command| end == target.len() && find_command(command).is_some());
         let same = value.first().is_some_and(|_| self.command(&dotted_name(value, 0).0) == command);
         if command.is_some() && !same {
-            self.walk.refused.insert((first.line, name, "is a command of LMGC90 with another value"));
+            self.reject(first.line, name, "is a command of LMGC90 with another value");
         }
     }
 
     fn set_variable(&mut self, name: &str, value: Evaluation, line: usize) {
         let mut objects = name.match_indices('.').map(|(point, _)| &name[..point]);
-        if let Some(object) = objects.find(|object| self.whole_uses.contains(*object)) {
+        if let Some(object) = objects.find(|object| self.shared_objects.contains(*object)) {
             let why = format!("an attribute of {object}, which the script also passes on, copies or calls methods of");
-            self.lose(name, &why);
+            self.make_unknown(name, &why);
             value.iter().for_each(ScriptValue::forget);
             return;
         }
@@ -786,13 +814,15 @@ impl<'a> ScriptWalker<'a> {
 
     /// Name of the command of LMGC90 that a name in the script means, if it means one.
     fn command(&self, name: &str) -> Option<String> {
-        if let Some(command) = self.imported.get(name) {
+        if let Some(command) = self.command_aliases.get(name) {
             return Some(command.clone());
         }
         match name.rsplit_once('.') {
-            Some((module, command)) if self.computation.contains(module) => Some(format!("computation.{command}")),
-            Some((module, command)) => self.modules.contains(module).then(|| command.to_string()),
-            None => (self.all_names
+            Some((module, command)) if self.computation_names.contains(module) => {
+                Some(format!("computation.{command}"))
+            }
+            Some((module, command)) => self.chipy_names.contains(module).then(|| command.to_string()),
+            None => (self.all_names_imported
                 && has_command_form(name)
                 && !self.functions.contains_key(name)
                 && !self.classes.contains_key(name))
@@ -805,30 +835,30 @@ impl<'a> ScriptWalker<'a> {
         let has = |word: &str| tokens.iter().any(|lexeme| lexeme.token.name() == word);
         let Some(line) = tokens.first().map(|lexeme| lexeme.line) else { return };
         for pair in tokens.windows(2).filter(|pair| pair[1].token.is(":=")) {
-            self.release(tokens);
-            self.lose(pair[0].token.name(), "which is set in an expression");
+            self.forget_objects(tokens);
+            self.make_unknown(pair[0].token.name(), "which is set in an expression");
         }
-        let outer = (self.condition, self.loops.len());
+        let (outer_condition, outer_loop_count) = (self.condition, self.loops.len());
         let unknown = |what: &str| ScriptLoop { line, end: LoopEnd::Unknown(what.into()) };
         if has("lambda") {
-            self.release(tokens);
+            self.forget_objects(tokens);
             self.loops.push(unknown("a lambda"));
             self.condition = self.condition.or(Some(line));
         }
         // Not the `for` of a statement.
         if tokens.iter().skip(1).any(|lexeme| lexeme.token.name() == "for") {
-            self.release(tokens);
+            self.forget_objects(tokens);
             self.loops.push(unknown("a comprehension"));
             for (start, _) in tokens.iter().enumerate().filter(|(_, lexeme)| lexeme.token.name() == "for") {
                 let names = tokens[start + 1..].split(|lexeme| lexeme.token.name() == "in").next();
                 let names = target_names(names.unwrap_or_default());
-                names.iter().for_each(|name| self.lose(name, "which changes in a comprehension"));
+                names.iter().for_each(|name| self.make_unknown(name, "which changes in a comprehension"));
             }
         }
         self.check_values(tokens);
         self.find_nested_calls(tokens, 0);
-        self.condition = outer.0;
-        self.loops.truncate(outer.1);
+        self.condition = outer_condition;
+        self.loops.truncate(outer_loop_count);
     }
 
     /// Records the calls in a part of a statement that is inside of `depth` calls.
@@ -837,39 +867,39 @@ impl<'a> ScriptWalker<'a> {
         if depends_on_values(tokens) {
             self.condition = outer.or(Some(tokens[0].line));
         }
-        let mut at = if depth < MAX_NESTING { 0 } else { tokens.len() };
-        while at < tokens.len() {
-            let of_object = at > 0 && tokens[at - 1].token.is(".");
-            if tokens[at].token.name().is_empty() {
+        let mut index = if depth < MAX_NESTING { 0 } else { tokens.len() };
+        while index < tokens.len() {
+            let of_object = index > 0 && tokens[index - 1].token.is(".");
+            if tokens[index].token.name().is_empty() {
                 let closes = |lexeme: &Lexeme| lexeme.token.is(")") || lexeme.token.is("]");
-                if tokens[at].token.is("(") && at > 0 && closes(&tokens[at - 1]) {
-                    self.release(&tokens[..after_bracket(tokens, at)]);
+                if tokens[index].token.is("(") && index > 0 && closes(&tokens[index - 1]) {
+                    self.forget_objects(&tokens[..after_bracket(tokens, index)]);
                 }
-                if ["(", "[", "{"].iter().any(|open| tokens[at].token.is(open)) {
-                    let close = after_bracket(tokens, at);
-                    self.find_nested_calls(&tokens[at + 1..(close - 1).max(at + 1)], depth + 1);
-                    at = close;
+                if ["(", "[", "{"].iter().any(|open| tokens[index].token.is(open)) {
+                    let close = after_bracket(tokens, index);
+                    self.find_nested_calls(&tokens[index + 1..(close - 1).max(index + 1)], depth + 1);
+                    index = close;
                 } else {
-                    at += 1;
+                    index += 1;
                 }
                 continue;
             }
-            let (name, end) = dotted_name(tokens, at);
+            let (name, end) = dotted_name(tokens, index);
             if !tokens.get(end).is_some_and(|lexeme| lexeme.token.is("(")) {
-                at = end;
+                index = end;
                 continue;
             }
             let close = after_bracket(tokens, end);
             let inside = &tokens[end + 1..(close - 1).max(end + 1)];
             self.find_nested_calls(inside, depth + 1);
             if !of_object {
-                self.record_call(&name, tokens[at].line, inside);
+                self.record_call(&name, tokens[index].line, inside);
             } else if !is_pure_method(&format!(".{name}")) {
                 // A method of a part changes the whole.
-                self.release(&tokens[..at - 1]);
-                self.release(inside);
+                self.forget_objects(&tokens[..index - 1]);
+                self.forget_objects(inside);
             }
-            at = close;
+            index = close;
         }
         self.condition = outer;
     }
@@ -883,16 +913,16 @@ impl<'a> ScriptWalker<'a> {
             let is_name = !value.is_empty() && dotted_name(value, 0).1 == value.len();
             is_name && !targets.is_empty() && targets.iter().all(|target| target.len() == 1)
         });
-        let mut at = 0;
-        while at < tokens.len() {
-            let (start, (name, end)) = (at, dotted_name(tokens, at));
-            at = end;
+        let mut index = 0;
+        while index < tokens.len() {
+            let (start, (name, end)) = (index, dotted_name(tokens, index));
+            index = end;
             if name.is_empty() || start > 0 && tokens[start - 1].token.is(".") {
                 continue;
             }
             let next = |symbol: &str| tokens.get(end).is_some_and(|lexeme| lexeme.token.is(symbol));
             let of_command = |name: &str| self.command(name).is_some_and(|command| is_effective(&command)) && !is_alias;
-            let found = if name.match_indices('.').any(|(point, _)| of_command(&name[..point])) {
+            let finding = if name.match_indices('.').any(|(point, _)| of_command(&name[..point])) {
                 "is an attribute of a command of LMGC90: its effect is unknown"
             } else if next("(") || next("=") {
                 continue;
@@ -900,12 +930,12 @@ impl<'a> ScriptWalker<'a> {
                 "has commands of LMGC90 and is passed on: how often it is called is not known"
             } else if of_command(&name) {
                 "is a command of LMGC90 that is passed on: how often it is called is not known"
-            } else if self.modules.contains(&name) && !is_alias && !is_argument_of(tokens, start, &MODULE_READERS) {
+            } else if self.chipy_names.contains(&name) && !is_alias && !is_argument_of(tokens, start, &MODULE_READERS) {
                 "is LMGC90's module, which is passed on: what is called of it is not known"
             } else {
                 continue;
             };
-            self.walk.refused.insert((tokens[start].line, name, found));
+            self.reject(tokens[start].line, name, finding);
         }
     }
 
@@ -939,11 +969,11 @@ impl<'a> ScriptWalker<'a> {
             return;
         }
         if CODE_RUNNERS.contains(&name) {
-            self.walk.refused.insert((line, name.to_string(), "runs code that is not read"));
+            self.reject(line, name, "runs code that is not read");
         }
         let root = name.split('.').next().unwrap_or_default();
         if self.classes.get(root).is_some_and(|class| self.has_effect(&class.body)) {
-            self.walk.refused.insert((line, name.to_string(), "is a class with commands of LMGC90, which is not read"));
+            self.reject(line, name, "is a class with commands of LMGC90, which is not read");
         }
         let (mut positional, mut keywords) = (Vec::new(), Vec::new());
         for part in split_at(inside, ",") {
@@ -968,11 +998,11 @@ impl<'a> ScriptWalker<'a> {
                 None => {}
             }
         }
-        if let Some(&function) = self.functions.get(name).filter(|_| !self.imported.contains_key(name)) {
+        if let Some(&function) = self.functions.get(name).filter(|_| !self.command_aliases.contains_key(name)) {
             self.follow_function(name, function, positional, keywords);
         } else if let Some(command) = self.command(name) {
             let (condition, loops) = (self.condition, self.loops.clone());
-            self.walk.calls.push(ScriptCall { name: command, line, positional, keywords, condition, loops });
+            self.found.calls.push(ScriptCall { name: command, line, positional, keywords, condition, loops });
         } else {
             let object = name.rsplit_once('.').and_then(|(object, _)| self.variables.get(object));
             match object {
@@ -981,7 +1011,7 @@ impl<'a> ScriptWalker<'a> {
             }
             // These count their items, or copy them into a new object.
             if !["enumerate", "tqdm", "dict", "list", "tuple", "min", "max"].contains(&name) {
-                self.release(inside);
+                self.forget_objects(inside);
             }
         }
     }
@@ -994,13 +1024,13 @@ impl<'a> ScriptWalker<'a> {
         positional: Vec<Evaluation>,
         mut keywords: Vec<(String, Evaluation)>,
     ) {
-        self.called.insert(name.to_string());
+        self.called_functions.insert(name.to_string());
         if self.decorated.contains(name) && self.has_effect(&function.body) {
-            let found = "is a function with a decorator: how often it is called is not known";
-            self.walk.refused.insert((function.line(), name.to_string(), found));
+            let finding = "is a function with a decorator: how often it is called is not known";
+            self.reject(function.line(), name, finding);
         }
         if self.redefined.contains(name) {
-            self.walk.refused.insert((function.line(), name.to_string(), "is a function with more than one meaning"));
+            self.reject(function.line(), name, "is a function with more than one meaning");
         }
         if self.depth >= MAX_NESTING {
             return;
@@ -1031,13 +1061,13 @@ impl<'a> ScriptWalker<'a> {
             let value = positional.next().or(given).or(default).unwrap_or(Err("an argument".into()));
             self.variables.insert(name.to_string(), value);
         }
-        self.follow_closed(&function.body);
+        self.follow_loop_or_function_body(&function.body);
         self.variables = outer;
     }
 
     /// Adds remarks on functions with commands of LMGC90 that are not called in the script.
     fn report_uncalled(&mut self) {
-        let uncalled = self.functions.iter().filter(|(name, _)| !self.called.contains(*name));
+        let uncalled = self.functions.iter().filter(|(name, _)| !self.called_functions.contains(*name));
         let uncalled: Vec<_> = uncalled.map(|(name, &function)| (name.clone(), function)).collect();
         for (name, function) in uncalled {
             self.report_unread(function, &format!("function {name}, which the script does not call,"));
@@ -1045,24 +1075,24 @@ impl<'a> ScriptWalker<'a> {
     }
 
     /// Adds a remark on a class or function that is not followed, with the commands of LMGC90 that it calls.
-    fn report_unread(&mut self, statement: &ScriptStatement, what: &str) {
+    fn report_unread(&mut self, statement: &ScriptStatement, description: &str) {
         let mut names = BTreeSet::new();
         self.commands_in(&statement.body, &mut names);
         if !names.is_empty() {
             let names: Vec<String> = names.into_iter().collect();
-            self.walk
+            self.found
                 .remarks
-                .push((statement.line(), format!("the {what} is not read; it calls {}", names.join(", "))));
+                .push((statement.line(), format!("the {description} is not read; it calls {}", names.join(", "))));
         }
     }
 
     /// Commands of LMGC90 that a block calls.
     fn commands_in(&self, block: &[ScriptStatement], names: &mut BTreeSet<String>) {
         for statement in block {
-            for at in 0..statement.tokens.len() {
-                let starts = at == 0 || !statement.tokens[at - 1].token.is(".");
-                if starts && !statement.tokens[at].token.name().is_empty() {
-                    let (name, end) = dotted_name(&statement.tokens, at);
+            for index in 0..statement.tokens.len() {
+                let starts = index == 0 || !statement.tokens[index - 1].token.is(".");
+                if starts && !statement.tokens[index].token.name().is_empty() {
+                    let (name, end) = dotted_name(&statement.tokens, index);
                     let called = statement.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
                     names.extend(self.command(&name).filter(|_| called));
                 }
@@ -1079,8 +1109,8 @@ fn is_pure_method(name: &str) -> bool {
 
 /// Names with dots in the targets of a loop or comprehension.
 fn target_names(tokens: &[Lexeme]) -> Vec<String> {
-    let starts = (0..tokens.len()).filter(|&at| at == 0 || !tokens[at - 1].token.is("."));
-    starts.map(|at| dotted_name(tokens, at).0).filter(|name| !name.is_empty()).collect()
+    let starts = (0..tokens.len()).filter(|&index| index == 0 || !tokens[index - 1].token.is("."));
+    starts.map(|index| dotted_name(tokens, index).0).filter(|name| !name.is_empty()).collect()
 }
 
 /// Whether a name without prefix has the form of a command: `SetDimension`, `nlgs_3D_ExSolver`, `utilities_logMes`.
@@ -1118,17 +1148,17 @@ fn all_assigned_names(block: &[ScriptStatement], names: &mut Vec<String>) {
         let position = if statement.keyword() == "for" {
             statement.tokens.iter().position(|lexeme| lexeme.token.name() == "in")
         } else {
-            let mut positions = (0..statement.tokens.len()).filter(|&at| assigns(&statement.tokens[at]));
+            let mut positions = (0..statement.tokens.len()).filter(|&index| assigns(&statement.tokens[index]));
             positions.find(outside_brackets).filter(|_| !BLOCK_KEYWORDS.contains(&statement.keyword()))
         };
         let walrus = statement.tokens.windows(2).filter(|pair| pair[1].token.is(":="));
         names.extend(walrus.map(|pair| pair[0].token.name().to_string()));
         if let Some(end) = position {
-            let mut at = 0;
-            while at < end {
-                let (name, after) = dotted_name(&statement.tokens, at);
+            let mut index = 0;
+            while index < end {
+                let (name, after) = dotted_name(&statement.tokens, index);
                 names.extend(Some(name).filter(|name| !name.is_empty()));
-                at = if statement.tokens[at].token.name().is_empty() { at + 1 } else { after };
+                index = if statement.tokens[index].token.name().is_empty() { index + 1 } else { after };
             }
         }
         all_assigned_names(&statement.body, names);
@@ -1143,24 +1173,32 @@ fn class_attribute(tokens: &[Lexeme]) -> Option<(&str, &[Lexeme])> {
     Some((name.token.name(), value)).filter(|(name, _)| is_name && !name.is_empty())
 }
 
-/// Sign and expression that a statement adds to a variable: `k += 1`, `k -= 1`, `k = k + 1`.
-fn added_to(tokens: &[Lexeme], name: &str) -> Option<(f64, Vec<Lexeme>)> {
+/// Expression that a statement adds to a variable.
+struct AddedTerm {
+    /// -1 if it is subtracted.
+    sign: f64,
+    expression: Vec<Lexeme>,
+}
+
+/// What a statement adds to the variable `name`: `k += 1`, `k -= 1`, `k = k + 1`.
+fn added_term(tokens: &[Lexeme], name: &str) -> Option<AddedTerm> {
     let (target, end) = dotted_name(tokens, 0);
     let rest = tokens.get(end..).filter(|_| target == name)?;
     let operator = &rest.first()?.token;
     let sign = |token: &ScriptToken| if token.is("+") { Some(1.0) } else { token.is("-").then_some(-1.0) };
     if operator.is("+=") {
-        return Some((1.0, rest[1..].to_vec()));
+        return Some(AddedTerm { sign: 1.0, expression: rest[1..].to_vec() });
     }
     if operator.is("-=") {
-        return Some((-1.0, rest[1..].to_vec()));
+        return Some(AddedTerm { sign: -1.0, expression: rest[1..].to_vec() });
     }
     let value = rest.get(1..).filter(|_| operator.is("="))?;
     let (again, end) = dotted_name(value.get(..1).and(Some(value))?, 0);
     let added = value.get(end + 1..).filter(|_| again == name)?;
     // One term only: `k = k - 1 + 2` has another sign.
     let one_term = added.iter().all(|lexeme| sign(&lexeme.token).is_none());
-    Some((sign(&value[end].token)?, added.to_vec())).filter(|_| one_term)
+    let sign = sign(&value[end].token)?;
+    one_term.then(|| AddedTerm { sign, expression: added.to_vec() })
 }
 
 /// Keyword and line of the first `break` or `return` that ends the loop with this body.
@@ -1191,20 +1229,21 @@ fn is_effective(command: &str) -> bool {
 
 /// Whether parts of an expression are evaluated or not by the values of others, outside of brackets.
 fn depends_on_values(tokens: &[Lexeme]) -> bool {
-    let mut at = 0;
-    while at < tokens.len() {
-        let token = &tokens[at].token;
+    let mut index = 0;
+    while index < tokens.len() {
+        let token = &tokens[index].token;
         if ["if", "and", "or"].contains(&token.name()) {
             return true;
         }
-        at = if ["(", "[", "{"].iter().any(|open| token.is(open)) { after_bracket(tokens, at) } else { at + 1 };
+        index =
+            if ["(", "[", "{"].iter().any(|open| token.is(open)) { after_bracket(tokens, index) } else { index + 1 };
     }
     false
 }
 
-/// Whether the name at `at` is an argument, and first in its bracket, of one of these functions.
-fn is_argument_of(tokens: &[Lexeme], at: usize, functions: &[&str]) -> bool {
-    at > 1 && tokens[at - 1].token.is("(") && functions.contains(&tokens[at - 2].token.name())
+/// Whether the name at `index` is an argument, and first in its bracket, of one of these functions.
+fn is_argument_of(tokens: &[Lexeme], index: usize, functions: &[&str]) -> bool {
+    index > 1 && tokens[index - 1].token.is("(") && functions.contains(&tokens[index - 2].token.name())
 }
 
 /// Names without prefix that a block calls.
@@ -1315,8 +1354,9 @@ mod tests {
     #[test]
     fn names_that_are_passed_on_and_code_that_is_run_are_rejected() {
         let head = "from pylmgc90 import chipy\ndef step(k=0):\n  chipy.IncrementStep()\n";
-        let refused = |text: &str| {
-            let found = walked(&format!("{head}{text}")).refused.into_iter().map(|(line, name, _)| (line, name));
+        let rejected = |text: &str| {
+            let found =
+                walked(&format!("{head}{text}")).rejected.into_iter().map(|rejected| (rejected.line, rejected.name));
             found.collect::<Vec<_>>()
         };
         for text in [
@@ -1330,17 +1370,17 @@ mod tests {
             "self.lm = chipy\n",
             "chipy.IncrementStep.__call__()\n",
         ] {
-            assert_eq!(refused(text).len(), 1, "{text}");
+            assert_eq!(rejected(text).len(), 1, "{text}");
         }
-        assert_eq!(refused("exec('step()')\n"), [(4, "exec".to_string())]);
-        assert_eq!(refused("getattr(chipy, 'IncrementStep')()\n"), [(4, "chipy".to_string())]);
-        assert_eq!(refused("{1: chipy.IncrementStep}[1]()\n"), [(4, "chipy.IncrementStep".to_string())]);
-        assert_eq!(refused("@twice\ndef run(): step()\nrun()\n"), [(5, "run".to_string())]);
-        assert_eq!(refused("class Run:\n  def go(self): step()\nRun().go()\n"), [(6, "Run".to_string())]);
+        assert_eq!(rejected("exec('step()')\n"), [(4, "exec".to_string())]);
+        assert_eq!(rejected("getattr(chipy, 'IncrementStep')()\n"), [(4, "chipy".to_string())]);
+        assert_eq!(rejected("{1: chipy.IncrementStep}[1]()\n"), [(4, "chipy.IncrementStep".to_string())]);
+        assert_eq!(rejected("@twice\ndef run(): step()\nrun()\n"), [(5, "run".to_string())]);
+        assert_eq!(rejected("class Run:\n  def go(self): step()\nRun().go()\n"), [(6, "Run".to_string())]);
         for text in
             ["s = chipy.IncrementStep\ns()\n", "lm = chipy\n", "print(chipy, hasattr(chipy, 'A'))\n", "f(step=3)\n"]
         {
-            assert!(refused(text).is_empty(), "{text} {:?}", refused(text));
+            assert!(rejected(text).is_empty(), "{text} {:?}", rejected(text));
         }
     }
 
