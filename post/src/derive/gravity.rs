@@ -107,15 +107,7 @@ impl GravityTree {
         let (low, high) = node_points().fold((centre, centre), |(low, high), (x, _)| (low.inf(&x), high.sup(&x)));
         let index = self.nodes.len();
         let range = first..first + order.len();
-        self.nodes.push(TreeNode {
-            points: range,
-            halves: None,
-            leaf: usize::MAX,
-            mass,
-            centre,
-            reach,
-            quadrupole,
-        });
+        self.nodes.push(TreeNode { points: range, halves: None, leaf: usize::MAX, mass, centre, reach, quadrupole });
         if order.len() > LEAF_SIZE {
             let axis = (high - low).imax();
             let middle = order.len() / 2;
