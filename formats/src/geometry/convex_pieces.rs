@@ -82,28 +82,29 @@ impl std::error::Error for SplitError {}
 pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, SplitError> {
     let centre = Vec3::from(surface.mass_properties().centre);
     let vertices: Vec<Vec3> = surface.vertices().iter().map(|&v| Vec3::from(v) - centre).collect();
-    let size = vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
+    let size = vertices.iter().map(|vertex| vertex.norm()).fold(0.0, f64::max);
     let splitter = SolidSplitter {
         vertices: &vertices,
         triangles: surface.triangles(),
         tolerance: FLATNESS_OF_FILES * size,
         comparisons: std::cell::Cell::new(0),
     };
-    let mut faces: Vec<FacePolygon> =
-        surface.triangles().iter().map(|t| FacePolygon::new(t.map(|v| vertices[v as usize]).into())).collect();
-    let firsts = splitter.join_planes(&mut faces)?;
-    splitter.count_comparisons(firsts.len() * faces.len())?;
-    let depth = |face: &FacePolygon| faces.iter().map(|other| other.height_over(face)).fold(0.0, f64::max);
-    let deepest = firsts.iter().map(|&first| depth(&faces[first])).fold(0.0, f64::max);
-    if deepest <= MIN_REFLEX_DEPTH * size {
+    let face = |triangle: &[u32; 3]| FacePolygon::new(triangle.map(|v| vertices[v as usize]).into());
+    let mut faces: Vec<FacePolygon> = surface.triangles().iter().map(face).collect();
+    let first_faces = splitter.join_planes(&mut faces)?;
+    splitter.count_comparisons(first_faces.len() * faces.len())?;
+    let dent_depth = |face: &FacePolygon| faces.iter().map(|other| other.height_over(face)).fold(0.0, f64::max);
+    let largest_depth = first_faces.iter().map(|&first| dent_depth(&faces[first])).fold(0.0, f64::max);
+    if largest_depth <= MIN_REFLEX_DEPTH * size {
         return Err(SplitError::ShallowDents);
     }
     let mut cells = UncutCells::default();
     splitter.split_cell(ConvexCell::cube(2.0 * size), faces, &mut cells)?;
     let pieces: Vec<ConvexPiece> =
         cells.inside.iter().filter_map(|cell| splitter.convex_piece(cell, &centre)).collect();
-    let sum: f64 =
-        pieces.iter().map(|piece| Surface::new(&piece.vertices, &piece.triangles).map_or(0.0, |s| s.volume())).sum();
+    let piece_volume =
+        |piece: &ConvexPiece| Surface::new(&piece.vertices, &piece.triangles).map_or(0.0, |surface| surface.volume());
+    let sum: f64 = pieces.iter().map(piece_volume).sum();
     let volume = surface.volume();
     if (sum - volume).abs() > VOLUME_TOLERANCE * volume {
         return Err(SplitError::IntersectingFaces { pieces: sum, volume });
@@ -113,12 +114,12 @@ pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, SplitErr
 
 /// Convex pieces of a POLYR: one that is convex, or cannot be split, is its own piece.
 pub fn convex_surfaces(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<ConvexPiece> {
-    let own = || vec![ConvexPiece { vertices: vertices.to_vec(), triangles: triangles.to_vec() }];
+    let whole = || vec![ConvexPiece { vertices: vertices.to_vec(), triangles: triangles.to_vec() }];
     if ConvexMesh::from_contactor(vertices, triangles).is_ok() {
-        return own();
+        return whole();
     }
-    let split = Surface::new(vertices, triangles).ok().and_then(|surface| split_into_convex(&surface).ok());
-    split.unwrap_or_else(own)
+    let pieces = Surface::new(vertices, triangles).ok().and_then(|surface| split_into_convex(&surface).ok());
+    pieces.unwrap_or_else(whole)
 }
 
 /// Half space n·x <= offset.
@@ -170,18 +171,19 @@ impl FacePolygon {
             if heights.iter().all(|height| *height <= tolerance) {
                 return Some(self.clone());
             }
-            let mut kept = Vec::new();
+            let mut corners = Vec::new();
             for (k, corner) in self.corners.iter().enumerate() {
                 let next = (k + 1) % heights.len();
                 if heights[k] <= tolerance {
-                    kept.push(*corner);
+                    corners.push(*corner);
                 }
                 if heights[k].min(heights[next]) < -tolerance && heights[k].max(heights[next]) > tolerance {
-                    kept.push(corner + (self.corners[next] - corner) * (heights[k] / (heights[k] - heights[next])));
+                    // The edge to the next corner crosses the plane.
+                    corners.push(corner + (self.corners[next] - corner) * (heights[k] / (heights[k] - heights[next])));
                 }
             }
-            let area = doubled_area(&kept).norm();
-            (area > 0.0).then_some(FacePolygon { corners: kept, doubled_area: area, ..*self })
+            let area = doubled_area(&corners).norm();
+            (area > 0.0).then_some(FacePolygon { corners, doubled_area: area, ..*self })
         })
     }
 }
@@ -204,38 +206,40 @@ impl ConvexCell {
     /// Part behind a plane; vertices up to `tolerance` in front of it stay. `None` if nothing is behind it.
     fn clip(mut self, plane: &HalfSpace, tolerance: f64) -> Option<ConvexCell> {
         let mut heights: Vec<f64> = self.vertices.iter().map(|vertex| plane.height(vertex)).collect();
-        let used = |heights: &[f64], chosen: fn(f64, f64) -> bool| {
-            self.faces.iter().flatten().any(|&v| chosen(heights[v], tolerance))
-        };
-        if !used(&heights, |height, tolerance| height < -tolerance) {
+        let mut corners = self.faces.iter().flatten();
+        if !corners.clone().any(|&v| heights[v] < -tolerance) {
             return None;
         }
-        if !used(&heights, |height, tolerance| height > tolerance) {
+        if !corners.any(|&v| heights[v] > tolerance) {
             return Some(self);
         }
-        let mut cuts: BTreeMap<[usize; 2], usize> = BTreeMap::new();
+        // Vertices where edges cross the plane, by the ends of the edge.
+        let mut crossings: BTreeMap<[usize; 2], usize> = BTreeMap::new();
         let mut faces = Vec::new();
         for face in &self.faces {
-            let mut kept = Vec::new();
+            let mut corners = Vec::new();
             for (k, &a) in face.iter().enumerate() {
                 let b = face[(k + 1) % face.len()];
                 if heights[a] <= tolerance {
-                    kept.push(a);
+                    corners.push(a);
                 }
                 if heights[a].min(heights[b]) < -tolerance && heights[a].max(heights[b]) > tolerance {
-                    let [low, high] = [a.min(b), a.max(b)];
-                    kept.push(*cuts.entry([low, high]).or_insert_with(|| {
-                        let share = heights[low] / (heights[low] - heights[high]);
-                        self.vertices.push(self.vertices[low] + (self.vertices[high] - self.vertices[low]) * share);
+                    // The same order of the ends for both faces of the edge.
+                    let ends @ [first, second] = [a.min(b), a.max(b)];
+                    corners.push(*crossings.entry(ends).or_insert_with(|| {
+                        let share = heights[first] / (heights[first] - heights[second]);
+                        let edge = self.vertices[second] - self.vertices[first];
+                        self.vertices.push(self.vertices[first] + edge * share);
                         heights.push(0.0);
                         self.vertices.len() - 1
                     }));
                 }
             }
-            if kept.len() >= 3 && kept.iter().any(|&v| heights[v] < -tolerance) {
-                faces.push(kept);
+            if corners.len() >= 3 && corners.iter().any(|&v| heights[v] < -tolerance) {
+                faces.push(corners);
             }
         }
+        // The vertices in the plane are the corners of the face that the cut makes.
         let mut rim: Vec<usize> = faces.iter().flatten().copied().filter(|&v| heights[v] >= -tolerance).collect();
         rim.sort_unstable();
         rim.dedup();
@@ -299,18 +303,18 @@ struct SolidSplitter<'a> {
 impl SolidSplitter<'_> {
     /// Numbers the planes of the faces; coplanar faces get the plane of the first of them. Returns the first faces.
     fn join_planes(&self, faces: &mut [FacePolygon]) -> Result<Vec<usize>, SplitError> {
-        let mut firsts: Vec<usize> = Vec::new();
+        let mut first_faces: Vec<usize> = Vec::new();
         for k in 0..faces.len() {
-            self.count_comparisons(firsts.len())?;
-            let shares = |&first: &usize| self.is_in_plane(&faces[k], &faces[first]);
-            let known = firsts.iter().position(shares);
-            let number = known.unwrap_or_else(|| {
-                firsts.push(k);
-                firsts.len() - 1
+            self.count_comparisons(first_faces.len())?;
+            let is_coplanar = |&first: &usize| self.is_in_plane(&faces[k], &faces[first]);
+            let known_plane = first_faces.iter().position(is_coplanar);
+            let number = known_plane.unwrap_or_else(|| {
+                first_faces.push(k);
+                first_faces.len() - 1
             });
-            (faces[k].plane, faces[k].plane_number) = (faces[firsts[number]].plane, number);
+            (faces[k].plane, faces[k].plane_number) = (faces[first_faces[number]].plane, number);
         }
-        Ok(firsts)
+        Ok(first_faces)
     }
 
     /// Whether a face lies in the plane of another and faces the same side.
@@ -357,9 +361,9 @@ impl SolidSplitter<'_> {
     fn split_faces(&self, faces: &[FacePolygon], cut: &HalfSpace) -> [Vec<FacePolygon>; 2] {
         let (mut behind, mut front) = (Vec::new(), Vec::new());
         for face in faces {
-            let [back, ahead] = face.split(cut, self.tolerance);
-            behind.extend(back);
-            front.extend(ahead);
+            let [part_behind, part_in_front] = face.split(cut, self.tolerance);
+            behind.extend(part_behind);
+            front.extend(part_in_front);
         }
         [behind, front]
     }
@@ -383,9 +387,10 @@ impl SolidSplitter<'_> {
         Ok(self.plane_counts(faces)?.into_iter().map(|plane| plane.inside * plane.in_front).sum())
     }
 
-    /// Plane of a face with others in front of it that leaves the fewest such pairs, then the fewest faces; `None` if
-    /// there is none.
+    /// Plane of a face with others in front of it. A cut along it leaves the fewest pairs of a face and one in front of it,
+    /// then the fewest faces. `None` if no face is in front of another.
     fn best_cut(&self, faces: &[FacePolygon]) -> Result<Option<HalfSpace>, SplitError> {
+        // Number of faces in front of the plane of a face, and this face.
         let mut tried: Vec<(usize, &FacePolygon)> = Vec::new();
         let planes = self.plane_counts(faces)?;
         let max_cuts = MAX_CUT_COMPARISONS / (planes.len() * faces.len()).max(1);
@@ -398,7 +403,7 @@ impl SolidSplitter<'_> {
                 tried.push((in_front, face));
             }
         }
-        tried.sort_by_key(|(pairs, _)| std::cmp::Reverse(*pairs));
+        tried.sort_by_key(|(in_front, _)| std::cmp::Reverse(*in_front));
         tried.truncate(max_cuts.clamp(2, MAX_TRIED_PLANES));
         let mut best: Option<((usize, usize), HalfSpace)> = None;
         for (_, face) in tried {
