@@ -33,7 +33,7 @@ fn source<'a>(
     (active, reactions): &'a (Vec<ContactId>, ContactReactions),
     width: SimdWidth,
 ) -> PackSource<'a> {
-    PackSource { problem: system, active, reactions, solver_bodies: &system.bodies, width }
+    PackSource { problem: system, active, reactions, solver_bodies: &system.bodies, width, associated: &[] }
 }
 
 /// All rows of a packing, and impulses of 0.

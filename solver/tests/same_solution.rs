@@ -91,7 +91,8 @@ fn ranks_send_what_a_plan_counts() {
     let sweep = |system: &ContactProblem, active: &[ContactId], single: bool| {
         let reactions = ContactReactions::zeros(system);
         let solver_bodies = &system.bodies;
-        let source = PackSource { problem: system, active, reactions: &reactions, solver_bodies, width };
+        let source =
+            PackSource { problem: system, active, reactions: &reactions, solver_bodies, width, associated: &[] };
         pack_problem(&source, single).sweep_contacts(width, 0.0);
     };
     for (system, single) in [(packing::packing(17, 0.4), true), (packing::blocks(17, 0.4), false)] {
@@ -141,6 +142,7 @@ fn sweeps_in_blocks(system: &ContactProblem, single: bool, min_bodies: usize) ->
         reactions: &reactions.clone(),
         solver_bodies: &system.bodies,
         width,
+        associated: &[],
     };
     let mut problem = pack_in_blocks(&source, single, min_bodies);
     for sweeps in 1..1000 {

@@ -43,8 +43,14 @@ pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'stat
     let counts = division_counts(&problem, &active, ranks);
     let (mut reactions, width) = (ContactReactions::zeros(&problem), SimdWidth::detect());
     active.iter().for_each(|row| reactions.impulses[row.index()] = problem.rows[row.index()].warm_start);
-    let source =
-        PackSource { problem: &problem, active: &active, reactions: &reactions, solver_bodies: &problem.bodies, width };
+    let source = PackSource {
+        problem: &problem,
+        active: &active,
+        reactions: &reactions,
+        solver_bodies: &problem.bodies,
+        width,
+        associated: &[],
+    };
     let is_single_precision = problem.rolling_constraints.is_empty();
     let mut packed = pack_problem(&source, is_single_precision);
     packed.sweep_contacts(width, 0.0);

@@ -122,6 +122,15 @@ pub struct Residual {
     pub worst: Option<ContactId>,
 }
 
+/// Residual of a problem with the associated law of friction.
+pub struct AssociatedResidual {
+    /// E by these laws.
+    pub residual: f64,
+    /// rho mu |û_T|/|F(r_0)| of each evaluated row that has the associated law and an impulse, else 0: part in E, by
+    /// Coulomb's law, of the parting of a sliding contact.
+    pub partings: Vec<f64>,
+}
+
 impl<'a> ResidualEvaluator<'a> {
     /// Evaluator for the rows `rows` of `problem`.
     pub fn new(problem: &'a ContactProblem, rows: &'a [ContactId], width: SimdWidth) -> Self {
@@ -359,6 +368,36 @@ impl<'a> ResidualEvaluator<'a> {
         map.call(Scalar);
         sizes2.truncate(rows.len());
         sizes2
+    }
+
+    /// Residual of a problem whose rows `associated` have the associated law of friction: in it sliding contacts part, and F
+    /// has no mu |û_T|.
+    pub fn associated_residual(
+        &self,
+        impulses: &[Vec3],
+        motions: &[BodyMotion],
+        associated: &[bool],
+    ) -> AssociatedResidual {
+        let solver_bodies = self.solver_bodies(motions);
+        let contact_parts = |&k: &ContactId| {
+            let (row, r) = (&self.problem.rows[k.index()], &impulses[k.index()]);
+            let u = self.problem.shifted_velocity(k.index(), &solver_bodies) * self.rho;
+            let parting = row.friction * (u - row.normal * row.normal.dot(&u)).norm();
+            let z = r - u - row.normal * if associated[k.index()] { 0.0 } else { parting };
+            let z_n = row.normal.dot(&z);
+            let tangential = z - row.normal * z_n;
+            let z_t = tangential.norm();
+            let (p_n, p_t) = project_on_cone(Scalar, z_n, z_t, row.friction);
+            let p = row.normal * p_n + if z_t > 0.0 { tangential * (p_t / z_t) } else { Vec3::zeros() };
+            let parts = associated[k.index()] && row.normal.dot(r) > 0.0;
+            ((r - p).norm_squared(), if parts { parting } else { 0.0 })
+        };
+        let parts: Vec<(f64, f64)> = self.rows.par_iter().with_min_len(PAR_MIN_LEN).map(contact_parts).collect();
+        let norm = self.initial_norm.max(self.floor);
+        AssociatedResidual {
+            residual: parts.iter().map(|(squared, _)| squared).sum::<f64>().sqrt() / norm,
+            partings: parts.iter().map(|(_, parting)| parting / norm).collect(),
+        }
     }
 
     /// |F|² of the rows of a task.

@@ -10,6 +10,7 @@ use crate::assemble::{ContactProblem, StoredProblem};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::solve::cost_model::{COSTS, TOO_LARGE_REASON};
+use crate::solve::gauss_seidel::associated::{associated_law_applies, solve_associated};
 use crate::solve::gauss_seidel::driver::{closing_inactive_rows, solve_nlgs};
 use crate::solve::gauss_seidel::momentum::MOMENTUM_CYCLE;
 use crate::solve::matrix::{self, MatrixProblem, MatrixSolver, SolverLimits, residual, solve};
@@ -143,7 +144,11 @@ fn solve_from_warm_start(
     };
     // The solvers that the options request continue from the warm start without sweeps.
     let sweeps = if solver == MatrixSolver::Auto { COSTS.sweeps_before_fallback(contacts, max_sweeps) } else { 0 };
-    let start = sweep(sweeps);
+    let start = if solver == MatrixSolver::Auto {
+        sweep_with_associated_law(contact_problem, request, sweeps, max_sweeps)
+    } else {
+        sweep(sweeps)
+    };
     let target = if solver == MatrixSolver::Auto { tol } else { target_residual };
     if start.converged && start.residual <= target || start.sweeps >= max_sweeps {
         return start;
@@ -151,6 +156,39 @@ fn solve_from_warm_start(
     let limits = SolverLimits { tol: target, max_sweeps: max_sweeps - start.sweeps, max_time: None, max_cost };
     let found = solve_by_fallback(contact_problem, start, solver, limits, request, stored);
     if solver == MatrixSolver::Auto { continue_sweeps(contact_problem, found, max_sweeps, request) } else { found }
+}
+
+/// Solves by `sweeps` sweeps, as long as they do not converge. Where the associated law applies, the sweeps after the first
+/// round start from the result of its sweeps, if that has a smaller E; these count, up to `max_sweeps` in all.
+fn sweep_with_associated_law(
+    contact_problem: &ContactProblem,
+    request: SolveRequest,
+    sweeps: u64,
+    max_sweeps: u64,
+) -> ContactSolution {
+    let sweep = |contact_problem: &ContactProblem, criteria| solve_nlgs(contact_problem, criteria, request.width);
+    if max_sweeps <= MOMENTUM_CYCLE || !associated_law_applies(contact_problem) {
+        return sweep(contact_problem, StoppingCriteria { max_sweeps: sweeps, ..request.criteria });
+    }
+    let first_round = sweeps.min(MOMENTUM_CYCLE);
+    let start = sweep(contact_problem, StoppingCriteria { max_sweeps: first_round, ..request.criteria });
+    if start.converged || activity::is_stopped() {
+        return start;
+    }
+    let criteria = |done| StoppingCriteria { max_sweeps: max_sweeps - done, min_sweeps: 0, ..request.criteria };
+    let found =
+        solve_associated(contact_problem, &start.impulses, start.residual, criteria(start.sweeps), request.width);
+    let done = start.sweeps + found.sweeps;
+    let later_sweeps =
+        if found.impulses.is_some() { MOMENTUM_CYCLE.max(sweeps - first_round) } else { sweeps - first_round };
+    let later_sweeps = later_sweeps.min(max_sweeps - done);
+    if later_sweeps == 0 && found.impulses.is_none() || activity::is_stopped() {
+        return ContactSolution { sweeps: done, ..start };
+    }
+    let mut contact_problem = contact_problem.clone();
+    start_from(&mut contact_problem, found.impulses.as_ref().unwrap_or(&start.impulses));
+    let swept = sweep(&contact_problem, StoppingCriteria { max_sweeps: later_sweeps, ..criteria(done) });
+    ContactSolution { sweeps: done + swept.sweeps, ..swept }
 }
 
 /// Continues with sweeps from a solution that the fallback has left above `tol`, up to `max_sweeps` in all; returns that
@@ -198,7 +236,7 @@ fn solve_with_subproblem_corrections(
     let sweep = |contact_problem: &ContactProblem, max_sweeps| {
         solve_nlgs(contact_problem, StoppingCriteria { max_sweeps, ..request.criteria }, request.width)
     };
-    let mut last = sweep(contact_problem, max_sweeps.min(MOMENTUM_CYCLE));
+    let mut last = sweep_with_associated_law(contact_problem, request, max_sweeps.min(MOMENTUM_CYCLE), max_sweeps);
     if last.converged || last.sweeps >= max_sweeps {
         return last;
     }

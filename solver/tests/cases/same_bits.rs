@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
-use cd_formats::compute::{ComputeFlags, Event, EventAction};
+use cd_formats::compute::{ComputeFlags, ContactSolver, Event, EventAction};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::{Snapshot, list_snapshots, part_path, snapshot_path};
 use cd_solve::math::simd::SimdWidth;
 
 use crate::case::{Case, Figures, Vec3, equal, near, shaken_lattice, uniform};
+use crate::solvers::column_at_rest;
 
 /// Wet spheres of their own gravity in a shaken tub, with events before and after step 30.
 pub fn scene(side: i64) -> Case {
@@ -212,6 +213,15 @@ fn widths_change_nothing(scene: impl Fn() -> Case) {
 #[test]
 fn widths_of_vectors_change_nothing_with_spheres() {
     widths_change_nothing(|| scene(4));
+}
+
+#[test]
+fn widths_of_vectors_change_nothing_in_a_column_at_rest() {
+    widths_change_nothing(|| {
+        let mut case = column_at_rest(ContactSolver::Auto);
+        case.options.steps = Some(1);
+        case
+    });
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::process::Command;
 
 use cd_formats::compute::ContactSolver::{self, Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
+use cd_formats::compute::SweepPrecision;
 use cd_formats::fc3d::Fc3d;
 use cd_formats::snapshot::Snapshot;
 use cd_solve::solve::matrix::{MatrixProblem, MatrixSolver, SolverLimits, solve};
@@ -43,6 +44,21 @@ fn pyramid(solver: ContactSolver) -> Case {
     case
 }
 
+/// Three hundred spheres that have settled in a box three of them wide, as if nothing were known of their forces.
+pub fn column_at_rest(solver: ContactSolver) -> Case {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    case.gravity = [0.0, 0.0, -9.81];
+    case.tub(1.5);
+    for line in include_str!("column_of_300.csv").lines().skip(1) {
+        let numbers: Vec<f64> = line.split(',').map(|number| number.parse().unwrap()).collect();
+        case.sphere(numbers[3], [numbers[0], numbers[1], numbers[2]]);
+    }
+    (case.options.solver, case.options.tol, case.options.dt) = (solver, Some(1e-2), 5e-3);
+    case.options.max_sweeps = Some(5000);
+    case
+}
+
 fn all_converged(case: &Case) -> bool {
     case.column("converged").iter().all(|c| *c == 1.0)
 }
@@ -63,6 +79,24 @@ fn newtons_method_finds_what_auto_finds_where_sweeps_stall() {
     assert_eq!([auto.0, newton.0, run(Nlgs).0], [true, true, false]);
     // Velocities of 1 m/s solved to 1e-8, in a system that may amplify that a hundred times.
     assert!(difference(&auto.1, &newton.1) < 1e-6, "{}", difference(&auto.1, &newton.1));
+}
+
+#[test]
+fn a_column_takes_up_its_weight_where_sweeps_would_let_it_creep() {
+    let run = |solver, precision| {
+        let mut case = column_at_rest(solver);
+        case.options.sweep_precision = precision;
+        let end = case.run(1);
+        let squares: f64 = end.free().iter().map(|&i| end.v(i).norm_squared()).sum();
+        let speed = (squares / end.free().len() as f64).sqrt() / (9.81 * case.options.dt);
+        println!("{solver} {precision:?}: {} sweeps, speed {speed}", case.column("sweeps")[0]);
+        assert!(all_converged(&case), "{solver}");
+        (case.column("sweeps")[0], speed)
+    };
+    for precision in [SweepPrecision::Single, SweepPrecision::Double] {
+        let (auto, nlgs) = (run(Auto, precision), run(Nlgs, precision));
+        assert!(auto.0 < nlgs.0 && auto.1 < nlgs.1, "{auto:?} {nlgs:?}");
+    }
 }
 
 #[test]

@@ -132,7 +132,14 @@ fn iterate_sweeps(
     let pack = |reactions: &ContactReactions, motions: &[BodyMotion], single| {
         let solver_bodies = &evaluator.solver_bodies(motions);
         pack_problem(
-            &PackSource { problem: contact_problem, active, reactions, solver_bodies, width: evaluator.width },
+            &PackSource {
+                problem: contact_problem,
+                active,
+                reactions,
+                solver_bodies,
+                width: evaluator.width,
+                associated: &[],
+            },
             single,
         )
     };

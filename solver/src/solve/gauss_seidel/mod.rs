@@ -3,6 +3,7 @@
 //! | module | contents |
 //! |---|---|
 //! | `driver` | iteration, stopping criteria, precision |
+//! | `associated` | sweeps with the associated law of friction, where contacts rest |
 //! | `momentum` | momentum of the sweeps and its restarts |
 //! | [`layout`] | choice of the layout that a problem needs |
 //! | [`partition`] | division of bodies into blocks and of constraints into tasks and colours |
@@ -14,6 +15,7 @@
 //! | [`block`] | bodies of any shape: it is full |
 //! | `rolling` | contacts with rolling and spinning friction |
 
+pub(super) mod associated;
 pub mod block;
 pub mod blocked;
 pub mod diagonal;

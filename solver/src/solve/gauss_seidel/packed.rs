@@ -52,6 +52,8 @@ pub struct PackSource<'a> {
     /// Bodies with the velocities that result from them.
     pub solver_bodies: &'a [SolverBody],
     pub width: SimdWidth,
+    /// Whether each row of the problem is solved with the associated law; empty if none is. Only for spheres and plates.
+    pub associated: &'a [bool],
 }
 
 /// Sums over the contacts of a sweep, by lane of the batch, so that their order is the same at all widths.

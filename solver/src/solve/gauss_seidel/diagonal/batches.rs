@@ -51,6 +51,8 @@ pub struct GroupBatches<T> {
     pub previous: Vec<BatchVectors<T>>,
     /// Shift in the tangent plane, m/s; empty if there is none.
     pub tangential_shift: Vec<BatchVectors<T>>,
+    /// 1 for a contact with the associated law, else 0; empty if none has it.
+    pub associated: Vec<[T; BATCH_LANES]>,
     /// Rolling constraints; empty if no contact of the scene has moments, as is `curvatures`.
     pub rolls: Vec<RollingConstraintWide<T>>,
     /// 1/radius of candidate and antagonist, 1/m; 0 for a plate, whose rotation is in the shift.
@@ -228,6 +230,7 @@ fn pack_group<B: PackedBody>(
     let mut batches = vec![empty; slots.len()];
     let mut r = vec![BatchVectors::default(); slots.len()];
     let mut tangential_shift = Vec::new();
+    let mut associated = vec![[zero; BATCH_LANES]; if source.associated.is_empty() { 0 } else { slots.len() }];
     let rolling_count = if source.problem.rolling_constraints.is_empty() { 0 } else { slots.len() };
     let (mut rolls, mut curvatures) =
         (vec![RollingConstraintWide::NONE; rolling_count], vec![[[zero; BATCH_LANES]; 2]; rolling_count]);
@@ -247,6 +250,11 @@ fn pack_group<B: PackedBody>(
             }
             batch.arm[lane] = B::T::from_f64(row.arm);
             batch.friction[lane] = B::T::from_f64(row.friction);
+            if let Some(associated) = associated.get_mut(i)
+                && source.associated[k.index()]
+            {
+                associated[lane] = B::T::from_f64(1.0);
+            }
             for (side, index) in pair.into_iter().enumerate() {
                 if index != NO_INDEX {
                     batch.bodies[side][lane] = index;
@@ -291,7 +299,9 @@ fn pack_group<B: PackedBody>(
     }
     let previous = r.clone();
     let rows = rows_of_lanes;
-    (GroupBatches { batches, colours, r, previous, tangential_shift, rolls, curvatures, rows, cones }, fixed)
+    let group =
+        GroupBatches { batches, colours, r, previous, tangential_shift, associated, rolls, curvatures, rows, cones };
+    (group, fixed)
 }
 
 /// Batches of `pairs` of `bodies` moving bodies that share none of these, by colour, and the end of each colour. Pairs without

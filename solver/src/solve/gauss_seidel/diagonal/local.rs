@@ -85,6 +85,41 @@ pub fn coulomb<L: Arithmetic>(
     triple!(k => l.mul_add(n[k], normal, tangential[k]))
 }
 
+/// Normal impulse of the associated law, r̂ in the cone, û in its dual cone, r̂·û = 0: a contact that slides at u_T parts at
+/// mu |u_T|.
+///
+/// * `stopping`: normal impulse r_n - û_n/w_n that would stop the contact, of any sign, N s.
+/// * `tangential`: tangential impulse that would stop it.
+/// * `w`: w_n and w_t, 1/kg; `friction`: mu; `share`: 1, or 0 for Signorini's condition without parting.
+///
+/// The tangential part follows by [`coulomb`], as with [`signorini`]. With an excess of mu r_n under the stopping tangential
+/// impulse, r_n is raised by mu w_t/(w_n + mu² w_t) of that excess.
+///
+/// ```
+/// # use cd_solve::{math::simd::Scalar, solve::gauss_seidel::diagonal::local::associated_normal};
+/// // W = 1: 4 N s would stop the normal motion and 7 N s the tangential one, of which mu = 1 allows 4.
+/// // The nearest point of the cone is 5.5, 5.5.
+/// assert_eq!(associated_normal(Scalar, 4.0, [7.0, 0.0, 0.0], [1.0, 1.0], 1.0, 1.0), 5.5);
+/// ```
+#[inline(always)]
+pub fn associated_normal<L: Arithmetic>(
+    l: L,
+    stopping: L::V,
+    tangential: LaneVector<L::V>,
+    [w_n, w_t]: [L::V; 2],
+    friction: L::V,
+    share: L::V,
+) -> L::V {
+    let zero = l.splat(0.0);
+    let length = l.sqrt(dot_product(l, tangential, tangential));
+    let excess = l.neg_mul_add(friction, stopping, length);
+    let excess = l.select_greater(excess, zero, excess, zero);
+    let response = l.mul(friction, w_t);
+    let raised = l.div(l.mul(l.mul(share, response), excess), l.mul_add(friction, response, w_n));
+    let normal = l.add(stopping, raised);
+    l.select_greater(normal, zero, normal, zero)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -107,6 +142,32 @@ mod tests {
     }
 
     proptest! {
+        /// The solution of the associated law is the minimum of ½ r·W r + b·r over the cone: no other impulse is lower.
+        #[test]
+        fn associated_law_is_a_minimum(
+            normal in -3.0..3.0f64,
+            tangential in prop::array::uniform2(-3.0..3.0f64),
+            friction in 0.0..1.5f64,
+            others in prop::collection::vec((0.0..4.0f64, 0.0..1.0f64, 0.0..6.3f64), 50),
+        ) {
+            let stopping_t = [tangential[0], tangential[1], 0.0];
+            let r_n = associated_normal(Scalar, normal, stopping_t, W, friction, 1.0);
+            let r = coulomb(Scalar, UP, r_n, stopping_t, friction);
+            let cost = |r: [f64; 3]| {
+                let d = [r[0] - tangential[0], r[1] - tangential[1], r[2] - normal];
+                0.5 * (W[1] * (d[0] * d[0] + d[1] * d[1]) + W[0] * d[2] * d[2])
+            };
+            for (other_n, share, angle) in others {
+                let other_t = share * friction * other_n;
+                let other = [other_t * libm::cos(angle), other_t * libm::sin(angle), other_n];
+                prop_assert!(cost(r) <= cost(other) + 1e-12); // rounding of numbers up to 100
+            }
+            prop_assert_eq!(
+                associated_normal(Scalar, normal, stopping_t, W, friction, 0.0),
+                signorini(Scalar, -normal * W[0], 0.0, W[0])
+            );
+        }
+
         /// Brute force: no other impulse of the cone satisfies the conditions; the returned one does.
         #[test]
         fn satisfies_signorini_and_coulomb(

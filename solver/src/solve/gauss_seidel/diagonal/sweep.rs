@@ -9,7 +9,9 @@ use crate::solve::gauss_seidel::blocked::SweepOperations;
 use crate::solve::gauss_seidel::diagonal::batches::{
     BatchVectors, ContactBatch, DiagonalProblem, GroupBatches, PackedBody,
 };
-use crate::solve::gauss_seidel::diagonal::local::{FrozenContact, coulomb, signorini, unprojected_impulse};
+use crate::solve::gauss_seidel::diagonal::local::{
+    FrozenContact, associated_normal, coulomb, signorini, unprojected_impulse,
+};
 use crate::solve::gauss_seidel::packed::{
     ApplyMomentum, BATCH_LANES, L2_BYTES, PackedProblem, SweepStats, SweepSums, load_column, load_vector, store_column,
 };
@@ -89,7 +91,7 @@ impl<L: Arithmetic, B: PackedBody<T = L::T>> NullaryFnOnce for SweepGroup<'_, L,
     #[inline(always)]
     fn call(self) {
         let SweepGroup { lanes: l, lines, group, beta, exceeds_l2, sums } = self;
-        let GroupBatches { batches, colours, r, previous, tangential_shift, rolls, curvatures, .. } = group;
+        let GroupBatches { batches, colours, r, previous, tangential_shift, associated, rolls, curvatures, .. } = group;
         let zero = l.splat(0.0);
         let mut buffers = StageBuffers {
             trials: [TrialImpulse { tangential: [zero; 3], normal: zero, y: [zero; 3], w_n: zero }; BATCHES_PER_STAGE],
@@ -112,6 +114,7 @@ impl<L: Arithmetic, B: PackedBody<T = L::T>> NullaryFnOnce for SweepGroup<'_, L,
                     r: &r[first..next],
                     previous: &mut previous[first..],
                     tangential_shift: tangential_shift.get(first..next).unwrap_or_default(),
+                    associated: associated.get(first..next).unwrap_or_default(),
                     rolls: rolls.get_mut(first..next).unwrap_or_default(),
                     curvatures: curvatures.get(first..next).unwrap_or_default(),
                     beta,
@@ -138,6 +141,7 @@ pub struct BatchChunk<'a, T> {
     r: &'a [BatchVectors<T>],
     previous: &'a mut [BatchVectors<T>],
     tangential_shift: &'a [BatchVectors<T>],
+    associated: &'a [[T; BATCH_LANES]],
     rolls: &'a mut [RollingConstraintWide<T>],
     curvatures: &'a [[[T; BATCH_LANES]; 2]],
     beta: f64,
@@ -289,7 +293,12 @@ fn trial_impulses<L: Arithmetic>(
         let u_n = dot_product(l, n, [dx, dy, dz]);
         let w_t = l.mul_add(l.mul(arm, arm), rotational_w, w_n);
         let shift = load_column(l, from, &batch.shift);
-        let (normal, tangential) = unprojected_impulse(l, FrozenContact { n, u, u_n, shift, r: y, w: [w_n, w_t] });
+        let (mut normal, tangential) = unprojected_impulse(l, FrozenContact { n, u, u_n, shift, r: y, w: [w_n, w_t] });
+        if let Some(associated) = chunk.associated.get(i) {
+            let stopping = l.sub(dot_product(l, n, y), l.div(l.add(u_n, shift), w_n));
+            let (friction, share) = (load_column(l, from, &batch.friction), load_column(l, from, associated));
+            normal = associated_normal(l, stopping, tangential, [w_n, w_t], friction, share);
+        }
         *trial = TrialImpulse { tangential, normal, y, w_n };
     }
 }
