@@ -51,9 +51,9 @@ pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
         let Some(keyword) = words.next().map(str::to_ascii_lowercase) else { continue };
         match keyword.as_str() {
             "v" => match parse_vertex(words, line) {
-                Ok((point, more)) => {
+                Ok((point, has_weight)) => {
                     mesh.points.push(point);
-                    weights += usize::from(more);
+                    weights += usize::from(has_weight);
                 }
                 Err(error) => {
                     // A point is added so that later vertices keep their numbers.
@@ -135,33 +135,33 @@ pub fn surface_text(surface: &Surface) -> String {
 
 /// Lines without comments, each joined with its continuations, and the number of the first.
 fn logical_lines(text: &str) -> Vec<(usize, String)> {
-    let mut all: Vec<(usize, String)> = Vec::new();
-    let mut continued = false;
+    let mut statements: Vec<(usize, String)> = Vec::new();
+    let mut is_continuation = false;
     for (number, line) in (1..).zip(text.split('\n')) {
         let line = line.split('#').next().unwrap_or_default().trim();
-        let (part, more) = line.strip_suffix('\\').map_or((line, false), |part| (part, true));
-        match all.last_mut().filter(|_| continued) {
+        let (part, is_continued) = line.strip_suffix('\\').map_or((line, false), |part| (part, true));
+        match statements.last_mut().filter(|_| is_continuation) {
             Some((_, statement)) => *statement += &format!(" {part}"),
-            None => all.push((number, part.to_string())),
+            None => statements.push((number, part.to_string())),
         }
-        continued = more;
+        is_continuation = is_continued;
     }
-    all
+    statements
 }
 
 /// Coordinates of the vertex on a line, and whether a weight other than 1 or a colour follows them.
 fn parse_vertex<'a>(words: impl Iterator<Item = &'a str>, line: usize) -> Result<([f64; 3], bool), ReadError> {
     let words: Vec<&str> = words.collect();
     let error = |found: String| ReadError::new(line, found, "three coordinates, with decimal points");
-    let [x, y, z, more @ ..] = words.as_slice() else {
+    let [x, y, z, extra @ ..] = words.as_slice() else {
         return Err(error(format!("a vertex of {} numbers", words.len())));
     };
     let coordinate = |word: &str| coordinate(word).map_err(|found| error(found.to_string()));
     let point = [coordinate(x)?, coordinate(y)?, coordinate(z)?];
-    for word in more {
+    for word in extra {
         coordinate(word)?;
     }
-    Ok((point, !more.is_empty() && more != ["1"] && more.iter().any(|word| parse_real(word) != Some(1.0))))
+    Ok((point, extra.iter().any(|word| parse_real(word) != Some(1.0))))
 }
 
 /// Vertex number of a corner on a line, from 0, from a word such as `7`, `7/1`, `7//3` or `-2/1/1`; `known` is the number

@@ -20,11 +20,9 @@ pub enum GrainRegion {
     Ellipsoid([f64; 3]),
     /// Half lengths, m.
     Box([f64; 3]),
-    /// About the third axis, m.
-    Cylinder {
-        half_height: f64,
-        radius: f64,
-    },
+    /// Cylinder about the third axis, m.
+    Cylinder { half_height: f64, radius: f64 },
+    /// Inside of a surface from a file.
     Inside(SurfaceRegion),
 }
 

@@ -235,18 +235,18 @@ fn merge_pieces(mut all: Vec<Surface>, max_pieces: usize, max_vertices: usize) -
     };
     // Remaining pieces, and the volume that joining each pair would add, m^3.
     let (mut remaining, mut pairs) = (Vec::new(), Vec::<(f64, [usize; 2])>::new());
-    let mut new = 0;
+    let mut first_new = 0;
     loop {
-        for b in new..all.len() {
-            let added = |a: usize| {
+        for b in first_new..all.len() {
+            let added_volume = |a: usize| {
                 hull(&all[a], &all[b]).map_or(f64::INFINITY, |hull| hull.volume() - all[a].volume() - all[b].volume())
             };
-            pairs.extend(remaining.iter().map(|&a| (added(a), [a, b])));
+            pairs.extend(remaining.iter().map(|&a| (added_volume(a), [a, b])));
             remaining.push(b);
         }
-        new = all.len();
-        let cheapest = pairs.iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some(&(_, joined)) = cheapest.filter(|_| remaining.len() > max_pieces) else {
+        first_new = all.len();
+        let best_pair = pairs.iter().min_by(|(volume, _), (other, _)| volume.total_cmp(other));
+        let Some(&(_, joined)) = best_pair.filter(|_| remaining.len() > max_pieces) else {
             return Ok(remaining.into_iter().map(|k| all[k].clone()).collect());
         };
         all.push(hull(&all[joined[0]], &all[joined[1]])?);
@@ -260,14 +260,14 @@ fn reduce_vertices(piece: Surface, vertices: usize) -> Result<Surface, HullError
     if piece.vertices().len() <= vertices {
         return Ok(piece);
     }
-    let mut kept: Vec<[f64; 3]> = Vec::with_capacity(vertices);
+    let mut farthest_vertices: Vec<[f64; 3]> = Vec::with_capacity(vertices);
     for [x, y, z] in sphere_spiral(vertices) {
-        let along = |v: &&[f64; 3]| x * v[0] + y * v[1] + z * v[2];
-        if let Some(&farthest) = piece.vertices().iter().max_by(|a, b| along(a).total_cmp(&along(b)))
-            && !kept.contains(&farthest)
+        let reach = |v: &&[f64; 3]| x * v[0] + y * v[1] + z * v[2];
+        if let Some(&farthest) = piece.vertices().iter().max_by(|a, b| reach(a).total_cmp(&reach(b)))
+            && !farthest_vertices.contains(&farthest)
         {
-            kept.push(farthest);
+            farthest_vertices.push(farthest);
         }
     }
-    hull::convex_hull(&kept)
+    hull::convex_hull(&farthest_vertices)
 }

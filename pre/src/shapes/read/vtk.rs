@@ -126,10 +126,10 @@ impl CellLists {
             if !fits {
                 return Err(CellError::CornerCount { cell, count, corners, left: following.len() });
             }
-            let (own, following) = following.split_at(corners as usize);
-            cells.corners.extend(own);
+            let (corners, next_cells) = following.split_at(corners as usize);
+            cells.corners.extend(corners);
             cells.ends.push(cells.corners.len() as f64);
-            rest = following;
+            rest = next_cells;
         }
         Ok(cells)
     }
@@ -169,8 +169,9 @@ impl PolyDataPiece {
         mesh.polygons.extend(self.polygons.corner_lists(points)?.into_iter().map(shifted_list));
         for strip in self.strips.corner_lists(points)?.into_iter().map(shifted_list) {
             // Every second triangle of a strip has the opposite orientation.
-            let oriented_triangle =
-                |(k, t): (usize, &[usize])| if k % 2 == 0 { t.to_vec() } else { vec![t[1], t[0], t[2]] };
+            let oriented_triangle = |(k, corners): (usize, &[usize])| {
+                if k % 2 == 0 { corners.to_vec() } else { vec![corners[1], corners[0], corners[2]] }
+            };
             mesh.polygons.extend(strip.windows(3).enumerate().map(oriented_triangle));
         }
         mesh.add_note("ignored", self.ignored, "line or point element", "");

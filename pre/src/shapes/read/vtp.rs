@@ -144,11 +144,9 @@ impl<'a> VtpFile<'a> {
             }
             match (tag.name.as_str(), parent) {
                 ("Piece", _) => {
-                    pieces.push(PolyDataPiece::default());
-                    let ignored = [tag.number_attribute("NumberOfVerts")?, tag.number_attribute("NumberOfLines")?];
-                    pieces.iter_mut().next_back().into_iter().for_each(|piece| {
-                        piece.ignored = ignored.into_iter().flatten().fold(0, usize::saturating_add);
-                    });
+                    let counts = [tag.number_attribute("NumberOfVerts")?, tag.number_attribute("NumberOfLines")?];
+                    let ignored = counts.into_iter().flatten().fold(0, usize::saturating_add);
+                    pieces.push(PolyDataPiece { ignored, ..PolyDataPiece::default() });
                     if tag.attribute("Source").is_some() {
                         return Err(ReadError::new(tag.line, "a piece in another file", "pieces in this one"));
                     }
