@@ -15,11 +15,13 @@ import threading
 import time
 import zlib
 
-SECONDS = 240
+MAX_SECONDS = 240  # after which the browser is ended
 OPTIONS = "--headless --no-sandbox --disable-dev-shm-usage --use-angle=swiftshader --enable-unsafe-swiftshader"
 
 
 class Browser:
+    """A browser that commands of its debugging pipe drive, with an empty page."""
+
     def __init__(self, program, folder):
         (from_here, self.commands), (self.answers, to_here) = os.pipe(), os.pipe()
         # The browser reads from descriptor 3 and writes to 4.
@@ -30,7 +32,7 @@ class Browser:
         os.close(from_here)
         os.close(to_here)
         atexit.register(self.end)
-        limit = threading.Timer(SECONDS, self.process.kill)
+        limit = threading.Timer(MAX_SECONDS, self.process.kill)
         limit.daemon = True
         limit.start()
         self.unread, self.events, self.count, self.session = b"", [], 0, None
@@ -44,14 +46,16 @@ class Browser:
         self.process.wait()
 
     def message(self):
+        """The next message of the browser; waits for it."""
         while b"\0" not in self.unread:
             read = os.read(self.answers, 1 << 20)
-            assert read, f"the browser ended, or took more than {SECONDS} s"
+            assert read, f"the browser ended, or took more than {MAX_SECONDS} s"
             self.unread += read
         text, self.unread = self.unread.split(b"\0", 1)
         return json.loads(text)
 
     def call(self, method, **parameters):
+        """Result of a command; events that arrive before it are kept in `events`."""
         self.count += 1
         command = {"id": self.count, "method": method, "params": parameters}
         if self.session:
@@ -65,6 +69,7 @@ class Browser:
         return answer["result"]
 
     def open(self, path):
+        """Opens a file and waits until it is loaded."""
         self.events.clear()
         self.call("Page.navigate", url=path.as_uri())
         while not any(event["method"] == "Page.loadEventFired" for event in self.events):
@@ -86,7 +91,7 @@ class Browser:
 
 
 def pixel_rows(data):
-    """Size of a PNG, and the bytes of its rows as (bytes of a pixel, rows)."""
+    """Width, height, bytes of a pixel, and rows of pixels of a PNG (ISO/IEC 15948), with the filters of its rows undone."""
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     width, height, depth, kind = struct.unpack(">IIBB", data[16:26])
     assert depth == 8 and kind in (2, 6), (depth, kind)
@@ -110,7 +115,7 @@ def pixel_rows(data):
 
 
 def check_picture(name, data, least_colours):
-    """A picture has white corners, and many colours in its middle: it is not empty."""
+    """Width and height of a picture, which must be opaque, with white corners and many colours in its middle."""
     width, height, size, rows = pixel_rows(data)
     colours = {bytes(row[x * size:x * size + 3]) for row in rows[height // 2 - 100:height // 2 + 100]
                for x in range(width // 2 - 150, width // 2 + 150)}

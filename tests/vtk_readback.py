@@ -4,8 +4,8 @@
     python3 tests/vtk_readback.py CASE
 
 For each step that CASE/DISPLAY/grains.pvd names, or that grains.vtkhdf contains, every array is compared with
-the value that numpy computes from CASE/OUTBOX/snapshot-NNNNNN.npz: what a snapshot holds bit for
-bit, sums within round-off. Prints a line a case; exits 1 if anything differs. Needs vtk and numpy.
+the value that numpy computes from CASE/OUTBOX/snapshot-NNNNNN.npz: arrays of the snapshot bit for
+bit, sums within round-off. Prints the number of states and faults; exits 1 if anything differs. Needs vtk and numpy.
 """
 
 import json
@@ -27,7 +27,7 @@ faults = []
 
 
 def check(where, found, expected, scale=None):
-    """Exactly equal, or within round-off of `scale`, an array that holds the sum of absolute terms."""
+    """Fails unless `found` is exactly `expected`, or within round-off of `scale`, the sums of the absolute terms."""
     found, expected = np.asarray(found), np.asarray(expected)
     if found.shape != expected.shape:
         faults.append(f"{where}: shape {found.shape}, expected {expected.shape}")
@@ -134,8 +134,8 @@ def polyhedra(path):
     return {number: np.array(rows) for number, rows in vertices.items()}
 
 
-# Places of the static friction, of the attraction, N, and of its range, m, in a law's parameters.
-PLACES = {
+# Indices of the static friction, of the attraction, N, and of its range, m, in the parameters of a law of each kind.
+PARAMETER_INDICES = {
     "IQS_CLB": (0, None, None),
     "IQS_DS_CLB": (1, None, None),
     "RST_CLB": (2, None, None),
@@ -144,7 +144,7 @@ PLACES = {
 
 
 def friction_attraction_and_range(law):
-    return [0.0 if place is None else law["parameters"][place] for place in PLACES[law["kind"]]]
+    return [0.0 if index is None else law["parameters"][index] for index in PARAMETER_INDICES[law["kind"]]]
 
 
 class Snapshot:
@@ -160,13 +160,12 @@ class Snapshot:
         self.rows = np.flatnonzero(~self.wall)  # row of each grain
         self.number = np.full(len(self.wall), -1)
         self.number[self.rows] = np.arange(len(self.rows))  # grain of each row
-        both = self.wall[self["contact_body"]].all(axis=1)
-        self.listed = ~both  # contacts between walls are not drawn
+        drawn = ~self.wall[self["contact_body"]].all(axis=1)  # contacts between walls are not
         for name in list(self.all):
             if name.startswith("contact_"):
-                self.all[name] = self.all[name][self.listed]
+                self.all[name] = self.all[name][drawn]
         self.force = np.einsum("ki,kij->kj", self["contact_force"], self["contact_frame"])
-        # In a scene that repeats grains are drawn in the cell about the origin, and meet the nearest image.
+        # In a periodic scene grains are drawn in the cell about the origin, and touch the nearest image of another.
         self.periods = np.array([self.meta["parameters"].get(name) or np.inf for name in ("xperiode", "yperiode")] + [np.inf])
         x = self["body_x"]
         moved = np.where(self.wall[:, None], 0.0, -self.whole(x))
@@ -186,7 +185,7 @@ class Snapshot:
         return self.all[name]
 
     def whole(self, d):
-        """The sums of whole periods that are nearest to vectors."""
+        """Whole numbers of periods, m, that are nearest to the vectors `d`."""
         turns = np.floor(np.abs(d) / self.periods + 0.5) * np.sign(d)
         return np.where(np.isinf(self.periods), 0.0, turns * np.where(np.isinf(self.periods), 0.0, self.periods))
 
@@ -225,7 +224,7 @@ def check_polyhedra(path, snapshot):
 
 
 def check_arrays(path, s, found, rows):
-    """What is known of grains: the arrays `found` have the grains `rows`, once for each."""
+    """Compares the arrays `found` with the values of the grains `rows`, a row for each."""
     count = len(s.rows)
     find = lambda name: found.get(name, [])
     exact = {
@@ -272,8 +271,8 @@ def check_arrays(path, s, found, rows):
     check(f"{path.name} kinetic_energy", find("kinetic_energy"), energy[rows], energy)
     relative = s.grain("v") - s.grain("mass") @ s.grain("v") / s.grain("mass").sum() if count else s.grain("v")
     motion = np.einsum("i,ij,ik->ijk", s.grain("mass") / volume, relative, relative).reshape(count, 9)
-    most = s.grain("mass") / volume * (s.grain("v") ** 2).sum(1)
-    check(f"{path.name} kinetic_stress", find("kinetic_stress"), motion[rows], most)
+    largest_motion = s.grain("mass") / volume * (s.grain("v") ** 2).sum(1)
+    check(f"{path.name} kinetic_stress", find("kinetic_stress"), motion[rows], largest_motion)
     sums = {"contacts", "stress", "pressure", "kinetic_energy", "kinetic_stress", "neighbours", "fragment", "orientation", "polyhedron"}
     unknown = set(found) - set(exact) - sums
     if unknown:
@@ -290,8 +289,8 @@ def check_contacts(path, snapshot):
     check(f"{path.name} lines", ends, expected)
     tangential = np.hypot(s["contact_force"][:, 1], s["contact_force"][:, 2])
     size = np.linalg.norm(s["contact_force"], axis=1)
-    most = s.friction * (s["contact_force"][:, 0] + s.attraction)
-    mobilised = np.where(most > 0, tangential / np.where(most > 0, most, 1), 0)
+    limit = s.friction * (s["contact_force"][:, 0] + s.attraction)  # of the tangential force, N
+    mobilised = np.where(limit > 0, tangential / np.where(limit > 0, limit, 1), 0)
     expected = {
         "mobilised": (mobilised, np.ones(1)),
         "normal_force": (s["contact_force"][:, 0], None),

@@ -7,7 +7,7 @@ from urllib.parse import unquote, urlsplit
 
 
 class Page(HTMLParser):
-    """Anchors and links of a page."""
+    """Anchors, links and loaded files (scripts, styles, images) of a page."""
 
     def __init__(self, text):
         super().__init__()

@@ -1,7 +1,7 @@
 """Preprocessor of mdBook: links to files of the repository that the site does not hold lead to the repository.
 
-Links to a README.md lead to the index.md that mdBook makes of it. The book comes as JSON on standard input, [context, book], and goes to standard output. A link to a file that does not
-exist is an error.
+Links to a README.md lead to the index.md that mdBook makes of it. The book comes as JSON on standard input,
+[context, book], and goes to standard output. A link to a file that does not exist is an error.
 """
 
 import json
@@ -9,6 +9,7 @@ import os
 import re
 import sys
 
+# Target of a link between its brackets: "](", the target, ")".
 LINK = re.compile(r"(\]\()([^)\s]+)(\))")
 
 
@@ -24,10 +25,11 @@ def main():
     url = context["config"]["output"]["html"]["git-repository-url"]
     docs = context["root"]
     pages = list(chapters(book["items"]))
-    held = {chapter["source_path"] for chapter in pages}
+    site_pages = {chapter["source_path"] for chapter in pages}
     faults = []
 
-    def target(page, link):
+    def site_link(page, link):
+        """The link of a page as it leads from the site."""
         file, mark, anchor = link.partition("#")
         if "://" in link or link.startswith("mailto:") or not file:
             return link
@@ -35,7 +37,7 @@ def main():
         full = os.path.normpath(os.path.join(docs, path))
         if not os.path.exists(full):
             faults.append(f"{page}: {link}: no such file")
-        if path in held:
+        if path in site_pages:
             return re.sub(r"README\.md$", "index.md", file) + mark + anchor
         if not path.startswith("..") and os.path.isfile(full) and not path.endswith(".md"):
             return link
@@ -43,11 +45,11 @@ def main():
         return f"{url}/{kind}/main/{os.path.relpath(full, os.path.dirname(docs))}{mark}{anchor}"
 
     for chapter in pages:
-        page, code, lines = chapter["source_path"], False, []
+        page, in_code, lines = chapter["source_path"], False, []
         for line in chapter["content"].split("\n"):
-            code ^= line.lstrip().startswith("```")
-            line = re.sub(r"^```ron\b.*", "```rust", line)  # close enough for colours
-            lines.append(line if code else LINK.sub(lambda m: m[1] + target(page, m[2]) + m[3], line))
+            in_code ^= line.lstrip().startswith("```")
+            line = re.sub(r"^```ron\b.*", "```rust", line)  # the colours of Rust suit RON, which mdBook does not know
+            lines.append(line if in_code else LINK.sub(lambda m: m[1] + site_link(page, m[2]) + m[3], line))
         chapter["content"] = "\n".join(lines)
     if faults:
         sys.exit("\n".join(faults))

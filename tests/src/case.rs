@@ -40,16 +40,16 @@ fn arguments(words: &[&Path]) -> impl Iterator<Item = OsString> {
     words.iter().map(OsString::from).collect::<Vec<_>>().into_iter()
 }
 
-/// A case that goes when it is dropped.
+/// A case in a temporary folder, which is deleted when this is dropped.
 pub struct Case(TempDir);
 
 impl Case {
-    /// cd-pre's DATBOX of a scene.
+    /// Writes the DATBOX of the text of a scene with cd-pre.
     pub fn of(scene: &str) -> Case {
         Case::with(scene, Path::new("no such folder"))
     }
 
-    /// The same with the surfaces (`.obj`) of a folder next to the scene.
+    /// Writes the DATBOX of the text of a scene that names surfaces (`.obj`) of `folder`: they are copied next to it.
     pub fn with(scene: &str, folder: &Path) -> Case {
         let case = Case::empty();
         let surfaces = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
@@ -100,7 +100,7 @@ impl Case {
         self
     }
 
-    /// Runs cd-post, which must end well; the columns of series.csv.
+    /// Runs cd-post, which must end well, and reads the columns of series.csv.
     pub fn series(&self) -> Columns {
         assert_eq!(post(self.path(), &["--no-vtk", "--no-plots"]), 0);
         csv(&self.path().join("POSTPRO/series.csv")).unwrap()
@@ -156,8 +156,8 @@ pub fn assert_same_results(expected: &Case, found: &Case) {
     assert!(different.is_empty(), "bytes differ in {different:?}");
 }
 
-/// A cloud of `number` rocks with radii 8 to 12 m at rest that falls together under its own gravity;
-/// `compute` holds the options but for self-gravity.
+/// Scene of a cloud of `number` rocks with radii 8 to 12 m at rest that falls together under its own gravity; `compute`
+/// holds the options but for self-gravity.
 pub fn cloud(number: usize, friction: f64, seed: u64, compute: &str) -> String {
     format!(
         r#"(
@@ -186,10 +186,12 @@ pub fn surfaces_of_an_l() -> TempDir {
     let foot = [[0, 0], [2, 0], [2, 1], [0, 1]];
     for (name, profile) in [("l", &l[..]), ("leg", &leg), ("foot", &foot)] {
         let n = profile.len();
-        // Ends at y = 0 and y = 1, and the sides between them.
+        // A prism: its ends at y = 0 and y = 1, and the sides between them.
         let vertices = [0, 1].iter().flat_map(|y| profile.iter().map(move |[x, z]| format!("v {x} {y} {z}\n")));
+        let ends = [(0..n).collect::<Vec<_>>(), (n..2 * n).collect()];
         let sides = (0..n).map(|k| vec![k, (k + 1) % n, n + (k + 1) % n, n + k]);
-        let faces = [(0..n).collect::<Vec<_>>(), (n..2 * n).collect()].into_iter().chain(sides).map(|face| {
+        let faces = ends.into_iter().chain(sides).map(|face| {
+            // Numbers of vertices start from 1 in this format.
             let corners: Vec<String> = face.iter().map(|k| (k + 1).to_string()).collect();
             format!("f {}\n", corners.join(" "))
         });

@@ -11,7 +11,8 @@ use std::path::Path;
 use serde_json::Value;
 use vtkio::model::{Attribute, Attributes, DataSet, IOBuffer, Piece, VertexNumbers};
 
-/// Names and values. An empty field is a NaN; vectors stand flat. Text stands as numbers too, a byte a row.
+/// Values of each column by its name: the components of vectors follow each other, an empty field is a NaN, and each byte
+/// of a text is a number.
 pub type Columns = BTreeMap<String, Vec<f64>>;
 
 /// The columns of a file, by the ending of its name.
@@ -48,9 +49,9 @@ pub fn csv(path: &Path) -> Result<Columns, String> {
     Ok(columns)
 }
 
-/// The arrays of a snapshot, and what its `meta` holds as `meta.step`, `meta.parameters.theta`, ...
+/// The arrays of a snapshot, and the values of its `meta` as `meta.step`, `meta.parameters.theta`, ...
 pub fn npz(path: &Path) -> Result<Columns, String> {
-    let fault = |what: String| format!("{}: {what}", path.display());
+    let fault = |found: String| format!("{}: {found}", path.display());
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes(path)?)).map_err(|e| fault(e.to_string()))?;
     let mut columns = Columns::new();
     for k in 0..archive.len() {
@@ -77,19 +78,19 @@ fn npy(bytes: &[u8]) -> Option<Vec<f64>> {
     if bytes[..8] != *b"\x93NUMPY\x01\x00" || !header.contains("'fortran_order': False") {
         return None;
     }
-    let after = |key: &str| header.split(key).nth(1);
-    let descr = after("'descr': '")?.split('\'').next()?;
-    let shape = after("'shape': (")?.split(')').next()?;
+    let text_after = |key: &str| header.split(key).nth(1);
+    let number_type = text_after("'descr': '")?.split('\'').next()?;
+    let shape = text_after("'shape': (")?.split(')').next()?;
     let dimensions = shape.split(',').map(str::trim).filter(|n| !n.is_empty());
     let count: usize = dimensions.map(|n| n.parse::<usize>().ok()).product::<Option<usize>>()?;
     macro_rules! values {
         ($type:ty) => {
             data.chunks_exact(size_of::<$type>())
-                .map(|c| <$type>::from_le_bytes(c.try_into().unwrap()) as f64)
+                .map(|chunk| <$type>::from_le_bytes(chunk.try_into().unwrap()) as f64)
                 .collect()
         };
     }
-    let values: Vec<f64> = match descr {
+    let values: Vec<f64> = match number_type {
         "<f8" => values!(f64),
         "<u8" => values!(u64),
         "<u4" => values!(u32),
@@ -100,14 +101,15 @@ fn npy(bytes: &[u8]) -> Option<Vec<f64>> {
     (values.len() == count).then_some(values)
 }
 
-/// Numbers and truth values by their path; the version of the program and the options of the run are no results.
+/// Adds the numbers, truth values and texts in a JSON value as columns, each named by its path; the version of the program
+/// and the options of the run are no results.
 fn flatten(path: &str, value: &Value, columns: &mut Columns) {
     match value {
         Value::Null => drop(columns.insert(path.into(), vec![f64::NAN])),
-        Value::Bool(b) => drop(columns.insert(path.into(), vec![f64::from(u8::from(*b))])),
-        Value::Number(n) => columns.entry(path.into()).or_default().push(n.as_f64().unwrap_or(f64::NAN)),
+        Value::Bool(truth) => drop(columns.insert(path.into(), vec![f64::from(u8::from(*truth))])),
+        Value::Number(number) => columns.entry(path.into()).or_default().push(number.as_f64().unwrap_or(f64::NAN)),
         Value::String(_) if path == "meta.program" => {}
-        Value::String(s) => columns.entry(path.into()).or_default().extend(s.bytes().map(f64::from)),
+        Value::String(text) => columns.entry(path.into()).or_default().extend(text.bytes().map(f64::from)),
         Value::Array(list) => list.iter().for_each(|item| flatten(path, item, columns)),
         Value::Object(_) if path == "meta.options" => {}
         Value::Object(map) => map.iter().for_each(|(key, item)| flatten(&format!("{path}.{key}"), item, columns)),
@@ -116,7 +118,7 @@ fn flatten(path: &str, value: &Value, columns: &mut Columns) {
 
 /// Points, cells and arrays of a ParaView file.
 pub fn vtp(path: &Path) -> Result<Columns, String> {
-    let fault = |what: String| format!("{}: {what}", path.display());
+    let fault = |found: String| format!("{}: {found}", path.display());
     let vtk = vtkio::Vtk::import(path).map_err(|error| fault(error.to_string()))?;
     let DataSet::PolyData { pieces, .. } = vtk.data else { return Err(fault("is no polygonal data".into())) };
     let [Piece::Inline(piece)] = &pieces[..] else { return Err(fault("expected one piece".into())) };

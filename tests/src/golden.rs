@@ -1,15 +1,16 @@
-//! The expected files of `tests/golden/SCENE`: a stage starts from the expected files of the stage before, so that
-//! one red test is one stage.
+//! The expected files of `tests/golden/SCENE`, and their comparison with those that the programs write now. A stage starts
+//! from the expected files of the stage before, so that a failed test concerns one program:
 //!
 //! ```text
+//! input of the stage            expected files
 //! scene.ron                     expected/pre/DATBOX/
 //! expected/pre/DATBOX/          expected/solve/OUTBOX/
 //! expected/solve/OUTBOX/        expected/post/POSTPRO/series.csv  expected/post/DISPLAY/ (with DATBOX)
 //! ```
 //!
 //! Text of cd-pre is compared by its bytes. Numbers of cd-solve and cd-post are compared column by column: a solver that
-//! sweeps in another order ends elsewhere within its tolerance, and functions of the C library, which cd-post calls, differ
-//! in the last bits.
+//! sweeps in another order finds another solution within its tolerance, and functions of the C library, which cd-post
+//! calls, differ in the last bits.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -72,7 +73,7 @@ pub fn run(scene: &Path, stage: Stage, case: &Path) {
             solve(case, &[])
         }
         Stage::Post => {
-            // The shapes of polyhedra stand in DATBOX.
+            // DATBOX holds the shapes of polyhedra.
             copy(&expected(scene, Stage::Pre).join("DATBOX"), &case.join("DATBOX"));
             copy(&expected(scene, Stage::Solve).join("OUTBOX"), &case.join("OUTBOX"));
             let status = post(case, &["--no-plots"]);
@@ -83,11 +84,13 @@ pub fn run(scene: &Path, stage: Stage, case: &Path) {
     assert_eq!(status, 0, "{} of {}", stage.name(), scene.display());
 }
 
-/// How far a column may be off: `relative` times the largest value of the column `scale` (of the same file; without a
-/// name, its own).
+/// Largest change of a column that is allowed.
+#[derive(Clone, Copy)]
 pub struct Tolerance {
     pub column: &'static str,
+    /// Allowed change in units of the scale.
     pub relative: f64,
+    /// Column of the same file whose largest value is the scale, `OWN` or `ONE`.
     pub scale: &'static str,
 }
 
@@ -95,71 +98,73 @@ const fn within(column: &'static str, relative: f64, scale: &'static str) -> Tol
     Tolerance { column, relative, scale }
 }
 
-/// Not compared, only that it is there.
+/// Relative change of a column that must only exist.
 const ANY: f64 = f64::INFINITY;
-/// Scale of pure numbers.
+/// Scale of a column that is its own largest value.
+const OWN: &str = "";
+/// Scale 1, for pure numbers.
 const ONE: &str = "1";
 
 /// Columns that are not named here are exact: numbers of contacts, which bodies touch, stick or slide, time, masses.
 ///
-/// The scenes require a residual of 1e-10, make a few hundred steps and have few contacts at once. What the
+/// The scenes require a residual of 1e-10, make a few hundred steps and have few contacts at once. The errors that the
 /// solver leaves, 1e-10 of the impulses, and round-off, 1e-16, grow by the collisions that follow.
-const SOLVE: &[Tolerance] = &[
-    within("body_x", 1e-9, ""),
+const SOLVE_TOLERANCES: &[Tolerance] = &[
+    within("body_x", 1e-9, OWN),
     within("body_q", 1e-8, ONE),
-    within("body_v", 1e-7, ""),
-    within("body_w", 1e-7, ""),
-    within("body_w_world", 1e-7, ""),
-    within("body_radius", 1e-14, ""), // of plates: a cube root
+    within("body_v", 1e-7, OWN),
+    within("body_w", 1e-7, OWN),
+    within("body_w_world", 1e-7, OWN),
+    within("body_radius", 1e-14, OWN), // of plates: a cube root
     within("contact_point", 1e-9, "body_x"),
     within("contact_gap", 1e-9, "body_x"),
     within("contact_frame", 1e-7, ONE),
     // An impulse is a difference of velocities, and where contacts share a load it is worse determined than these.
-    within("contact_force", 1e-6, ""),
-    within("contact_impulse", 1e-6, ""),
+    within("contact_force", 1e-6, OWN),
+    within("contact_impulse", 1e-6, OWN),
     within("contact_velocity", 1e-7, "body_v"), // zero of contacts that stick: no scale of its own
-    within("contact_area", 1e-7, ""),
-    within("interval_virial", 1e-6, ""), // adds up impulses
-    within("turning_momentum", 1e-7, ""),
-    within("pair_memory", ANY, ""), // features, but where a direction is remembered its bits
-    within("meta.ledger.energy_start", 1e-12, ""),
-    within("meta.ledger.contact_work", 1e-7, ""),
+    within("contact_area", 1e-7, OWN),
+    within("interval_virial", 1e-6, OWN), // adds up impulses
+    within("turning_momentum", 1e-7, OWN),
+    within("pair_memory", ANY, OWN), // features, but where a direction is remembered its bits
+    within("meta.ledger.energy_start", 1e-12, OWN),
+    within("meta.ledger.contact_work", 1e-7, OWN),
     within("meta.ledger.friction_work", 1e-7, "meta.ledger.contact_work"),
-    within("meta.ledger.outside_work", 1e-7, ""),
+    within("meta.ledger.outside_work", 1e-7, OWN),
     within("meta.ledger.momentum_expected", 1e-7, "meta.ledger.momentum_scale"),
-    within("meta.ledger.angular_momentum_expected", 1e-7, ""),
-    within("meta.ledger.momentum_scale", 1e-7, ""),
+    within("meta.ledger.angular_momentum_expected", 1e-7, OWN),
+    within("meta.ledger.momentum_scale", 1e-7, OWN),
     within("meta.ledger.penetration_largest", 1e-8, ONE),
     within("meta.ledger.penetration_left", 1e-8, ONE),
-    // How the solver gets there is its own affair.
-    within("meta.ledger.sweeps", ANY, ""),
-    within("sweeps", ANY, ""),
-    within("contacts_solved", ANY, ""),
-    within("residual", ANY, ""), // at most tol where `converged` is 1
+    // Another order of the sweeps needs another number of them.
+    within("meta.ledger.sweeps", ANY, OWN),
+    within("sweeps", ANY, OWN),
+    within("contacts_solved", ANY, OWN),
+    within("residual", ANY, OWN), // at most tol where `converged` is 1
     within("penetration_largest", 1e-8, ONE),
-    within("penetration_mean", ANY, ""), // of the contacts with a gap below 0, which round-off decides for those that touch
-    within("virial", 1e-6, ""),          // adds up impulses
-    within("flight_error", 1e-20, ONE),  // exact under uniform gravity: what is left is round-off, squared
-    within("kinetic_energy", 1e-7, ""),
-    within("rotational_energy", 1e-7, ""),
-    within("potential_energy", 1e-9, ""),
-    within("contact_work", 1e-7, ""),
+    within("penetration_mean", ANY, OWN), // of the contacts with a gap below 0, which round-off decides for those that touch
+    within("virial", 1e-6, OWN),          // adds up impulses
+    within("flight_error", 1e-20, ONE),   // exact under uniform gravity: what is left is round-off, squared
+    within("kinetic_energy", 1e-7, OWN),
+    within("rotational_energy", 1e-7, OWN),
+    within("potential_energy", 1e-9, OWN),
+    within("contact_work", 1e-7, OWN),
     within("friction_work", 1e-7, "contact_work"),
-    within("outside_work", 1e-7, ""),
+    within("outside_work", 1e-7, OWN),
     within("momentum_drift", 1e-12, ONE), // round-off itself
     within("gravity_removed", 1e-12, ONE),
 ];
 
 /// cd-post adds up values of the snapshots: round-off of sums.
-const POST: f64 = 1e-12;
+const POST_TOLERANCE: f64 = 1e-12;
 
 fn tolerance(stage: Stage, file: &str, column: &str) -> Tolerance {
     let exact = within("", 0.0, ONE);
     match stage {
         Stage::Pre => exact,
-        Stage::Solve => SOLVE.iter().find(|t| t.column == column).map_or(exact, |t| Tolerance { ..*t }),
+        Stage::Solve => SOLVE_TOLERANCES.iter().find(|tolerance| tolerance.column == column).copied().unwrap_or(exact),
         Stage::Post if file.ends_with(".pvd") => exact,
-        Stage::Post => within("", POST, ""),
+        Stage::Post => within("", POST_TOLERANCE, OWN),
     }
 }
 
@@ -170,9 +175,11 @@ pub struct Change {
     pub column: String,
     /// Largest |found - expected|; infinite where the two cannot be compared.
     pub largest: f64,
-    /// The largest value that it is relative to.
+    /// Largest value of the column of the scale, see [`Tolerance`].
     pub scale: f64,
+    /// Largest change that is allowed.
     pub allowed: f64,
+    /// Reason why the two cannot be compared; empty if they can.
     pub note: String,
 }
 
@@ -187,9 +194,10 @@ impl std::fmt::Display for Change {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         let Change { file, column, largest, scale, allowed, note } = self;
         write!(f, "{file}: {column}: ")?;
-        match note.is_empty() {
-            true => write!(f, "{largest:.2e} off, largest value {scale:.2e}; {allowed:.2e} allowed"),
-            false => write!(f, "{note}"),
+        if note.is_empty() {
+            write!(f, "{largest:.2e} off, largest value {scale:.2e}; {allowed:.2e} allowed")
+        } else {
+            write!(f, "{note}")
         }
     }
 }
@@ -202,7 +210,7 @@ pub fn changes(stage: Stage, expected: &Path, found: &Path) -> Vec<Change> {
         for name in names(expected).union(&names(found)) {
             let file = format!("{folder}/{name}");
             match (read(&expected.join(&file)), read(&found.join(&file))) {
-                (Ok(old), Ok(new)) => changes.extend(compare(stage, &file, &old, &new)),
+                (Ok(old), Ok(new)) => changes.extend(changed_columns(stage, &file, &old, &new)),
                 (Err(_), Ok(_)) => changes.push(incomparable(&file, "file", "is new")),
                 (_, Err(error)) => changes.push(incomparable(&file, "file", &error)),
             }
@@ -211,14 +219,16 @@ pub fn changes(stage: Stage, expected: &Path, found: &Path) -> Vec<Change> {
     changes
 }
 
+/// Change of a column, or of a whole file, that cannot be compared, for the reason `note`.
 fn incomparable(file: &str, column: &str, note: &str) -> Change {
     let (file, column, note) = (file.to_string(), column.to_string(), note.to_string());
     Change { file, column, largest: f64::INFINITY, scale: 0.0, allowed: 0.0, note }
 }
 
-fn compare(stage: Stage, file: &str, expected: &Columns, found: &Columns) -> Vec<Change> {
+/// Changes of the columns of a file whose values are not the same.
+fn changed_columns(stage: Stage, file: &str, expected: &Columns, found: &Columns) -> Vec<Change> {
     let names: BTreeSet<&String> = expected.keys().chain(found.keys()).collect();
-    let of = |name: &String| match (expected.get(name), found.get(name)) {
+    let change_of = |name: &String| match (expected.get(name), found.get(name)) {
         (None, _) => Some(incomparable(file, name, "is new")),
         (_, None) => Some(incomparable(file, name, "is gone")),
         (Some(a), Some(b)) if name == "text" => (a != b).then(|| incomparable(file, name, &first_difference(a, b))),
@@ -229,7 +239,7 @@ fn compare(stage: Stage, file: &str, expected: &Columns, found: &Columns) -> Vec
             let Tolerance { relative, scale, .. } = tolerance(stage, file, name);
             let scale = match scale {
                 ONE => 1.0,
-                "" => magnitude(a),
+                OWN => magnitude(a),
                 other => expected.get(other).map_or(0.0, |column| magnitude(column)),
             };
             let largest = a.iter().zip(b).map(|(x, y)| difference(*x, *y)).fold(0.0, f64::max);
@@ -238,14 +248,15 @@ fn compare(stage: Stage, file: &str, expected: &Columns, found: &Columns) -> Vec
             (largest != 0.0).then_some(Change { file, column, largest, scale, allowed, note })
         }
     };
-    names.into_iter().filter_map(of).collect()
+    names.into_iter().filter_map(change_of).collect()
 }
 
+/// Largest magnitude of the values that are defined.
 fn magnitude(column: &[f64]) -> f64 {
-    column.iter().filter(|x| !x.is_nan()).fold(0.0, |m: f64, x| m.max(x.abs()))
+    column.iter().filter(|x| !x.is_nan()).fold(0.0, |largest: f64, x| largest.max(x.abs()))
 }
 
-/// 0 if both are undefined, infinite if one is.
+/// Difference of two values: 0 if both are undefined, infinite if one is.
 fn difference(a: f64, b: f64) -> f64 {
     match (a.is_nan(), b.is_nan()) {
         (true, true) => 0.0,
@@ -254,17 +265,20 @@ fn difference(a: f64, b: f64) -> f64 {
     }
 }
 
-/// The first line in which two texts differ.
-fn first_difference(a: &[f64], b: &[f64]) -> String {
-    let text =
-        |bytes: &[f64]| String::from_utf8_lossy(&bytes.iter().map(|b| *b as u8).collect::<Vec<u8>>()).into_owned();
-    let (a, b) = (text(a), text(b));
-    let (mut a, mut b) = (a.lines(), b.lines());
-    for line in 1.. {
-        match (a.next(), b.next()) {
+/// The first line in which two texts, given as the numbers of their bytes, differ.
+fn first_difference(expected: &[f64], found: &[f64]) -> String {
+    let text = |numbers: &[f64]| {
+        let bytes: Vec<u8> = numbers.iter().map(|number| *number as u8).collect();
+        String::from_utf8_lossy(&bytes).into_owned()
+    };
+    let (expected, found) = (text(expected), text(found));
+    let (mut expected_lines, mut found_lines) = (expected.lines(), found.lines());
+    for number in 1.. {
+        match (expected_lines.next(), found_lines.next()) {
             (None, None) => break,
-            (a, b) if a != b => {
-                return format!("line {line}: {}; expected {}", b.unwrap_or("missing"), a.unwrap_or("no more"));
+            (expected, found) if expected != found => {
+                let (expected, found) = (expected.unwrap_or("no more"), found.unwrap_or("missing"));
+                return format!("line {number}: {found}; expected {expected}");
             }
             _ => {}
         }
@@ -273,8 +287,9 @@ fn first_difference(a: &[f64], b: &[f64]) -> String {
 }
 
 /// Makes the expected files of a scene anew, stage by stage; returns a table of the largest change of each column.
-/// The files of a stage in which every change is allowed stay, so that another machine's round-off is no change
-/// (without its folder a stage is made in any case).
+///
+/// The files of a stage in which every change is allowed stay, so that another machine's round-off is no change. A stage
+/// without expected files is made in any case.
 pub fn rewrite(scene: &Path) -> String {
     let mut report = format!("{}\n", scene.file_name().unwrap_or_default().display());
     for stage in Stage::ALL {
@@ -288,8 +303,8 @@ pub fn rewrite(scene: &Path) -> String {
         }
         for folder in stage.folders() {
             let (old, new) = (expected.join(folder), case.path().join(folder));
-            for gone in files(&old).iter().filter(|name| !new.join(name).exists()) {
-                fs::remove_file(old.join(gone)).unwrap();
+            for removed in files(&old).iter().filter(|name| !new.join(name).exists()) {
+                fs::remove_file(old.join(removed)).unwrap();
             }
             copy(&new, &old);
         }
@@ -299,13 +314,14 @@ pub fn rewrite(scene: &Path) -> String {
 
 /// The largest change of each column over the files of a stage.
 fn table(stage: Stage, changes: &[Change]) -> String {
+    // The largest change and the number of changes of each column of each kind of files.
     let mut columns: BTreeMap<(String, &String), (&Change, usize)> = BTreeMap::new();
     for change in changes {
         let kind = change.file.replace(char::is_numeric, ""); // snapshots of all steps together
-        let entry = columns.entry((kind, &change.column)).or_insert((change, 0));
-        entry.1 += 1;
-        if change.largest > entry.0.largest {
-            entry.0 = change;
+        let (largest, count) = columns.entry((kind, &change.column)).or_insert((change, 0));
+        *count += 1;
+        if change.largest > largest.largest {
+            *largest = change;
         }
     }
     if columns.is_empty() {
@@ -315,12 +331,13 @@ fn table(stage: Stage, changes: &[Change]) -> String {
     let mut text = format!("  {:<6} largest change of each column; {verdict}\n", stage.name());
     for ((_, column), (change, count)) in columns {
         let Change { file, largest, scale, allowed, note, .. } = change;
-        let what = match note.is_empty() {
-            true => format!("{largest:9.2e} of {scale:8.2e}, {allowed:8.2e} allowed"),
-            false => note.clone(),
+        let description = if note.is_empty() {
+            format!("{largest:9.2e} of {scale:8.2e}, {allowed:8.2e} allowed")
+        } else {
+            note.clone()
         };
-        let verdict = if change.is_allowed() { ' ' } else { '!' };
-        text += &format!("  {verdict} {column:<36} {what}   {file}, {count} in all\n");
+        let mark = if change.is_allowed() { ' ' } else { '!' };
+        text += &format!("  {mark} {column:<36} {description}   {file}, {count} in all\n");
     }
     text
 }

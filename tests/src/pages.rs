@@ -39,9 +39,9 @@ pub fn anchors(text: &str) -> HashSet<String> {
     let headings = prose(text)
         .filter_map(|(_, line)| line.trim_start_matches('#').strip_prefix(' ').filter(|_| line.starts_with('#')));
     let anchor = |heading: &str| {
-        let kept =
-            heading.to_lowercase().chars().filter(|&c| c.is_alphanumeric() || "-_ ".contains(c)).collect::<String>();
-        kept.trim().replace(' ', "-")
+        let is_part = |letter: &char| letter.is_alphanumeric() || "-_ ".contains(*letter);
+        let letters: String = heading.to_lowercase().chars().filter(is_part).collect();
+        letters.trim().replace(' ', "-")
     };
     headings.map(anchor).collect()
 }

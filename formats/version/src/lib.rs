@@ -14,10 +14,10 @@ use proc_macro::TokenStream;
 pub fn version(_: TokenStream) -> TokenStream {
     let [folder, number] =
         ["CARGO_MANIFEST_DIR", "CARGO_PKG_VERSION"].map(|name| std::env::var(name).unwrap_or_default());
-    let source = Commit::of_package(Path::new(&folder));
-    let text = source.as_ref().map_or(number.clone(), |commit| format!("{number} ({})", commit.name));
+    let commit = Commit::of_package(Path::new(&folder));
+    let text = commit.as_ref().map_or(number.clone(), |commit| format!("{number} ({})", commit.name));
     // The compiler records the files that it includes, so that cargo compiles again when they change.
-    let includes: String = source
+    let includes: String = commit
         .into_iter()
         .flat_map(|commit| commit.files)
         .map(|file| format!("const _: &[u8] = ::core::include_bytes!({:?});", file.display().to_string()))
