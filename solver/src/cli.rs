@@ -157,6 +157,8 @@ struct PreparedCase {
     state: State,
     /// Whether `state` is that of a snapshot.
     resumed: bool,
+    /// Threads that have read it, and their number as given.
+    reading_pool: (rayon::ThreadPool, usize),
     /// Lock of OUTBOX until the run ends; only rank 0 has it, and only if it writes.
     _lock: Option<OutboxLock>,
 }
@@ -179,8 +181,8 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
     };
     let flags = arguments.flags.or(&driver.options);
     let reading_threads = flags.threads.filter(|&threads| threads <= MAX_THREADS).unwrap_or(0);
-    let (mut scene, mut state) =
-        start_threads(reading_threads, &SingleRank)?.install(|| read::read_case(case, &flags))?;
+    let reading_pool = start_threads(reading_threads, &SingleRank)?;
+    let (mut scene, mut state) = reading_pool.install(|| read::read_case(case, &flags))?;
     if arguments.step_loop && scene.options.adaptive().is_on() {
         scene.options.adaptive = Some(Adaptive { max_multiple: 1, ..scene.options.adaptive() });
         scene.notes.push("adaptive: steps are dt in a step loop, whose forces may change in each of them".into());
@@ -206,7 +208,7 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
     if let Some(step) = arguments.dump_problem {
         write::check_dump_step(&scene, &state, step)?;
     }
-    Ok(PreparedCase { scene, state, resumed, _lock: lock })
+    Ok(PreparedCase { scene, state, resumed, reading_pool: (reading_pool, reading_threads), _lock: lock })
 }
 
 /// Replaces the state by that of the last snapshot, and reports the options that have changed since; returns whether there
@@ -233,18 +235,28 @@ fn advance_case(
     prepared: PreparedCase,
     communicator: &'static dyn Communicator,
 ) -> Result<String, RunFailure> {
-    let (case, PreparedCase { scene, state, resumed, _lock }) = (&arguments.dir, prepared);
+    let (case, PreparedCase { scene, state, resumed, reading_pool, _lock }) = (&arguments.dir, prepared);
+    let (reading_pool, reading_threads) = reading_pool;
+    // Allocators keep the memory that a thread has freed for this thread: others would need as much again.
+    let reading_pool = (reading_threads == scene.options.threads).then_some(reading_pool);
+    let pool_without_ranks = || reading_pool.map_or_else(|| start_threads(scene.options.threads, &SingleRank), Ok);
     if arguments.plan {
         let planned_ranks = arguments.ranks.map(|ranks| ranks as usize);
         let plan = || plan::plan_text(&scene, &state, planned_ranks);
         // The trial steps of a plan end after some time, which differs between ranks, so that they cannot make them together.
         return if communicator.rank() == 0 {
-            Ok(start_threads(scene.options.threads, &SingleRank)?.install(plan))
+            Ok(pool_without_ranks()?.install(plan))
         } else {
             Ok(String::new())
         };
     }
-    let pool = start_threads(scene.options.threads, communicator)?;
+    let pool = match communicator.size() {
+        1 => pool_without_ranks()?,
+        _ => {
+            drop(pool_without_ranks);
+            start_threads(scene.options.threads, communicator)?
+        }
+    };
     // Nothing is rejected from here on.
     if arguments.force && communicator.rank() == 0 {
         write::remove_results(case)?;
