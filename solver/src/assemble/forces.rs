@@ -47,6 +47,10 @@ impl FreeMotion {
     }
 }
 
+/// Number of bodies whose effects are kept at once, 5 MB: those of a million bodies would be new pages of memory in each
+/// step, as glibc does not keep arrays above 32 MB.
+const BODIES_AT_ONCE: usize = 1 << 16;
+
 /// Effect of self-gravity, uniform gravity and outer fields on a free body in a step.
 struct FieldEffect {
     /// By all of these, m/s.
@@ -91,14 +95,18 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
             angular_impulse: x.cross(&impulse),
         }
     };
-    let effects: Vec<FieldEffect> =
-        scene.free.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(effect_on).collect();
-    // Sums in the order of the bodies.
-    for (i, effect) in scene.free.iter().zip(effects) {
-        free.v[i.index()] += effect.velocity_change;
-        free.potential += effect.potential_energy;
-        free.impulse += effect.impulse;
-        free.angular_impulse += effect.angular_impulse;
+    let mut effects: Vec<FieldEffect> = Vec::new();
+    for first in (0..scene.free.len()).step_by(BODIES_AT_ONCE) {
+        let bodies = &scene.free[first..scene.free.len().min(first + BODIES_AT_ONCE)];
+        let effects_on = bodies.par_iter().enumerate().with_min_len(PAR_MIN_LEN);
+        effects_on.map(|(k, i)| effect_on((first + k, i))).collect_into_vec(&mut effects);
+        // Sums in the order of the bodies.
+        for (i, effect) in bodies.iter().zip(&effects) {
+            free.v[i.index()] += effect.velocity_change;
+            free.potential += effect.potential_energy;
+            free.impulse += effect.impulse;
+            free.angular_impulse += effect.angular_impulse;
+        }
     }
     free.potential += tidal_energy(scene, &outside, &q_c.q);
     for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i.index()].is_driven_in_part()) {
