@@ -1,7 +1,7 @@
 //! A bed of grains between walls: its level, solid fraction and stress, for the whole bed and by layers.
 
 use crate::derive::coordination::neighbour_counts;
-use crate::derive::enclosure::GrainEnclosure;
+use crate::derive::enclosure::{BedWalls, GrainEnclosure};
 use crate::derive::fragments::Fragment;
 use crate::derive::heights::{centre_of_mass, height_range, volume_below};
 use crate::derive::polytope::cut_polygon;
@@ -53,7 +53,7 @@ impl Bed {
             return None;
         }
         let members = || grains.iter().map(|&i| &frame.grains[i]);
-        let (planes, bores) = GrainEnclosure::around(frame, grains.clone()).into_bed_walls()?;
+        let BedWalls { planes, bores } = GrainEnclosure::around(frame, grains.clone()).into_bed_walls()?;
         let mut supported_weight = vec![0.0; frame.walls.len()];
         for contact in frame.active_contacts() {
             for side in [contact.candidate, contact.antagonist] {

@@ -386,7 +386,8 @@ mod tests {
         assert_eq!(neighbour_counts(&frame), [1, 1, 0]);
         assert_eq!((coordination(&frame).z, count_distant_pairs(&frame)), (2.0 / 3.0, 1));
         // The mobilised share is that of the first: 1/4 over 1/2 (4 - 3).
-        assert_eq!(crate::derive::fabric::mean_mobilisation(&frame), (0.5, 1.0));
+        let mobilisation = crate::derive::fabric::mean_mobilisation(&frame);
+        assert_eq!((mobilisation.mobilised_share, mobilisation.sliding_share), (0.5, 1.0));
         let row = crate::derive::Row::from_frame(&frame);
         assert_eq!((row.n_contacts, row.n_pulling, row.Z_all), (1, 1, 2.0 / 3.0));
         // In the values of an interval, a pair that pulled in the sum counts only if it touches in the snapshot.

@@ -49,6 +49,21 @@ pub struct GrainEnclosure<'a> {
     mean_diameter: f64,
 }
 
+/// Space of a bed between its walls.
+struct BedSpace {
+    /// Space below the surface.
+    space: ConvexPolytope,
+    surface: SurfacePlane,
+    /// Area of the section of the space along the surface, m^2.
+    section_area: f64,
+}
+
+/// Walls that bound a bed.
+pub struct BedWalls {
+    pub planes: Vec<WallPlane>,
+    pub bores: Vec<CylinderBore>,
+}
+
 impl<'a> GrainEnclosure<'a> {
     /// Returns the walls and periods around the grains of a frame; None without walls and periods, and if nothing
     /// touches walls while self-gravity binds the grains.
@@ -201,33 +216,34 @@ impl<'a> GrainEnclosure<'a> {
         Some(EnclosedRegion { kind, volume: space.volume(), members })
     }
 
-    /// Returns the space below the mean surface of grains under gravity, this surface, and the area of the section
-    /// along it, m^2; None if the space is open, or if the grains are a heap that does not fill it from side to side.
+    /// Returns the space below the mean surface of grains under gravity; None if the space is open, or if the grains are a
+    /// heap that does not fill it from side to side.
     /// `self` keeps the planes that bound it or lie beyond it.
-    fn bed_space(&mut self, up: &Vec3) -> Option<(ConvexPolytope, SurfacePlane, f64)> {
+    fn bed_space(&mut self, up: &Vec3) -> Option<BedSpace> {
         let (space, surface) = self.covered_space(
             |_| true,
             |enclosure, space| {
                 let grains: Vec<&Grain> = enclosure.inner_grains().collect();
-                let surface = mean_plane(&grains, (&enclosure.planes, &enclosure.bores), &enclosure.frame.cell(), up)?;
-                let section = space.cut_below(&-surface.normal, -surface.normal.dot(&surface.point));
+                let surface = mean_plane(&grains, &enclosure.planes, &enclosure.bores, &enclosure.frame.cell(), up)?;
+                let section_area = space.cut_below(&-surface.normal, -surface.normal.dot(&surface.point));
                 if !space.is_closed() {
                     let [lowest, _] = enclosure.height_range(up);
                     space.cut_below(up, lowest);
                 }
-                Some((surface, section))
+                Some((surface, section_area))
             },
         )?;
-        let (surface, section) = surface?;
-        if !self.frame.cell().is_periodic() && !self.is_filled(&space, &surface, section * surface.normal.dot(up)) {
+        let (surface, section_area) = surface?;
+        if !self.frame.cell().is_periodic() && !self.is_filled(&space, &surface, section_area * surface.normal.dot(up))
+        {
             return None;
         }
-        Some((space, surface, section))
+        Some(BedSpace { space, surface, section_area })
     }
 
     /// Whether a grain is within a mean diameter of each wall that bounds the space, and the grains cover half of the
-    /// section (m^2) as seen from above.
-    fn is_filled(&self, space: &ConvexPolytope, surface: &SurfacePlane, section: f64) -> bool {
+    /// section, whose area (m^2) is as seen from above.
+    fn is_filled(&self, space: &ConvexPolytope, surface: &SurfacePlane, section_area: f64) -> bool {
         let near_plane = |plane: &WallPlane| {
             let gap = |grain: &Grain| height_range(grain, &plane.normal)[0] - plane.offset;
             self.inner_grains().any(|grain| gap(grain) <= self.mean_diameter)
@@ -236,23 +252,23 @@ impl<'a> GrainEnclosure<'a> {
             let gap = |grain: &Grain| bore.radius - bore.offset_from_axis(&grain.x).norm() - grain.bounding_radius();
             self.inner_grains().any(|grain| gap(grain) <= self.mean_diameter)
         };
-        surface.area >= MIN_OCCUPIED_SHARE * section
+        surface.area >= MIN_OCCUPIED_SHARE * section_area
             && self.planes.iter().filter(|p| space.face_on(&p.normal, p.offset).is_some()).all(near_plane)
             && self.bores.iter().all(near_bore)
     }
 
     fn into_region_under_gravity(mut self, up: &Vec3) -> Option<EnclosedRegion> {
-        let (space, SurfacePlane { point, normal, .. }, section) = self.bed_space(up)?;
+        let BedSpace { space, surface, section_area } = self.bed_space(up)?;
         let volume = space.volume();
         // A lid is checked as a side of the whole space; the sides above the grains need not reach up to it.
         let whole_space = self.covered_space(|plane| plane.normal.dot(up) < 0.0, |_, _| ());
         if let Some((whole_space, ())) = whole_space
-            && whole_space.volume() - volume <= section * self.mean_diameter
+            && whole_space.volume() - volume <= section_area * self.mean_diameter
         {
             let members = self.members_inside(|x| self.is_inside(x));
             return Some(EnclosedRegion { kind: RegionKind::Walls, volume: whole_space.volume(), members });
         }
-        let is_below_surface = |x: &Vec3| (x - point).dot(&normal) <= 0.0;
+        let is_below_surface = |x: &Vec3| (x - surface.point).dot(&surface.normal) <= 0.0;
         let is_in_core = |i: &GrainId| self.core.binary_search(i).is_ok();
         let is_member = |i: &GrainId| {
             let x = &self.frame.grains[*i].x;
@@ -263,10 +279,10 @@ impl<'a> GrainEnclosure<'a> {
     }
 
     /// Returns the walls that bound a bed of these grains, without those beyond it; None if they do not enclose one.
-    pub fn into_bed_walls(mut self) -> Option<(Vec<WallPlane>, Vec<CylinderBore>)> {
-        let (space, ..) = self.bed_space(&self.up?)?;
+    pub fn into_bed_walls(mut self) -> Option<BedWalls> {
+        let BedSpace { space, .. } = self.bed_space(&self.up?)?;
         self.planes.retain(|plane| space.face_on(&plane.normal, plane.offset).is_some());
-        Some((self.planes, self.bores))
+        Some(BedWalls { planes: self.planes, bores: self.bores })
     }
 
     fn members_inside(&self, inside: impl Fn(&Vec3) -> bool) -> Vec<GrainId> {

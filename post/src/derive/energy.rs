@@ -7,19 +7,36 @@ use crate::derive::gravity::GravityTree;
 use crate::frame::{Frame, Grain};
 use crate::math::Vec3;
 
-/// Kinetic energy of a grain, J: of translation, m v^2 / 2, and of rotation, w.(I w) / 2.
-///
-/// A ball of 2 kg at 3 m/s has 9 J; with radius 1 m and 5 rad/s about any axis, 10 J of rotation.
-pub fn kinetic_energies(grain: &Grain) -> (f64, f64) {
-    (0.5 * grain.mass * grain.v.norm_squared(), 0.5 * grain.w.dot(&(grain.inertia * grain.w)))
+/// Kinetic energy, J.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct KineticEnergy {
+    /// m v^2 / 2.
+    pub translation: f64,
+    /// w.(I w) / 2.
+    pub rotation: f64,
 }
 
-/// The sums of [`kinetic_energies`] over all grains, J.
-pub fn kinetic_sums(grains: &[Grain]) -> (f64, f64) {
-    grains
-        .iter()
-        .map(kinetic_energies)
-        .fold((0.0, 0.0), |sums, (translation, rotation)| (sums.0 + translation, sums.1 + rotation))
+impl KineticEnergy {
+    /// A ball of 2 kg at 3 m/s has 9 J of translation; with radius 1 m and 5 rad/s about any axis, 10 J of rotation.
+    pub fn of_grain(grain: &Grain) -> Self {
+        KineticEnergy {
+            translation: 0.5 * grain.mass * grain.v.norm_squared(),
+            rotation: 0.5 * grain.w.dot(&(grain.inertia * grain.w)),
+        }
+    }
+
+    /// Sums over all grains.
+    pub fn of_grains(grains: &[Grain]) -> Self {
+        grains.iter().map(Self::of_grain).fold(Self::default(), |sum, energy| KineticEnergy {
+            translation: sum.translation + energy.translation,
+            rotation: sum.rotation + energy.rotation,
+        })
+    }
+
+    /// Energy of translation and rotation, J.
+    pub fn total(&self) -> f64 {
+        self.translation + self.rotation
+    }
 }
 
 /// G of the snapshot, m^3 kg^-1 s^-2, if the grains attract each other.
@@ -121,7 +138,8 @@ mod tests {
         scene.snapshot.bodies.body_v[ball] = [1.0, 2.0, -2.0];
         scene.snapshot.bodies.body_w_world[ball] = [0.0, 3.0, -4.0];
         scene.grain([0.0; 3], 1.0); // at rest
-        assert_eq!(kinetic_sums(&scene.frame().grains), (9.0, 10.0));
+        let expected = KineticEnergy { translation: 9.0, rotation: 10.0 };
+        assert_eq!(KineticEnergy::of_grains(&scene.frame().grains), expected);
     }
 
     #[test]

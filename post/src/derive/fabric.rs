@@ -58,16 +58,25 @@ pub fn mobilised_share(contact: &Contact, laws: &[LawModel]) -> Option<f64> {
     (limit > 0.0).then(|| contact.tangential_force / limit)
 }
 
-/// Mean of [`mobilised_share`] over the contacts that touch with force and have friction available, and the share of these
-/// that slide (status 2); NaN without such contacts. Contacts that only pull at a distance carry no pressure and are left
-/// out.
-pub fn mean_mobilisation(frame: &Frame) -> (f64, f64) {
+/// Mobilisation of friction over some contacts.
+#[derive(Debug, PartialEq)]
+pub struct MeanMobilisation {
+    /// Mean of [`mobilised_share`].
+    pub mobilised_share: f64,
+    /// Share of the contacts that slide (status 2).
+    pub sliding_share: f64,
+}
+
+/// Mobilisation over the contacts that touch with force and have friction available; NaN without such contacts. Contacts that
+/// only pull at a distance carry no pressure and are left out.
+pub fn mean_mobilisation(frame: &Frame) -> MeanMobilisation {
     let all: Vec<(f64, bool)> = touching_contacts(frame)
         .filter_map(|c| Some((mobilised_share(c, &frame.laws)?, c.status == STATUS_SLIDE)))
         .collect();
     let count = all.len() as f64;
     let sliding = all.iter().filter(|(_, slides)| *slides).count() as f64;
-    (all.iter().map(|(share, _)| share).sum::<f64>() / count, sliding / count)
+    let sum = all.iter().map(|(share, _)| share).sum::<f64>();
+    MeanMobilisation { mobilised_share: sum / count, sliding_share: sliding / count }
 }
 
 /// Density of probability of values over their mean, in bins of equal width from 0 on.
@@ -137,23 +146,23 @@ mod tests {
         }
         scene.contact(1, 0, Vec3::new(4.0, 0.0, 2.0)); // all of it
         scene.contact(2, 1, Vec3::new(4.0, 1.0, 0.0)); // half of it
-        let (mean, _) = mean_mobilisation(&scene.frame());
+        let mean = mean_mobilisation(&scene.frame()).mobilised_share;
         assert!((mean - 0.75).abs() < 1e-15);
         // A cohesive law adds to what friction can give: 1 / (0.5 (4 + 4)).
         let law = &mut scene.snapshot.meta.laws[0];
         (law.kind, law.parameters) = ("IQS_WET_DS_CLB".into(), vec![4.0, 0.0, 0.1, 0.4, 0.5]);
-        let (mean, _) = mean_mobilisation(&scene.frame());
+        let mean = mean_mobilisation(&scene.frame()).mobilised_share;
         assert!((mean - 0.375).abs() < 1e-15, "{mean}");
         // No attraction beyond the range, nor, under a law with memory, after the bridge breaks: 1 / (0.5 4) and again half
         // of that.
         scene.snapshot.contacts.contact_gap[1] = 0.2;
-        let (mean, _) = mean_mobilisation(&scene.frame());
+        let mean = mean_mobilisation(&scene.frame()).mobilised_share;
         assert!((mean - 0.5 * (0.5 + 0.5)).abs() < 1e-15, "{mean}");
         scene.snapshot.meta.laws[0].kind = "xQS_WET_DS_CLB".into();
         scene.snapshot.contacts.contact_gap[1] = 0.0;
         for (bonded, expected) in [([1, 1], 0.375), ([0, 0], 0.75), ([0, 1], 0.5 * (1.0 + 0.25))] {
             scene.remember(&bonded);
-            let (mean, _) = mean_mobilisation(&scene.frame());
+            let mean = mean_mobilisation(&scene.frame()).mobilised_share;
             assert!((mean - expected).abs() < 1e-15, "{bonded:?} {mean}");
         }
     }
@@ -171,7 +180,7 @@ mod tests {
         let mut share = |contact_soundness: [f64; 2]| {
             scene.snapshot.laws =
                 Some(LawArrays { contact_soundness: contact_soundness.to_vec(), ..LawArrays::default() });
-            mean_mobilisation(&scene.frame()).0
+            mean_mobilisation(&scene.frame()).mobilised_share
         };
         assert_eq!(share([0.0, 0.0]), 0.75);
         assert_eq!(share([0.0, 0.25]), 0.5);
@@ -187,7 +196,7 @@ mod tests {
         let law = &mut scene.snapshot.meta.laws[0];
         (law.kind, law.parameters) = ("IQS_MOHR_DS_CLB".into(), vec![4.0, 2.0, 0.3, 0.4]);
         let area = std::f64::consts::FRAC_PI_4;
-        let share = |scene: &Scene| mean_mobilisation(&scene.frame()).0;
+        let share = |scene: &Scene| mean_mobilisation(&scene.frame()).mobilised_share;
         scene.contact(1, 0, Vec3::new(-1.0, 0.0, area)); // pulled by 1
         scene.remember(&[1]);
         assert!((share(&scene) - area / (2.0 * area - 0.5)).abs() < 1e-15, "{}", share(&scene));

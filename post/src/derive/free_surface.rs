@@ -31,7 +31,7 @@ const SIGNIFICANCE_FACTOR: f64 = 1.5;
 
 /// Threshold of the same deviations times the reach over the mean radius, above which a surface may not be a plane: at 12
 /// radii tan 6°, 1.7 times the largest value from undulations of eight level beds of 1000 and 3000 grains.
-const UNDULATION: f64 = 12.0 * 0.105;
+const MAX_UNDULATION: f64 = 12.0 * 0.105;
 
 /// Distance from a leaning wall, in mean radii, up to which a column may stand on the side of the grains along it: between
 /// the grains at the wall those of the second layer are seen, whose centres are 1 + √3 radii from it.
@@ -107,7 +107,7 @@ impl FreeSurface {
         let planes = bounding_planes(frame, &members);
         let bores: Vec<CylinderBore> = frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &members)).collect();
         grid.remove_sides(&mut heights, lowest, &LeaningSide::among(&planes, &bores, &up));
-        let mean_plane = grid.whole_plane(&heights)?;
+        let mean_plane = grid.plane_through_all(&heights)?;
         let fits: Vec<Option<FittedPlane>> =
             (0..heights.len()).into_par_iter().map(|k| grid.plane_at(&heights, k, reach * grid.width)).collect();
         let planes: Vec<&FittedPlane> = fits.iter().flatten().collect();
@@ -117,7 +117,7 @@ impl FreeSurface {
         let spread = mean(&|p| (p.gradient[0] - mean_gradient[0]).powi(2) + (p.gradient[1] - mean_gradient[1]).powi(2));
         let grain_noise = grid.noise_density(&heights, &fits, &mean_plane, MIN_PATCH);
         let min_variance = (SIGNIFICANCE_FACTOR * SIGNIFICANCE_FACTOR * grain_noise * mean(&|p| p.variance))
-            .max((UNDULATION / reach).powi(2));
+            .max((MAX_UNDULATION / reach).powi(2));
         let is_plane = planes.is_empty() || spread <= min_variance;
         let density = if is_plane {
             grid.noise_density(&heights, &fits, &mean_plane, (0.5 * PATCH_SHARE * reach).clamp(MIN_PATCH, MAX_PATCH))
@@ -175,8 +175,9 @@ impl FreeSurface {
     pub fn slopes_below(&self, shares: &[f64]) -> Vec<f64> {
         let mut known: Vec<f64> = self.columns.iter().map(|column| column.slope).filter(|s| s.is_finite()).collect();
         known.sort_by(f64::total_cmp);
-        let at = |share: &f64| known.get(((share * known.len() as f64).ceil() as usize).saturating_sub(1)).copied();
-        shares.iter().filter_map(at).collect()
+        let quantile =
+            |share: &f64| known.get(((share * known.len() as f64).ceil() as usize).saturating_sub(1)).copied();
+        shares.iter().filter_map(quantile).collect()
     }
 }
 
@@ -207,8 +208,9 @@ impl<'a> LeaningSide<'a> {
     }
 }
 
-/// One plane through all heights, which passes through its mean point along the axes.
+/// One plane through all heights.
 struct MeanPlane {
+    /// Mean position of the heights along the axes, m, at which the plane has the height of `plane`.
     middle: [f64; 2],
     plane: FittedPlane,
 }
@@ -234,7 +236,8 @@ pub struct SurfacePlane {
 /// level along a period, and leaves out columns on the side of the grains along a wall that leans over them.
 pub fn mean_plane(
     grains: &[&Grain],
-    (planes, bores): (&[WallPlane], &[CylinderBore]),
+    planes: &[WallPlane],
+    bores: &[CylinderBore],
     cell: &PeriodicCell,
     up: &Vec3,
 ) -> Option<SurfacePlane> {
@@ -246,7 +249,7 @@ pub fn mean_plane(
     let mut surface_heights = heights.clone();
     let lowest = grains.iter().map(|g| height_range(g, up)[0]).fold(f64::INFINITY, f64::min);
     grid.remove_sides(&mut surface_heights, lowest, &LeaningSide::among(planes, bores, up));
-    let plane = grid.whole_plane(&surface_heights)?;
+    let plane = grid.plane_through_all(&surface_heights)?;
     let ([first, second], [x, y], [along, across]) = (grid.axes, plane.middle, plane.plane.gradient);
     Some(SurfacePlane {
         point: first * x + second * y + up * plane.plane.height,
@@ -259,11 +262,12 @@ pub fn mean_plane(
 struct UpperFace {
     /// Corners along the axes, from the centre of the grain, counter-clockwise, m.
     corners: Vec<[f64; 2]>,
-    /// Height of the plane above the centre of the grain, m, and its gradient.
+    /// Height of the plane above the centre of the grain, m.
     height: f64,
+    /// Gradient of this height along the axes.
     gradient: [f64; 2],
     /// Height of the centre of the grain, m.
-    base: f64,
+    centre_height: f64,
     /// Rounding of a position, m.
     rounding: f64,
 }
@@ -282,7 +286,7 @@ impl UpperFace {
                 corners: corner.iter().map(|&k| axes.map(|axis| corners[k as usize].dot(&axis))).collect(),
                 height: normal.dot(&at(0)) / rise,
                 gradient: axes.map(|axis| -normal.dot(&axis) / rise),
-                base: grain.x.dot(up),
+                centre_height: grain.x.dot(up),
                 rounding,
             })
         };
@@ -296,7 +300,7 @@ impl UpperFace {
             let (along, across) = (c - a, d - b);
             along * (y - b) - across * (x - a) >= -self.rounding * along.hypot(across)
         });
-        within.then(|| self.base + self.height + self.gradient[0] * x + self.gradient[1] * y)
+        within.then(|| self.centre_height + self.height + self.gradient[0] * x + self.gradient[1] * y)
     }
 }
 
@@ -304,12 +308,15 @@ impl UpperFace {
 struct ColumnGrid {
     up: Vec3,
     axes: [Vec3; 2],
+    /// Number of columns along each axis.
     counts: [usize; 2],
+    /// Positions of the lower edges of the first columns along the axes, m.
     from: [f64; 2],
     /// Largest width, m.
     width: f64,
     /// Widths of the columns, m; along a period a whole number of columns fits.
     widths: [f64; 2],
+    /// Whether the columns repeat along each axis.
     repeats: [bool; 2],
 }
 
@@ -445,7 +452,7 @@ impl ColumnGrid {
     }
 
     /// Plane through all heights, level along a period, and level if these lie on a line. None without heights.
-    fn whole_plane(&self, heights: &[f64]) -> Option<MeanPlane> {
+    fn plane_through_all(&self, heights: &[f64]) -> Option<MeanPlane> {
         let at = |k: usize| {
             let [x, y] = self.column_middle(k);
             Vec3::new(x, y, heights[k])
@@ -455,19 +462,22 @@ impl ColumnGrid {
         let mean = known.iter().sum::<Vec3>() / count;
         let (middle, height) = ([mean.x, mean.y], mean.z);
         // Along a period nothing is fitted.
-        let free = Vec3::new(f64::from(u8::from(!self.repeats[0])), f64::from(u8::from(!self.repeats[1])), 1.0);
-        let offset = |p: &Vec3| (p - mean).component_mul(&free);
+        let fitted_axes = Vec3::new(f64::from(u8::from(!self.repeats[0])), f64::from(u8::from(!self.repeats[1])), 1.0);
+        let offset = |p: &Vec3| (p - mean).component_mul(&fitted_axes);
         let spread = known.iter().map(|p| offset(p) * offset(p).transpose()).sum::<Matrix3<f64>>() / count;
         let (xx, yy, xy) = (spread[(0, 0)], spread[(1, 1)], spread[(0, 1)]);
         let (xz, yz) = (spread[(0, 2)], spread[(1, 2)]);
-        let over = |value: f64, by: f64| if by > 0.0 { value / by } else { 0.0 };
+        let quotient_or_zero = |value: f64, divisor: f64| if divisor > 0.0 { value / divisor } else { 0.0 };
         let determinant = xx * yy - xy * xy;
         let (gradient, variance) = if determinant > 1e-9 * xx * yy {
             ([(xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant], (xx + yy) / determinant)
         } else if xx * yy > 0.0 {
             ([0.0; 2], 0.0)
         } else {
-            ([over(xz, xx), over(yz, yy)], over(1.0, xx) + over(1.0, yy))
+            (
+                [quotient_or_zero(xz, xx), quotient_or_zero(yz, yy)],
+                quotient_or_zero(1.0, xx) + quotient_or_zero(1.0, yy),
+            )
         };
         let plane = FittedPlane::through_all(height, gradient, variance / count, count);
         (!known.is_empty()).then_some(MeanPlane { middle, plane })

@@ -248,7 +248,7 @@ impl Row {
         let [a, b, c] = aggregate.semi_axes();
         let fixed = aggregate.clone().in_fixed_axes(&motion::RotatingAxes::from_frame(frame));
         let spin = fixed.spin();
-        let (e_translation, e_rotation) = energy::kinetic_sums(grains);
+        let kinetic_energy = energy::KineticEnergy::of_grains(grains);
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / count;
         let region = options.region(frame, fragments);
         let coordination = coordination::mean_coordination(frame, &region.members);
@@ -256,7 +256,7 @@ impl Row {
         let kinetic_stress = region.kinetic_stress(frame);
         let [sigma, motion_stress] = [stress, kinetic_stress].map(|s| 0.5 * (s + s.transpose()));
         let invariants = stress::StressInvariants::new(&stress);
-        let (mobilised, sliding_fraction) = fabric::mean_mobilisation(frame);
+        let mobilisation = fabric::mean_mobilisation(frame);
         let largest = LargestFragment::new(fragments, gravity, aggregate.mass);
         let bed = bed::Bed::from_frame(frame, fragments);
         let free_surface = FreeSurface::from_frame(frame, fragments, options.slope_reach);
@@ -286,8 +286,8 @@ impl Row {
             a,
             b,
             c,
-            Ec_mean: (e_translation + e_rotation) / count,
-            Ec_rot_mean: e_rotation / count,
+            Ec_mean: kinetic_energy.total() / count,
+            Ec_rot_mean: kinetic_energy.rotation / count,
             E_grav: e_grav,
             spin_x: spin.x,
             spin_y: spin.y,
@@ -331,8 +331,8 @@ impl Row {
             friction_angle: invariants.friction_angle,
             tensile_fraction: stress::tensile_fraction(frame),
             anisotropy: fabric::anisotropy(&fabric::fabric_tensor(frame)),
-            mobilised,
-            sliding_fraction,
+            mobilised: mobilisation.mobilised_share,
+            sliding_fraction: mobilisation.sliding_share,
             largest_mass: largest.sums.mass,
             largest_a: largest.axes[0],
             largest_b: largest.axes[1],
@@ -341,7 +341,7 @@ impl Row {
             largest_period: if largest.spin > 0.0 { std::f64::consts::TAU / largest.spin } else { f64::NAN },
             bound_fraction: largest.bound,
             escaping_fraction: largest.escaping,
-            E_total: e_translation + e_rotation + e_grav + e_uniform + e_fields,
+            E_total: kinetic_energy.total() + e_grav + e_uniform + e_fields,
             E_contacts: ledger.contact_work,
             E_friction: ledger.friction_work,
             E_shocks: ledger.contact_work - ledger.friction_work,

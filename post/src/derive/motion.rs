@@ -186,8 +186,8 @@ mod tests {
         let whole = AggregateSums::from_grains(&grains);
         assert!((whole.spin() - spin).norm() < 1e-14);
         assert!((whole.velocity() - velocity).norm() < 1e-14);
-        let (translation, rotation) = crate::derive::energy::kinetic_sums(&grains);
-        assert!((whole.rigid_energy() / (translation + rotation) - 1.0).abs() < 1e-14);
+        let kinetic_energy = crate::derive::energy::KineticEnergy::of_grains(&grains);
+        assert!((whole.rigid_energy() / kinetic_energy.total() - 1.0).abs() < 1e-14);
     }
 
     #[test]

@@ -128,6 +128,14 @@ fn even_points(count: usize) -> impl Iterator<Item = [f64; 3]> {
     (1..=count).map(move |k| [1, 2, 3].map(|power| (0.5 + k as f64 * f64::powi(step, power)).fract()))
 }
 
+/// Volume of a grain or of parts of it, m^3.
+#[derive(Default)]
+struct ContainedVolume {
+    /// Volume inside of a probe.
+    inside: f64,
+    all: f64,
+}
+
 impl ProbeShape {
     /// Number and name of the region in the tables.
     pub fn region_kind(&self) -> RegionKind {
@@ -232,11 +240,14 @@ impl ProbeShape {
         }
         let ball = |(x, r): (Vec3, f64)| {
             let volume = 4.0 / 3.0 * std::f64::consts::PI * r.powi(3);
-            (volume * self.share_of_ball(&x, r), volume)
+            ContainedVolume { inside: volume * self.share_of_ball(&x, r), all: volume }
         };
         let parts = grain.balls().map(ball).chain([self.polyhedron_volumes(grain)]);
-        let (inside, all) = parts.fold((0.0, 0.0), |(a, b), (inside, all)| (a + inside, b + all));
-        inside / all
+        let sum = parts.fold(ContainedVolume::default(), |sum, part| ContainedVolume {
+            inside: sum.inside + part.inside,
+            all: sum.all + part.all,
+        });
+        sum.inside / sum.all
     }
 
     /// Share of the volume of a ball that lies inside.
@@ -286,18 +297,21 @@ impl ProbeShape {
             / POINTS_IN_SPHERE as f64
     }
 
-    /// Volume inside and all of a grain's polyhedra, m^3, by tetrahedra from its centre to triangles of its faces.
-    fn polyhedron_volumes(&self, grain: &Grain) -> (f64, f64) {
+    /// Volumes of a grain's polyhedra, by tetrahedra from its centre to triangles of its faces.
+    fn polyhedron_volumes(&self, grain: &Grain) -> ContainedVolume {
         let vertices: Vec<Vec3> = grain.vertices().collect();
         let points: Vec<[f64; 3]> = even_points(POINTS_IN_TETRAHEDRON).map(fold_to_tetrahedron).collect();
         let faces = grain.solid.iter().flat_map(|solid| &solid.faces);
         let triangles = faces.flat_map(|face| (2..face.len()).map(|k| [face[0], face[k - 1], face[k]]));
-        triangles.fold((0.0, 0.0), |(inside, all), triangle| {
+        triangles.fold(ContainedVolume::default(), |sum, triangle| {
             let [a, b, c] = triangle.map(|k| vertices[k as usize] - grain.x);
             let volume = a.dot(&b.cross(&c)) / 6.0;
             let contained =
                 points.iter().filter(|[s, t, u]| self.contains(&(grain.x + a * *s + b * *t + c * *u))).count();
-            (inside + volume * contained as f64 / points.len() as f64, all + volume)
+            ContainedVolume {
+                inside: sum.inside + volume * contained as f64 / points.len() as f64,
+                all: sum.all + volume,
+            }
         })
     }
 }

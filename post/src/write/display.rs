@@ -23,7 +23,7 @@ use vtkio::model::{
 };
 
 use crate::derive::coordination::{contact_counts, neighbour_counts};
-use crate::derive::energy::kinetic_energies;
+use crate::derive::energy::KineticEnergy;
 use crate::derive::fabric::mobilised_share;
 use crate::derive::fragments::{Fragment, fragment_numbers};
 use crate::derive::motion::AggregateSums;
@@ -128,10 +128,7 @@ fn grain_arrays(frame: &Frame, fragments: &[Fragment], rows: &[usize]) -> Vec<At
         grains.iter().map(|g| kinetic_stress(std::slice::from_ref(*g), velocity, g.volume())).collect();
     let stresses: Vec<Mat3> = rows.iter().map(|&row| stresses[row]).collect();
     let counts_of_rows = |counts: &[u32]| rows.iter().map(|&row| counts[row]).collect::<Vec<u32>>();
-    let energy = |grain: &&Grain| {
-        let (translation, rotation) = kinetic_energies(grain);
-        translation + rotation
-    };
+    let energy = |grain: &&Grain| KineticEnergy::of_grain(grain).total();
     let orientation = |grain: &&Grain| {
         let q = grain.rotation.quaternion();
         [q.w, q.i, q.j, q.k]

@@ -10,7 +10,7 @@ use nalgebra::Rotation3;
 use rayon::prelude::*;
 
 use crate::derive::coordination::neighbour_counts;
-use crate::derive::energy::kinetic_energies;
+use crate::derive::energy::KineticEnergy;
 use crate::frame::{Frame, Grain};
 use crate::math::Vec3;
 use crate::write::scale::{format_six_digits, round_below, unit_prefix};
@@ -140,8 +140,7 @@ impl ColourScale {
 
 /// Kinetic energy of translation and rotation, J.
 fn kinetic_energy(grain: &Grain) -> f64 {
-    let (translation, rotation) = kinetic_energies(grain);
-    translation + rotation
+    KineticEnergy::of_grain(grain).total()
 }
 
 /// Viridis at 0, 1/4, 1/2, 3/4, 1 (Smith & van der Walt 2015), a little lighter at its dark end.
