@@ -40,15 +40,15 @@ include $(EXAMPLES)/help.mk
 
 # A stage of all cases, in the order in which `make -j` begins them: ORDER, or that of CASES.
 # Make drops the `./` of the case `.`, and then no pattern fits.
-stage = $(patsubst %,%/$(1)/.done,$(patsubst .,$(CURDIR),$(or $(ORDER),$(CASES))))
+stage_files = $(patsubst %,%/$(1)/.done,$(patsubst .,$(CURDIR),$(or $(ORDER),$(CASES))))
 ## All stages that are not up to date, then the figures.
 all: $(STAGES)
 ## All cases up to DATBOX.
-pre: $(call stage,DATBOX)
+pre: $(call stage_files,DATBOX)
 ## All cases up to OUTBOX.
-solve: $(call stage,OUTBOX)
+solve: $(call stage_files,OUTBOX)
 ## All cases up to POSTPRO and DISPLAY.
-post: $(call stage,POSTPRO)
+post: $(call stage_files,POSTPRO)
 figures: post
 	$(FIGURES)
 ## Continues from the last snapshots, after an interruption or, with other SOLVE_FLAGS, to a later end.
@@ -110,4 +110,4 @@ last_states = for case in $(1); do rm -rf $$case/POSTPRO/state-*; $(CD_BIN)/cd-p
 EMPTY :=
 COMMA := ,
 SPACE := $(EMPTY) $(EMPTY)
-listed = $(subst $(SPACE),$(COMMA),$(strip $(1)))
+comma_list = $(subst $(SPACE),$(COMMA),$(strip $(1)))

@@ -10,24 +10,24 @@ STUDY := study.ron
 ## Flags of cd-post in the study.
 POST_FLAGS ?= --no-vtk
 # With `make -j` what takes longest begins first: many grains, and much friction.
-ORDER = $(call reversed,$(RUNS)) $(STILLED)
-reversed = $(if $(1),$(call reversed,$(wordlist 2,$(words $(1)),$(1))) $(firstword $(1)))
+ORDER = $(call reverse_order,$(RUNS)) $(STILL_RUNS)
+reverse_order = $(if $(1),$(call reverse_order,$(wordlist 2,$(words $(1)),$(1))) $(firstword $(1)))
 RUNS = $(filter study/N%,$(CASES))
-STILLED = $(filter study/still-%,$(CASES))
+STILL_RUNS = $(filter study/still-%,$(CASES))
 BY_NUMBER = $(filter %-mu$(SHOWN)-f0,$(RUNS))
 BY_LAW = $(filter study/N$(LARGEST)-%,$(RUNS))
 TIMES := Ec_mean,Z_all,nu_sphere,pressure_sphere
 # mu0.4-f0 of study/N250-mu0.4-f0.
-law = $(subst $(SPACE),-,$(wordlist 2,3,$(subst -, ,$(1))))
-by_law = --groups $(call listed,$(foreach run,$(RUNS),$(call law,$(run))))
-shown = $(CD_BIN)/cd-post $(1) -o study/figures$(2) $(REPORTED)
+law_name = $(subst $(SPACE),-,$(wordlist 2,3,$(subst -, ,$(1))))
+law_groups = --groups $(call comma_list,$(foreach run,$(RUNS),$(call law_name,$(run))))
+write_figures = $(CD_BIN)/cd-post $(1) -o study/figures$(2) $(REPORTED)
 FIGURES = set -e; \
-	$(call shown,study $(RUNS) --from $(FROM) --until $(END) $(by_law)); \
-	$(call shown,study $(RUNS) $(by_law),/rest); \
-	$(if $(STILLED),$(call shown,study $(STILLED),/still);) \
-	$(if $(OTHERS),$(call shown,study $(RUNS) $(OTHERS) --groups $(call listed,$(RUNS:%=$(OWN_NAME)) $(OTHERS:%=$(OTHERS_NAME))),/compared);) \
-	$(if $(BY_NUMBER),$(call shown,compare $(BY_NUMBER) --columns $(TIMES),/by-number);) \
-	$(if $(BY_LAW),$(call shown,compare $(BY_LAW) --columns $(TIMES),/by-law))
+	$(call write_figures,study $(RUNS) --from $(FROM) --until $(END) $(law_groups)); \
+	$(call write_figures,study $(RUNS) $(law_groups),/rest); \
+	$(if $(STILL_RUNS),$(call write_figures,study $(STILL_RUNS),/still);) \
+	$(if $(OTHERS),$(call write_figures,study $(RUNS) $(OTHERS) --groups $(call comma_list,$(RUNS:%=$(OWN_NAME)) $(OTHERS:%=$(OTHERS_NAME))),/compared);) \
+	$(if $(BY_NUMBER),$(call write_figures,compare $(BY_NUMBER) --columns $(TIMES),/by-number);) \
+	$(if $(BY_LAW),$(call write_figures,compare $(BY_LAW) --columns $(TIMES),/by-law))
 endif
 MADE := study
 include $(dir $(lastword $(MAKEFILE_LIST)))../rules.mk
