@@ -74,10 +74,10 @@ impl Adaptive {
 
     /// Whether the values are in range.
     pub(crate) fn is_sound(&self) -> bool {
-        let positive = |x: f64| x.is_finite() && x > 0.0;
+        let is_positive = |x: f64| x.is_finite() && x > 0.0;
         (1..=Self::MAX_STEP_MULTIPLE).contains(&self.max_multiple)
-            && positive(self.travel)
-            && positive(self.penetration)
+            && is_positive(self.travel)
+            && is_positive(self.penetration)
     }
 }
 

@@ -414,8 +414,8 @@ fn join_patches(patches: &[Mesh]) -> Mesh {
             })
             .collect();
         // Triangles with missing vertices are reported.
-        let joined = |triangle: &[u32; 3]| triangle.map(|v| numbers.get(v as usize).copied().unwrap_or(v));
-        triangles.extend(patch_triangles.iter().map(joined));
+        let joined_triangle = |triangle: &[u32; 3]| triangle.map(|v| numbers.get(v as usize).copied().unwrap_or(v));
+        triangles.extend(patch_triangles.iter().map(joined_triangle));
     }
     (vertices, triangles)
 }

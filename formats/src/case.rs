@@ -120,13 +120,13 @@ fn part_name(path: &Path) -> Option<&'static str> {
         let names = entries.iter().filter_map(|entry| entry.file_name()?.to_str());
         names.into_iter().any(|name| name.starts_with("snapshot-") && name.ends_with(".npz"))
     };
-    let named = |name: &str| path.file_name().is_some_and(|own| own == name) && path.is_dir();
+    let is_folder_named = |name: &str| path.file_name().is_some_and(|own| own == name) && path.is_dir();
     if path.join("BODIES.DAT").is_file() {
         Some("DATBOX")
-    } else if named("OUTBOX") || holds_snapshots() {
+    } else if is_folder_named("OUTBOX") || holds_snapshots() {
         Some("OUTBOX")
     } else {
-        ["POSTPRO", "DISPLAY"].into_iter().find(|name| named(name))
+        ["POSTPRO", "DISPLAY"].into_iter().find(|name| is_folder_named(name))
     }
 }
 

@@ -172,17 +172,17 @@ impl ExternalField {
     /// Values that are expected in place of those of the field, if these cannot be used; `gravity_constant`: G in
     /// m^3 kg^-1 s^-2.
     fn invalid_value(&self, gravity_constant: f64) -> Option<&'static str> {
-        let finite = |vectors: &[&[f64; 3]]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
-        let positive = |x: f64| x.is_finite() && x > 0.0;
+        let are_finite = |vectors: &[&[f64; 3]]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
+        let is_positive = |x: f64| x.is_finite() && x > 0.0;
         let expected = "finite values, mass and radius > 0, an axis other than 0";
         let path_fault = |mass: f64, position: &Option<[f64; 3]>, orbit: &Option<OrbitSpec>| match (position, orbit) {
-            (Some(position), None) => (!finite(&[position])).then_some(expected),
+            (Some(position), None) => (!are_finite(&[position])).then_some(expected),
             (None, Some(orbit)) => orbit.invalid_value(gravity_constant * mass),
             _ => Some("either position or orbit"),
         };
         match self {
             ExternalField::PointMass { mass, position, orbit } => {
-                if positive(*mass) {
+                if is_positive(*mass) {
                     path_fault(*mass, position, orbit)
                 } else {
                     Some(expected)
@@ -190,14 +190,17 @@ impl ExternalField {
             }
             ExternalField::Oblate { mass, position, orbit, radius, j2, axis } => {
                 let squared_length = axis.iter().map(|x| x * x).sum::<f64>();
-                let sound = positive(*mass) && positive(*radius) && j2.is_finite() && positive(squared_length);
+                let sound = is_positive(*mass) && is_positive(*radius) && j2.is_finite() && is_positive(squared_length);
                 if sound { path_fault(*mass, position, orbit) } else { Some(expected) }
             }
             ExternalField::Polyhedron { surface, scale, density, position, rate } => {
-                let sound = positive(*scale) && positive(*density) && finite(&[position, rate]) && !surface.is_empty();
+                let sound = is_positive(*scale)
+                    && is_positive(*density)
+                    && are_finite(&[position, rate])
+                    && !surface.is_empty();
                 (!sound).then_some("the name of a file, scale and density > 0, finite position and rate")
             }
-            ExternalField::RotatingFrame { rate, centre } => (!finite(&[rate, centre])).then_some(expected),
+            ExternalField::RotatingFrame { rate, centre } => (!are_finite(&[rate, centre])).then_some(expected),
         }
     }
 
@@ -483,8 +486,8 @@ impl Compute {
     /// Name and value of every option that the motion of bodies depends on: all except `steps`, `end_time`, `until`,
     /// `probes`, `threads` and `text`.
     pub fn result_options(&self) -> BTreeMap<String, String> {
-        const OPTIONS_WITHOUT_EFFECT: [&str; 6] = ["steps", "end_time", "until", "probes", "threads", "text"];
-        let values = self.option_values().into_iter().filter(|(name, _)| !OPTIONS_WITHOUT_EFFECT.contains(name));
+        const OPTIONS_OUTSIDE_RESULTS: [&str; 6] = ["steps", "end_time", "until", "probes", "threads", "text"];
+        let values = self.option_values().into_iter().filter(|(name, _)| !OPTIONS_OUTSIDE_RESULTS.contains(name));
         values.map(|(name, value)| (name.to_string(), value)).collect()
     }
 
@@ -506,43 +509,43 @@ impl Compute {
 
     /// Reports all values that no run could use; `at` is the prefix of their paths.
     pub fn check_in(&self, report: &mut FaultReport, at: &str) {
-        let positive = |x: f64| x.is_finite() && x > 0.0;
+        let is_positive = |x: f64| x.is_finite() && x > 0.0;
         let mut number = |holds: bool, name: &str, x: f64, expected: &str| {
             report.require_number(holds, &format!("{at}{name}"), x, expected);
         };
-        number(positive(self.dt), "dt", self.dt, "a finite time step > 0 s");
+        number(is_positive(self.dt), "dt", self.dt, "a finite time step > 0 s");
         if let Some(end) = self.end_time {
             number(end.is_finite() && end >= 0.0, "end_time", end, "a finite time >= 0 s");
         }
         number((0.5..=1.0).contains(&self.theta), "theta", self.theta, "0.5 to 1");
         let tol = self.tol();
-        number(positive(tol) && tol < 1.0, "tol", tol, "more than 0 and less than 1");
-        number(positive(self.penetration_tol()), "penetration_tol", self.penetration_tol(), "a finite number > 0");
+        number(is_positive(tol) && tol < 1.0, "tol", tol, "more than 0 and less than 1");
+        number(is_positive(self.penetration_tol()), "penetration_tol", self.penetration_tol(), "a finite number > 0");
         if let Some(alert) = self.alert {
             number(alert.is_finite() && alert >= 0.0, "alert", alert, "a finite distance >= 0 m");
         }
         for (name, period) in [("xperiode", self.xperiode), ("yperiode", self.yperiode)] {
             let Some(period) = period else { continue };
-            number(positive(period), name, period, "a finite length > 0 m");
+            number(is_positive(period), name, period, "a finite length > 0 m");
             let is_alone = !self.self_gravity && self.fields.is_empty();
             number(is_alone, name, period, "no self-gravity and no fields with it: they are not periodic");
         }
         let constant = self.gravity_constant;
         number(constant.is_finite() && constant >= 0.0, "gravity_constant", constant, "a finite number >= 0");
         let gravity_error = self.gravity_error();
-        let holds = positive(gravity_error) && gravity_error >= MIN_GRAVITY_ERROR;
+        let holds = is_positive(gravity_error) && gravity_error >= MIN_GRAVITY_ERROR;
         number(holds, "gravity_error", gravity_error, "at least 1e-14");
         if let Some(opening) = self.gravity_opening {
             number(opening > 0.0 && opening < 1.0, "gravity_opening", opening, "more than 0 and less than 1");
         }
         if let Some(softening) = self.gravity_softening {
-            number(positive(softening), "gravity_softening", softening, "a finite length > 0 m");
+            number(is_positive(softening), "gravity_softening", softening, "a finite length > 0 m");
             let is_summed = self.gravity != GravityMethod::Fmm;
             number(is_summed, "gravity_softening", softening, "gravity: direct or auto with it, not fmm");
             let is_alone = !self.gravity_quadrupole;
             number(is_alone, "gravity_softening", softening, "no gravity_quadrupole with it: balls have none");
         }
-        number(positive(self.gravity_moved), "gravity_moved", self.gravity_moved, "a finite number > 0");
+        number(is_positive(self.gravity_moved), "gravity_moved", self.gravity_moved, "a finite number > 0");
         number((0.0..=1.0).contains(&self.quench), "quench", self.quench, "0 to 1");
         let has_orbits = self.fields.iter().any(|field| field.orbit().is_some());
         for (k, field) in self.fields.iter().enumerate() {
@@ -584,7 +587,7 @@ impl Compute {
         if let (None, Some(end)) = (self.steps, self.end_time) {
             let count = end / self.dt;
             expect(
-                !positive(self.dt) || !end.is_finite() || count <= MAX_STEPS,
+                !is_positive(self.dt) || !end.is_finite() || count <= MAX_STEPS,
                 "end_time",
                 format!(
                     "{} s with dt {} s are {} steps",

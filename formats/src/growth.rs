@@ -21,7 +21,7 @@ pub struct Sink {
 pub enum SinkRegion {
     /// Farther than `radius` (m) from `centre` (m).
     Beyond { centre: [f64; 3], radius: f64 },
-    /// On the side of the plane through `point` (m) from which `normal` points away.
+    /// Half space on the side of the plane through `point` (m) from which `normal` points away.
     Below { point: [f64; 3], normal: [f64; 3] },
     /// Nearer than `radius` (m) to `centre` (m).
     Ball { centre: [f64; 3], radius: f64 },
@@ -49,14 +49,14 @@ pub struct Source {
 impl SinkRegion {
     /// Whether the region has the position `x` (m).
     pub fn contains(&self, x: &[f64; 3]) -> bool {
-        let from = |origin: &[f64; 3]| difference(x, origin);
+        let offset_from = |origin: &[f64; 3]| difference(x, origin);
         match self {
-            SinkRegion::Beyond { centre, radius } => square(&from(centre)) > radius * radius,
-            SinkRegion::Below { point, normal } => dot(&from(point), normal) < 0.0,
-            SinkRegion::Ball { centre, radius } => square(&from(centre)) < radius * radius,
+            SinkRegion::Beyond { centre, radius } => square(&offset_from(centre)) > radius * radius,
+            SinkRegion::Below { point, normal } => dot(&offset_from(point), normal) < 0.0,
+            SinkRegion::Ball { centre, radius } => square(&offset_from(centre)) < radius * radius,
             SinkRegion::Box { lower, upper } => (0..3).all(|k| lower[k] < x[k] && x[k] < upper[k]),
             SinkRegion::Cylinder { start, end, radius } => {
-                let (axis, arm) = (difference(end, start), from(start));
+                let (axis, arm) = (difference(end, start), offset_from(start));
                 let (length_squared, along) = (square(&axis), dot(&arm, &axis));
                 let off_axis: [f64; 3] = std::array::from_fn(|k| arm[k] - axis[k] * (along / length_squared));
                 0.0 < along && along < length_squared && square(&off_axis) < radius * radius
@@ -66,22 +66,23 @@ impl SinkRegion {
 
     /// Requirement that the numbers do not meet.
     fn invalid_value(&self) -> Option<&'static str> {
-        let finite = |vectors: &[&[f64; 3]]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
-        let positive = |x: f64| x.is_finite() && x > 0.0;
+        let are_finite = |vectors: &[&[f64; 3]]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
+        let is_positive = |x: f64| x.is_finite() && x > 0.0;
         match self {
             SinkRegion::Beyond { centre, radius } | SinkRegion::Ball { centre, radius } => {
-                (!(finite(&[centre]) && positive(*radius))).then_some("a finite centre and a radius > 0 m")
+                (!(are_finite(&[centre]) && is_positive(*radius))).then_some("a finite centre and a radius > 0 m")
             }
             SinkRegion::Below { point, normal } => {
-                let sound = finite(&[point, normal]) && positive(square(normal));
+                let sound = are_finite(&[point, normal]) && is_positive(square(normal));
                 (!sound).then_some("a finite point and a normal other than 0")
             }
             SinkRegion::Box { lower, upper } => {
-                let sound = finite(&[lower, upper]) && (0..3).all(|k| lower[k] < upper[k]);
+                let sound = are_finite(&[lower, upper]) && (0..3).all(|k| lower[k] < upper[k]);
                 (!sound).then_some("finite corners, each coordinate of lower less than that of upper")
             }
             SinkRegion::Cylinder { start, end, radius } => {
-                let sound = finite(&[start, end]) && positive(square(&difference(end, start))) && positive(*radius);
+                let sound =
+                    are_finite(&[start, end]) && is_positive(square(&difference(end, start))) && is_positive(*radius);
                 (!sound).then_some("two finite ends that differ, and a radius > 0 m")
             }
         }

@@ -2,13 +2,14 @@
 
 /// Question with the known name nearest to an unknown one, if it is near enough: `did you mean output_every?`.
 pub fn nearest_name<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
-    let plain = |name: &str| name.to_lowercase().replace(['-', '_'], "");
-    let plain_name = plain(name);
-    let distance = |other: &str| strsim::damerau_levenshtein(&plain_name, &plain(other));
+    let plain_form = |name: &str| name.to_lowercase().replace(['-', '_'], "");
+    let plain_name = plain_form(name);
+    let distance = |other: &str| strsim::damerau_levenshtein(&plain_name, &plain_form(other));
     let best = known.iter().copied().min_by_key(|other| distance(other))?;
     // A third of the letters may differ; with more, unrelated short names would match.
-    let letters = plain_name.chars().count().max(plain(best).chars().count());
-    (distance(best) <= letters / 3 || plain(best).starts_with(&plain_name) && plain_name.len() >= 3).then_some(best)
+    let letters = plain_name.chars().count().max(plain_form(best).chars().count());
+    (distance(best) <= letters / 3 || plain_form(best).starts_with(&plain_name) && plain_name.len() >= 3)
+        .then_some(best)
 }
 
 /// Suggestion for an unknown name: the nearest known name, or all.

@@ -134,13 +134,13 @@ impl OrbitSpec {
                     (q, _, e, _) => (q.unwrap_or(f64::NAN), e.unwrap_or(f64::NAN)),
                 };
                 // Two orthogonal unit vectors, rotated in their plane from the first towards the second.
-                let rotated = |angle: f64, [a, b]: [Vec3; 2]| {
+                let rotated_axes = |angle: f64, [a, b]: [Vec3; 2]| {
                     let (sine, cosine) = (libm::sin(angle), libm::cos(angle));
                     [a * cosine + b * sine, b * cosine - a * sine]
                 };
-                let [to_node, in_xy_plane] = rotated(node, [Vec3::x(), Vec3::y()]);
-                let [in_orbit_plane, _] = rotated(inclination, [in_xy_plane, Vec3::z()]);
-                let axes = rotated(argument, [to_node, in_orbit_plane]);
+                let [to_node, in_xy_plane] = rotated_axes(node, [Vec3::x(), Vec3::y()]);
+                let [in_orbit_plane, _] = rotated_axes(inclination, [in_xy_plane, Vec3::z()]);
+                let axes = rotated_axes(argument, [to_node, in_orbit_plane]);
                 KeplerOrbit { mu, periapsis: q, eccentricity: e, axes, periapsis_time }
             }
             OrbitSpec::State { position, velocity, time } => {

@@ -47,9 +47,9 @@ pub enum ProbeQuantity {
     /// Number, mass (kg), momentum (kg m/s) and kinetic energy (J) of these bodies whose centres of mass pass through a
     /// surface in the steps of a row, less those that pass through it in the other direction.
     Crossing { of: BodySelection, through: CountingSurface },
-    /// The same sums over the bodies that leave by the sink of this name.
+    /// Sums as of `Bodies` over the bodies that leave by the sink of this name.
     Removed { by: String },
-    /// The same sums over the bodies that enter from the source of this name.
+    /// Sums as of `Bodies` over the bodies that enter from the source of this name.
     Entered { from: String },
 }
 
@@ -66,25 +66,27 @@ pub enum CountingSurface {
 impl CountingSurface {
     /// Whether the position `x` (m) is on the side to which bodies pass that count as positive.
     pub fn is_beyond(&self, x: &[f64; 3]) -> bool {
-        let from = |origin: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|k| x[k] - origin[k]) };
+        let offset_from = |origin: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|k| x[k] - origin[k]) };
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         match self {
-            CountingSurface::Plane { point, normal } => dot(from(point), *normal) >= 0.0,
-            CountingSurface::Sphere { centre, radius } => dot(from(centre), from(centre)) >= radius * radius,
+            CountingSurface::Plane { point, normal } => dot(offset_from(point), *normal) >= 0.0,
+            CountingSurface::Sphere { centre, radius } => {
+                dot(offset_from(centre), offset_from(centre)) >= radius * radius
+            }
         }
     }
 
     /// Requirement that the numbers do not meet.
     fn invalid_value(&self) -> Option<&'static str> {
-        let finite = |v: &[f64; 3]| v.iter().all(|x| x.is_finite());
+        let are_finite = |v: &[f64; 3]| v.iter().all(|x| x.is_finite());
         match self {
             CountingSurface::Plane { point, normal } => {
                 let length = normal.iter().map(|x| x * x).sum::<f64>();
-                let sound = finite(point) && length.is_finite() && length > 0.0;
+                let sound = are_finite(point) && length.is_finite() && length > 0.0;
                 (!sound).then_some("a finite point and a normal other than 0")
             }
             CountingSurface::Sphere { centre, radius } => {
-                let sound = finite(centre) && radius.is_finite() && *radius > 0.0;
+                let sound = are_finite(centre) && radius.is_finite() && *radius > 0.0;
                 (!sound).then_some("a finite centre and a radius > 0 m")
             }
         }
@@ -267,23 +269,23 @@ pub fn check_probes(probes: &[Probe], until: &[EndCondition], flows: FlowNames, 
             ProbeQuantity::Force { about: None, .. } | ProbeQuantity::Motion { .. } | ProbeQuantity::Energy { .. } => {}
         }
     }
-    let positive = |x: f64| x.is_finite() && x > 0.0;
+    let is_positive = |x: f64| x.is_finite() && x > 0.0;
     for (k, condition) in until.iter().enumerate() {
         let path = format!("{at}until.{k}");
         match condition {
             EndCondition::AtRest { speed, during } => {
-                report.require_number(positive(*speed), &format!("{path}.speed"), *speed, "a finite speed > 0 m/s");
+                report.require_number(is_positive(*speed), &format!("{path}.speed"), *speed, "a finite speed > 0 m/s");
                 let expected = "a finite time > 0 s";
-                report.require_number(positive(*during), &format!("{path}.during"), *during, expected);
+                report.require_number(is_positive(*during), &format!("{path}.during"), *during, expected);
                 let is_first = !until[..k].iter().any(|other| matches!(other, EndCondition::AtRest { .. }));
                 report.require(is_first, &path, condition.to_text(), "one AtRest");
             }
             EndCondition::Separation { distance, .. } => {
                 let expected = "a finite distance > 0 m";
-                report.require_number(positive(*distance), &format!("{path}.distance"), *distance, expected);
+                report.require_number(is_positive(*distance), &format!("{path}.distance"), *distance, expected);
             }
             EndCondition::WallTime(seconds) => {
-                report.require_number(positive(*seconds), &path, *seconds, "a finite time > 0 s");
+                report.require_number(is_positive(*seconds), &path, *seconds, "a finite time > 0 s");
             }
             EndCondition::Above { probe, column, value } | EndCondition::Below { probe, column, value } => {
                 let expected = "a finite number";

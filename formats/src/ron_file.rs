@@ -63,13 +63,13 @@ impl CurrentText {
     /// Parses the text. Errors: all mistakes, at their bytes in the original text.
     fn parse<T: DeserializeOwned>(&self) -> Result<T, Vec<TextFault>> {
         parse_ron(&self.text).map_err(|mut mistakes| {
-            mistakes.iter_mut().for_each(|mistake| mistake.at = self.original_byte(mistake.at));
+            mistakes.iter_mut().for_each(|mistake| mistake.at = self.original_offset(mistake.at));
             mistakes
         })
     }
 
-    /// Returns the byte of the original text for a byte of this one.
-    pub fn original_byte(&self, at: usize) -> usize {
+    /// Position in bytes in the original text of the position `at` in this text.
+    pub fn original_offset(&self, at: usize) -> usize {
         // Bytes that this text has in place of those of the original, up to the current use.
         let (mut inserted, mut removed) = (0, 0);
         for former in &self.uses {
@@ -162,9 +162,9 @@ mod tests {
         );
         for word in ["bodies", "Largest", "axis", "x)", "seed", "1)"] {
             let at = current.text.find(word).unwrap();
-            assert_eq!(current.original_byte(at), text.find(word).unwrap(), "{word}");
+            assert_eq!(current.original_offset(at), text.find(word).unwrap(), "{word}");
         }
-        assert_eq!(current.original_byte(current.text.find("Translation").unwrap()), text.find("Drift").unwrap());
-        assert_eq!(current.original_byte(current.text.len()), text.len());
+        assert_eq!(current.original_offset(current.text.find("Translation").unwrap()), text.find("Drift").unwrap());
+        assert_eq!(current.original_offset(current.text.len()), text.len());
     }
 }

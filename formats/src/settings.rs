@@ -90,14 +90,14 @@ pub fn former_names_of_setting(setting: &str) -> Vec<FormerNameUse> {
     let Some((path, value)) = setting.split_once('=') else { return Vec::new() };
     let Some((keys, path_uses)) = path_with_current_names(path.trim()) else { return Vec::new() };
     let (locations, _) = ValueLocations::from_value(value, &keys.join("."));
-    let shifted = |one: &FormerNameUse, bytes: usize| {
+    let shifted_use = |one: &FormerNameUse, bytes: usize| {
         let span = one.span.start + bytes..one.span.end + bytes;
         FormerNameUse { name: one.name, span }
     };
     let path_start = path.len() - path.trim_start().len();
     let value_start = path.len() + 1;
-    let path_uses = path_uses.iter().map(|one| shifted(one, path_start));
-    path_uses.chain(locations.former_names().iter().map(|one| shifted(one, value_start))).collect()
+    let path_uses = path_uses.iter().map(|one| shifted_use(one, path_start));
+    path_uses.chain(locations.former_names().iter().map(|one| shifted_use(one, value_start))).collect()
 }
 
 /// Replaces or inserts the value of a setting.

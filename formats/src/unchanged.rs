@@ -68,12 +68,12 @@ impl ComputedSnapshot<'_> {
                 nearly_equal(&computed.inertia, &recorded.inertia),
             ];
             if are_equal.contains(&false) {
-                let differing = |texts: [String; 4]| {
+                let differing_texts = |texts: [String; 4]| {
                     let texts = texts.into_iter().zip(are_equal).filter(|(_, is_equal)| !is_equal);
                     texts.map(|(text, _)| text).collect::<Vec<_>>().join(", ")
                 };
-                let found = differing(property_texts(&body.material, &computed));
-                let expected = differing(property_texts(&material.name, &recorded));
+                let found = differing_texts(property_texts(&body.material, &computed));
+                let expected = differing_texts(property_texts(&material.name, &recorded));
                 differences.push(fault(found, self.expected_text(&expected)));
             }
         }

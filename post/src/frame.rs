@@ -381,20 +381,20 @@ impl PeriodicCell {
         if !self.is_periodic() {
             return vec![x];
         }
-        let along = |axis: usize| {
+        let axis_shifts = |axis: usize| {
             let Some(period) = self.0[axis] else { return vec![0.0] };
             let mut shifts = vec![0.0];
             shifts.extend([-period, period].into_iter().filter(|d| (x[axis] + d).abs() <= 0.5 * period + margin));
             shifts
         };
-        let (along_x, along_y) = (along(0), along(1));
+        let (along_x, along_y) = (axis_shifts(0), axis_shifts(1));
         along_x.iter().flat_map(|dx| along_y.iter().map(move |dy| x + Vec3::new(*dx, *dy, 0.0))).collect()
     }
 
     /// Sum of whole periods nearest to a vector, m.
     pub fn nearest_period(&self, d: Vec3) -> Vec3 {
-        let along = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
-        Vec3::new(along(self.0[0], d.x), along(self.0[1], d.y), 0.0)
+        let axis_shift = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
+        Vec3::new(axis_shift(self.0[0], d.x), axis_shift(self.0[1], d.y), 0.0)
     }
 }
 

@@ -68,10 +68,13 @@ impl SolidShape {
             self.vertices
                 .extend([-half_height, half_height].map(|z| to_body(Vec3::new(radius * cos, radius * sin, z))));
         }
-        let lower = |k: u32| first + 2 * (k % CYLINDER_SIDES);
-        self.faces.extend((0..CYLINDER_SIDES).map(|k| vec![lower(k), lower(k + 1), lower(k + 1) + 1, lower(k) + 1]));
-        self.faces.push((0..CYLINDER_SIDES).rev().map(lower).collect());
-        self.faces.push((0..CYLINDER_SIDES).map(|k| lower(k) + 1).collect());
+        let lower_vertex = |k: u32| first + 2 * (k % CYLINDER_SIDES);
+        self.faces.extend(
+            (0..CYLINDER_SIDES)
+                .map(|k| vec![lower_vertex(k), lower_vertex(k + 1), lower_vertex(k + 1) + 1, lower_vertex(k) + 1]),
+        );
+        self.faces.push((0..CYLINDER_SIDES).rev().map(lower_vertex).collect());
+        self.faces.push((0..CYLINDER_SIDES).map(|k| lower_vertex(k) + 1).collect());
     }
 
     /// Distance of the farthest point from the centre of mass, m.

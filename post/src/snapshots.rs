@@ -10,10 +10,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 /// Lists the snapshots of a folder by step; errors if there are none.
 pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let expected = "expected snapshot-*.npz, the results of cd-solve";
-    let reject = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
+    let folder_fault = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
     match snapshot::list_snapshots(outbox)? {
-        _ if !atomic::path_exists(outbox) => reject("is missing"),
-        all if all.is_empty() => reject("has no snapshot"),
+        _ if !atomic::path_exists(outbox) => folder_fault("is missing"),
+        all if all.is_empty() => folder_fault("has no snapshot"),
         all => Ok(all),
     }
 }

@@ -17,14 +17,15 @@ pub type Columns = BTreeMap<String, Vec<f64>>;
 pub fn case_names(cases: &[PathBuf]) -> Vec<String> {
     let full_paths: Vec<PathBuf> =
         cases.iter().map(|case| std::fs::canonicalize(case).unwrap_or(case.to_path_buf())).collect();
-    let tail = |path: &Path, count: usize| -> PathBuf {
+    let path_tail = |path: &Path, count: usize| -> PathBuf {
         path.components().skip(path.components().count().saturating_sub(count)).collect()
     };
     let name = |path: &PathBuf| {
-        let is_unique =
-            |count: &usize| full_paths.iter().all(|other| other == path || tail(other, *count) != tail(path, *count));
+        let is_unique = |count: &usize| {
+            full_paths.iter().all(|other| other == path || path_tail(other, *count) != path_tail(path, *count))
+        };
         let count = (1..path.components().count()).find(is_unique).unwrap_or(usize::MAX);
-        tail(path, count).display().to_string()
+        path_tail(path, count).display().to_string()
     };
     full_paths.iter().map(name).collect()
 }
@@ -65,8 +66,8 @@ pub fn name_faults(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fa
 /// Faults of blank names of groups.
 pub fn blank_group_faults(groups: &[String]) -> Vec<Fault> {
     let blank = groups.iter().enumerate().filter(|(_, name)| name.trim().is_empty());
-    let found = |k: usize| format!("'{}' is given as number {}", name_field(&groups[k]), k + 1);
-    blank.map(|(k, _)| Fault::new(Path::new("options"), None, "groups", found(k), "expected a name")).collect()
+    let position_text = |k: usize| format!("'{}' is given as number {}", name_field(&groups[k]), k + 1);
+    blank.map(|(k, _)| Fault::new(Path::new("options"), None, "groups", position_text(k), "expected a name")).collect()
 }
 
 /// Reads the columns of a table of numbers; empty fields are NaN.
@@ -143,8 +144,8 @@ pub const TIMED_STAGES: [&str; 5] = ["gravity", "detection", "assembly", "solve"
 /// Errors if the series of a case does not belong to its snapshots but to those of an earlier run; `end`: the last
 /// snapshot.
 pub fn check_series_of_run(case: &Path, series: &Columns, end: &SnapshotMeta) -> Result<(), Faults> {
-    let last = |name: &str| series[name].last().copied().unwrap_or(f64::NAN);
-    let (step, time) = (last("step"), last("time"));
+    let last_value = |name: &str| series[name].last().copied().unwrap_or(f64::NAN);
+    let (step, time) = (last_value("step"), last_value("time"));
     if step == end.step as f64 && same_time(time, end.time) {
         return Ok(());
     }

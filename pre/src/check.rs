@@ -282,7 +282,7 @@ fn check_bulk_strength(report: &mut FaultReport, path: &str, law: &Law) {
         && let Some((parameter, value)) = law.kind.parameter_values().first()
     {
         let path = format!("{path}.kind.{}", parameter.name());
-        let found = format!("{} beside a bulk_strength", report.number_text(&path, *value));
+        let found = format!("{} together with a bulk_strength", report.number_text(&path, *value));
         report.add_fault(&path, found, "0: it follows from bulk_strength");
     }
 }
@@ -623,7 +623,8 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
 /// Rejects rotations without a finite axis and angle.
 pub(crate) fn check_rotation(report: &mut FaultReport, path: &str, rotation: &Rotation) {
     check_direction(report, path, "axis", &rotation.axis);
-    check_value(report, &format!("{path}.angle"), rotation.angle, true, "a finite angle (rad)");
+    let angle = rotation.angle;
+    require_in_files(report, fits_files(angle), &format!("{path}.angle"), angle, "a finite angle (rad)");
 }
 
 /// Checks the direction `name` of the value at `path`, a vector of any length but 0.

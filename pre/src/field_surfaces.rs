@@ -1,4 +1,4 @@
-//! Surfaces of attracting bodies: read beside the scene, written to DATBOX as OBJ.
+//! Surfaces of attracting bodies: read from files that the scene names, written to DATBOX as OBJ.
 
 use std::path::{Path, PathBuf};
 

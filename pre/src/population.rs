@@ -205,12 +205,12 @@ pub(crate) fn nearest_images(options: &Compute, separation: &Vector3<f64>) -> Ve
     let mut shifts = vec![Vector3::zeros()];
     for (axis, period) in [options.xperiode, options.yperiode].into_iter().enumerate() {
         let Some(period) = period else { continue };
-        let shifted = |shift: &Vector3<f64>, cells: f64| {
+        let axis_shift = |shift: &Vector3<f64>, cells: f64| {
             let mut shift = *shift;
             shift[axis] = (libm::round(separation[axis] / period) + cells) * period;
             shift
         };
-        shifts = shifts.iter().flat_map(|shift| [0.0, 1.0, -1.0].map(|cells| shifted(shift, cells))).collect();
+        shifts = shifts.iter().flat_map(|shift| [0.0, 1.0, -1.0].map(|cells| axis_shift(shift, cells))).collect();
     }
     shifts
 }
@@ -294,7 +294,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         numbers[k] = number;
     }
     // Grains whose bounding balls overlap, the smaller first. Neighbours in the list of grains are mostly near in space.
-    let overlapping = |(k, grain): (usize, &Grain)| {
+    let first_overlap = |(k, grain): (usize, &Grain)| {
         let mut found = Vec::new();
         cells.for_each_overlap(&grain.position, grain.reach, |number, overlap| {
             let is_allowed = || may_overlap[grain.group] || may_overlap[grains[order[number]].group];
@@ -304,7 +304,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         });
         found
     };
-    let near: Vec<(usize, usize, f64)> = grains.par_iter().enumerate().flat_map_iter(overlapping).collect();
+    let near: Vec<(usize, usize, f64)> = grains.par_iter().enumerate().flat_map_iter(first_overlap).collect();
     for (k, other, overlap) in near {
         let (a, b) = (k.min(other), k.max(other));
         let overlap = penetration(k, other, overlap);

@@ -372,7 +372,7 @@ pub enum Envelope {
     },
     /// A closed surface from a file, its centre of mass at `centre`.
     Model {
-        /// As in `GrainShape::Model`.
+        /// File of the surface, as in `GrainShape::Model`.
         file: String,
         #[serde(default)]
         scale: Option<ModelScale>,
@@ -403,13 +403,13 @@ pub enum SceneWall {
         colour: String,
         /// m
         centre: [f64; 3],
-        /// Of any length.
+        /// Normal of the plate, of any length.
         #[serde(default = "default_axis")]
         normal: [f64; 3],
         /// Direction of the first half length; its part along `normal` is dropped.
         #[serde(default)]
         first_axis: Option<[f64; 3]>,
-        /// Along the first axis, the second (normal x first) and the normal, m.
+        /// Half lengths along the first axis, the second (normal x first) and the normal, m.
         half_lengths: [f64; 3],
         /// Velocity, m/s, along the fixed axes.
         #[serde(default)]
@@ -451,7 +451,7 @@ pub enum SceneWall {
         colour: String,
         /// m
         centre: [f64; 3],
-        /// Of any length.
+        /// Axis of the cylinder, of any length.
         #[serde(default = "default_axis")]
         axis: [f64; 3],
         /// m
@@ -461,10 +461,10 @@ pub enum SceneWall {
         /// Whether the grains are inside.
         #[serde(default)]
         hollow: bool,
-        /// As of a plate.
+        /// Velocity, as of a plate.
         #[serde(default)]
         velocity: [TimeFunction; 3],
-        /// As of a plate.
+        /// Force, as of a plate.
         #[serde(default)]
         force: Box<[Option<TimeFunction>; 3]>,
         /// Angular velocity, rad/s, about the axis.

@@ -493,13 +493,13 @@ fn rules_for_make(file: &Path, rules: &Path, study: &Study, cases: &[Case]) -> S
     let study_folder = file.parent().unwrap_or(Path::new(""));
     let rules_folder = rules.parent().unwrap_or(Path::new(""));
     // Paths relative to the folder of the rules, where make runs.
-    let relative = |path: &Path| match path.strip_prefix(rules_folder) {
+    let path_from_rules = |path: &Path| match path.strip_prefix(rules_folder) {
         Ok(below) => below.to_path_buf(),
         Err(_) => std::path::absolute(path).unwrap_or(path.to_path_buf()),
     };
-    let mut inputs: Vec<PathBuf> = vec![relative(file)];
+    let mut inputs: Vec<PathBuf> = vec![path_from_rules(file)];
     for base in study.groups.iter().filter_map(|group| group.base.as_ref()) {
-        let base = relative(&study_folder.join(base));
+        let base = path_from_rules(&study_folder.join(base));
         if !inputs.contains(&base) {
             inputs.push(base);
         }
@@ -508,7 +508,7 @@ fn rules_for_make(file: &Path, rules: &Path, study: &Study, cases: &[Case]) -> S
     let names: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
     let mut text = format!("# Cases of {}.{WRITTEN_MARK}\n", inputs[0]);
     text += &format!("CASES := {}\n", names.join(" "));
-    text += &format!("{}: {}\n", relative(rules).display(), inputs.join(" "));
+    text += &format!("{}: {}\n", path_from_rules(rules).display(), inputs.join(" "));
     for case in cases {
         let from = case.from.as_ref().map_or(String::new(), |from| format!(" {from}/OUTBOX/.done"));
         text += &format!("{}/DATBOX/.done: {}/{}{from}\n", case.name, case.name, case.file_name());

@@ -142,8 +142,9 @@ impl<'a> ContactorGroup<'a> {
     /// Whether a wall of this group can touch one of the other.
     fn can_touch_wall_of(self, other: ContactorGroup, scene: &Scene) -> bool {
         let others = other.walls(scene);
-        let touches = |(j, one): &(usize, &SceneWall)| others.iter().any(|(k, other)| j != k && one.can_touch(other));
-        self.walls(scene).iter().any(touches)
+        let can_touch_other =
+            |(j, one): &(usize, &SceneWall)| others.iter().any(|(k, other)| j != k && one.can_touch(other));
+        self.walls(scene).iter().any(can_touch_other)
     }
 
     fn to_side(self) -> VisibilitySide {

@@ -50,7 +50,7 @@ fn strengths_of_the_bulk_are_those_of_pairs_and_no_second_value() {
     for (text, expected) in [
         (
             law("tension: 50, nu: 0.6, z: 5", "2"),
-            "cohesive_stress: 2 beside a bulk_strength; expected 0: it follows from bulk_strength",
+            "cohesive_stress: 2 together with a bulk_strength; expected 0: it follows from bulk_strength",
         ),
         (law("tension: -1, nu: 0.6, z: 5", "0"), "tension: -1; expected a stress >= 0 Pa"),
         (law("tension: 1, nu: 1.6, z: 5", "0"), "nu: 1.6; expected a solid fraction > 0 and <= 1"),

@@ -81,8 +81,8 @@ pub fn agree_on_step(communicator: &dyn Communicator, state: &State) -> Result<(
     if messages.iter().any(|message| message.last() == Some(&1)) {
         activity::agree_to_stop();
     }
-    let differs = |message: &&[u8]| message[..digest.len()] != messages[0][..digest.len()];
-    match messages.iter().position(differs) {
+    let is_different = |message: &&[u8]| message[..digest.len()] != messages[0][..digest.len()];
+    match messages.iter().position(is_different) {
         Some(rank) => Err(StateMismatch { step: state.step, rank }),
         None => Ok(()),
     }

@@ -17,7 +17,7 @@ use crate::math::simd::SimdWidth;
 use crate::ranks::launch::begin_session;
 use crate::ranks::{Communicator, SingleRank, set_communicator};
 use crate::read::driver::DriverSettings;
-use crate::run::{RunFailure, RunMode, account_changed_forces, check_run, run_case};
+use crate::run::{RunFailure, RunMode, check_run, record_changed_forces, run_case};
 use crate::scene::Scene;
 use crate::state::State;
 use crate::write::OutboxLock;
@@ -48,7 +48,7 @@ struct CommandLine {
     /// Write the contact problem of this step of the run to DIR/problem-STEP.fc3d.
     #[arg(long, value_name = "STEP")]
     dump_problem: Option<u64>,
-    /// Write a snapshot of more bodies than this in parts of so many bodies; see docs/reference/files/snapshots.md.
+    /// Write a snapshot of more bodies than this in parts of BODIES bodies; see docs/reference/files/snapshots.md.
     #[arg(long, value_name = "BODIES", conflicts_with = "plan", value_parser = clap::value_parser!(u64).range(1..))]
     part_bodies: Option<u64>,
     /// Take the options from a command script of LMGC90, which is read without running Python; options given here override it.
@@ -69,7 +69,8 @@ pub fn command() -> clap::Command {
     CommandLine::command()
 }
 
-/// Runs the program; returns its exit code: 0 done, 2 input rejected, 3 internal error, 4 stopped by the user.
+/// Runs the program; returns its exit code: 0 done, 2 input rejected, 3 internal error, 4 ended early, as a
+/// stop was requested or files could not be written.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = arguments.into_iter().collect();
     match begin_session() {
@@ -220,7 +221,7 @@ fn resume_case(case: &Path, flags: &ComputeFlags, scene: &mut Scene, state: &mut
         print_line(format_args!("{PROGRAM}: no snapshot to resume from: starting from DATBOX"));
         return Ok(false);
     };
-    account_changed_forces(scene, &snapshot.parameters, &case.join("DATBOX"), state)?;
+    record_changed_forces(scene, &snapshot.parameters, &case.join("DATBOX"), state)?;
     // The initial state has no text in OUTBOX, as it is in DATBOX.
     let has_text = (state.step > scene.start.step).then(|| write::text::is_written(&outbox, state)).transpose()?;
     let (warnings, notes) = snapshot.option_changes(scene, has_text, &flags.given_names());

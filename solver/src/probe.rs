@@ -41,14 +41,14 @@ impl Probes {
         let selected =
             |probe: &Probe| probe.quantity.bodies().map_or(Vec::new(), |bodies| scene.selected_bodies(bodies));
         let probe_bodies: Vec<Vec<BodyId>> = probes.iter().map(selected).collect();
-        let beyond = |(probe, bodies): (&Probe, &Vec<BodyId>)| match &probe.quantity {
+        let bodies_beyond = |(probe, bodies): (&Probe, &Vec<BodyId>)| match &probe.quantity {
             ProbeQuantity::Crossing { through, .. } => {
                 bodies.iter().map(|body| through.is_beyond(&state.x[body.index()].into())).collect()
             }
             _ => Vec::new(),
         };
         Probes {
-            beyond: probes.iter().zip(&probe_bodies).map(beyond).collect(),
+            beyond: probes.iter().zip(&probe_bodies).map(bodies_beyond).collect(),
             probe_bodies,
             condition_bodies: scene.options.until.iter().map(bodies_of_sides).collect(),
         }
@@ -158,7 +158,7 @@ impl Probes {
     }
 }
 
-/// Those of `bodies` that are in the run.
+/// Members of `bodies` that are in the run.
 fn present_bodies<'a>(scene: &Scene, bodies: &'a [BodyId]) -> Cow<'a, [BodyId]> {
     match scene.roster {
         None => Cow::Borrowed(bodies),
@@ -244,11 +244,11 @@ fn motion(scene: &Scene, state: &State, bodies: &[BodyId]) -> Vec<f64> {
 /// Columns of [`ProbeQuantity::Energy`].
 fn energy(scene: &Scene, state: &State, bodies: &[BodyId]) -> Vec<f64> {
     let mass_of = |body: &BodyId| scene.bodies[body.index()].mass;
-    let kinetic = |body: &BodyId| 0.5 * mass_of(body) * state.v[body.index()].norm_squared();
+    let kinetic_energy = |body: &BodyId| 0.5 * mass_of(body) * state.v[body.index()].norm_squared();
     let rotational =
         |body: &BodyId| scene.bodies[body.index()].rotational_energy(&state.q[body.index()], &state.w[body.index()]);
     vec![
-        bodies.iter().map(kinetic).sum(),
+        bodies.iter().map(kinetic_energy).sum(),
         bodies.iter().map(rotational).sum(),
         largest_speed(scene, state, bodies),
         bodies.iter().map(mass_of).sum(),

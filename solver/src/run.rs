@@ -316,7 +316,7 @@ fn as_unwritten(failure: RunFailure) -> RunFailure {
 /// snapshot of a resumed run was computed.
 ///
 /// Errors: the surface of an attracting body before the resume cannot be read from the folder `datbox` any more.
-pub fn account_changed_forces(
+pub fn record_changed_forces(
     scene: &Scene,
     earlier: &RunParameters,
     datbox: &Path,
@@ -520,13 +520,13 @@ fn expect_finite(state: &State) -> Result<(), RunFailure> {
 /// Returns an error that names the quantity unless it is finite.
 fn check_finite(is_finite: bool, state: &State, quantity: &str) -> Result<(), RunFailure> {
     let State { step, time, .. } = state;
-    let broken = || {
+    let fault_text = || {
         format!(
             "step {step}, t = {} s: {quantity} is not finite; snapshots written before are valid",
             rounded_number(*time)
         )
     };
-    if is_finite { Ok(()) } else { Err(RunFailure::Broken(broken())) }
+    if is_finite { Ok(()) } else { Err(RunFailure::Broken(fault_text())) }
 }
 
 /// Rejects options that do not allow a run from this state.

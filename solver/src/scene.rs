@@ -306,13 +306,14 @@ impl ImposedVelocity {
     /// Motion (world frame) at a time (s) of the body with the orientation `q`. Components that are not imposed are those
     /// of `pushed`.
     pub fn motion_at(&self, time: f64, q: &Quat, pushed: &Twist) -> Twist {
-        let imposed = |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.value_at(time));
-        let v = Vec3::from_fn(|k, _| imposed(k, pushed.v[k]));
+        let imposed_component =
+            |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.value_at(time));
+        let v = Vec3::from_fn(|k, _| imposed_component(k, pushed.v[k]));
         if self.velocity[3..].iter().all(Option::is_none) {
             return Twist { v, w: pushed.w };
         }
         let own = q.inverse_transform_vector(&pushed.w);
-        Twist { v, w: q * Vec3::from_fn(|k, _| imposed(3 + k, own[k])) }
+        Twist { v, w: q * Vec3::from_fn(|k, _| imposed_component(3 + k, own[k])) }
     }
 }
 
@@ -539,12 +540,12 @@ impl Scene {
             (rigid_body.absent, rigid_body.driven, rigid_body.free_components) = (absent, absent, [!absent; 6]);
             self.walls[i] = absent;
         }
-        let present = |bodies: &[BodyId]| -> Vec<BodyId> {
+        let present_bodies = |bodies: &[BodyId]| -> Vec<BodyId> {
             bodies.iter().copied().filter(|body| presence[body.index()] == BodyPresence::Present).collect()
         };
-        self.free = present(&roster.free);
-        self.spheres = present(&roster.spheres);
-        self.turning = present(&roster.turning);
+        self.free = present_bodies(&roster.free);
+        self.spheres = present_bodies(&roster.spheres);
+        self.turning = present_bodies(&roster.turning);
         if !roster.parts.is_empty() {
             // Polyhedra are large: those that stay are moved.
             let mut before = std::mem::take(&mut self.parts).into_iter().peekable();
@@ -599,9 +600,9 @@ impl Scene {
     /// Radius (m) of the ball that the free bodies would form without pores, and self-gravity at its surface, m/s²;
     /// `None` without self-gravity.
     pub fn surface_gravity(&self) -> Option<(f64, f64)> {
-        let free = || self.free.iter().map(|&i| &self.bodies[i.index()]);
-        let radius = libm::cbrt(free().map(|body| body.radius.powi(3)).sum());
-        let strength = self.options.gravity_constant * free().map(|body| body.mass).sum::<f64>();
+        let free_bodies = || self.free.iter().map(|&i| &self.bodies[i.index()]);
+        let radius = libm::cbrt(free_bodies().map(|body| body.radius.powi(3)).sum());
+        let strength = self.options.gravity_constant * free_bodies().map(|body| body.mass).sum::<f64>();
         (self.has_self_gravity() && !self.free.is_empty()).then_some((radius, strength / (radius * radius)))
     }
 
@@ -661,16 +662,16 @@ impl Scene {
         }
     }
 
-    /// Contactors of a body in a scene that [`Self::is_general`].
+    /// Contactors of a body in a scene with [`Self::has_parts`].
     pub fn parts_of(&self, body: BodyId) -> &[BodyPart] {
         let [start, end] = [body.index(), body.index() + 1].map(|k| self.part_starts[k].index());
         &self.parts[start..end]
     }
 
-    /// Contactors of a body that may be absent; none in a scene that is not [`Self::is_general`].
+    /// Contactors of a body that may be absent; none in a scene without [`Self::has_parts`].
     fn all_parts_of(&self, body: BodyId) -> &[BodyPart] {
         match &self.roster {
-            _ if !self.is_general() => &[],
+            _ if !self.has_parts() => &[],
             Some(roster) => {
                 let [start, end] = [body.index(), body.index() + 1].map(|k| roster.part_starts[k].index());
                 &roster.parts[start..end]
@@ -701,8 +702,8 @@ impl Scene {
     /// Shift from `position` to its image nearest to `target`, m; 0 if the scene is not periodic.
     pub fn nearest_image_shift(&self, target: &Vec3, position: &Vec3) -> Vec3 {
         let [x, y] = self.periods();
-        let along = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
-        Vec3::new(along(x, target.x - position.x), along(y, target.y - position.y), 0.0)
+        let axis_shift = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
+        Vec3::new(axis_shift(x, target.x - position.x), axis_shift(y, target.y - position.y), 0.0)
     }
 
     /// Periods along x and y, m.
@@ -710,8 +711,9 @@ impl Scene {
         [self.options.xperiode, self.options.yperiode]
     }
 
-    /// Whether there are shapes other than spheres and plates, bodies driven in part, or plates that move.
-    pub fn is_general(&self) -> bool {
+    /// Whether the scene has a list of parts (`parts`): with shapes other than spheres and plates, bodies driven in part, plates
+    /// that move, wires or rods.
+    pub fn has_parts(&self) -> bool {
         !BARE && (!self.parts.is_empty() || self.roster.as_ref().is_some_and(|roster| !roster.parts.is_empty()))
     }
 
@@ -729,7 +731,7 @@ impl Scene {
 
     /// Whether the fast narrow phase is used (directions may not be optimal).
     pub fn narrow_phase_is_fast(&self) -> bool {
-        self.is_general() && self.options.narrow_phase() == NarrowPhase::Fast
+        self.has_parts() && self.options.narrow_phase() == NarrowPhase::Fast
     }
 
     /// Whether contacts may be bonded.
@@ -747,7 +749,7 @@ impl Scene {
                 (Some(ContactorShape::Cylinder { .. }), _) => 2,
                 (Some(ContactorShape::Plane { .. }) | None, _) => 3,
             };
-        (kind, self.is_general() && self.bodies[body.index()].driven, body, part_number)
+        (kind, self.has_parts() && self.bodies[body.index()].driven, body, part_number)
     }
 
     /// Class of the part of a body with this number, if it has that many.
@@ -808,22 +810,23 @@ impl Scene {
         let spheres = |is_counted: fn(&RigidBody) -> bool| {
             self.spheres.iter().filter(|&&i| is_counted(&self.bodies[i.index()])).count()
         };
-        let parts = |driven: bool, is_counted: fn(&ContactorShape) -> bool| {
+        let parts = |is_counted_body: fn(&RigidBody) -> bool, is_counted: fn(&ContactorShape) -> bool| {
             let is_of_parts = |part: &&BodyPart| self.bodies[part.body.index()].shape == BodyShape::Parts;
             let parts = self.parts.iter().filter(is_of_parts);
-            parts.filter(|part| self.bodies[part.body.index()].driven == driven && is_counted(&part.geometry)).count()
+            parts.filter(|part| is_counted_body(&self.bodies[part.body.index()]) && is_counted(&part.geometry)).count()
         };
+        let [is_free, is_driven]: [fn(&RigidBody) -> bool; 2] = [|body| !body.driven, |body| body.driven];
         let free_planes = self.planes.iter().filter(|&&i| !self.bodies[i.index()].driven).count();
         let sphere = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Sphere { .. });
         let cylinder = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Cylinder { .. });
         let counts = [
-            (spheres(|body| !body.driven), "sphere"),
+            (spheres(is_free), "sphere"),
             (spheres(RigidBody::is_imposed), "driven sphere"),
-            (parts(false, is_polyhedron), "polyhedral contactor"),
-            (parts(true, is_polyhedron), "driven polyhedral contactor"),
-            (parts(false, sphere) + parts(true, sphere), "spherical contactor"),
-            (parts(true, cylinder), "cylinder"),
-            (parts(false, cylinder), "free cylinder"),
+            (parts(is_free, is_polyhedron), "polyhedral contactor"),
+            (parts(is_driven, is_polyhedron), "driven polyhedral contactor"),
+            (parts(is_free, sphere) + parts(is_driven, sphere), "spherical contactor"),
+            (parts(is_driven, cylinder), "cylinder"),
+            (parts(is_free, cylinder), "free cylinder"),
             (self.planes.len() - free_planes, "plane"),
             (free_planes, "free plane"),
             (self.loads.len(), "imposed force"),

@@ -16,7 +16,7 @@ impl Bodies {
 }
 
 impl Body {
-    /// The same body with its position at the centre of mass, its contactors about it in the axes of its DOF file, and its
+    /// Body with its position at the centre of mass, its contactors about it in the axes of its DOF file, and its
     /// `avrd` and inertia filled in. Written to BODIES.DAT it is read with the same axes whatever program reads it.
     ///
     /// A hollow cylinder among other contactors has no place for a frame in the file: such a body is returned as it is.
@@ -58,18 +58,20 @@ impl Body {
 impl Contactor {
     /// The contactor in a frame with this origin, m, and these axes, one a row; `is_single`: it is the only one of its body.
     fn in_frame(&self, origin: &Vec3, axes: &Matrix3<f64>, is_single: bool) -> Contactor {
-        let transformed = |point: [f64; 3]| -> [f64; 3] { (axes * (Vec3::from(point) - origin)).into() };
+        let centred_point = |point: [f64; 3]| -> [f64; 3] { (axes * (Vec3::from(point) - origin)).into() };
         let (mut shape, mut local_frame) = (self.shape.clone(), self.local_frame.clone());
         match &mut shape {
             ShapeRecord::Sphere { radius } => {
-                let offset = transformed([0.0; 3]);
+                let offset = centred_point([0.0; 3]);
                 if offset != [0.0; 3] {
                     shape = ShapeRecord::OffsetSphere { radius: *radius, offset };
                 }
             }
-            ShapeRecord::OffsetSphere { offset, .. } | ShapeRecord::Point { offset } => *offset = transformed(*offset),
+            ShapeRecord::OffsetSphere { offset, .. } | ShapeRecord::Point { offset } => {
+                *offset = centred_point(*offset)
+            }
             ShapeRecord::Polyhedron { vertices, .. } => {
-                vertices.iter_mut().for_each(|vertex| *vertex = transformed(*vertex));
+                vertices.iter_mut().for_each(|vertex| *vertex = centred_point(*vertex));
             }
             // The frame of the body is that of its only plate or cylinder.
             ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } if is_single => local_frame = None,
@@ -77,7 +79,7 @@ impl Contactor {
                 let fixed = LocalFrame { axes: Matrix3::identity().into(), offset: [0.0; 3] };
                 let frame = local_frame.map_or(fixed, |frame| *frame);
                 let axes = frame.axes.map(|axis| (axes * Vec3::from(axis)).into());
-                local_frame = Some(LocalFrame { axes, offset: transformed(frame.offset) }.into());
+                local_frame = Some(LocalFrame { axes, offset: centred_point(frame.offset) }.into());
             }
         }
         Contactor { colour: self.colour.clone(), shape, local_frame }

@@ -110,8 +110,8 @@ impl ConvexMesh {
         let centre = Vec3::from(mass.centre);
         let local: Vec<Vec3> = surface.vertices().iter().map(|v| Vec3::from(*v) - centre).collect();
         let attempt = |flatness: f64| ConvexMesh::new(&local, surface.triangles(), flatness);
-        let finer = |found| FINER_FLATNESS.iter().find_map(|flatness| attempt(*flatness).ok()).ok_or(found);
-        Ok((attempt(FLATNESS_OF_FILES).or_else(finer)?, mass))
+        let finer_mesh = |found| FINER_FLATNESS.iter().find_map(|flatness| attempt(*flatness).ok()).ok_or(found);
+        Ok((attempt(FLATNESS_OF_FILES).or_else(finer_mesh)?, mass))
     }
 
     /// Builds the mesh of a closed, outward triangulated surface about the body's centre of mass, m. Triangles whose
@@ -165,13 +165,13 @@ impl ConvexMesh {
     fn add_plane(&mut self, flatness: f64) -> Result<(), MeshError> {
         let face = self.starts.len() - 2;
         let corners = self.face_corners(face);
-        let at = |k: usize| self.vertices[corners[k] as usize];
-        let base = at(0);
+        let corner_position = |k: usize| self.vertices[corners[k] as usize];
+        let base = corner_position(0);
         let (mut area, mut longest) = (Vec3::zeros(), 0.0f64);
         for k in 1..corners.len() {
-            longest = longest.max((at(k) - base).norm());
+            longest = longest.max((corner_position(k) - base).norm());
             if k + 1 < corners.len() {
-                area += (at(k) - base).cross(&(at(k + 1) - base));
+                area += (corner_position(k) - base).cross(&(corner_position(k + 1) - base));
             }
         }
         let normal = area / area.norm();
@@ -179,7 +179,7 @@ impl ConvexMesh {
         // Accuracy of a sliver's plane: that of its corners over its width.
         let width = area.norm() / longest;
         let allowed = 4.0 * flatness * self.circumradius * (1.0 + self.circumradius / width);
-        let excess = (0..corners.len()).map(|k| offset - normal.dot(&at(k))).fold(0.0, f64::max);
+        let excess = (0..corners.len()).map(|k| offset - normal.dot(&corner_position(k))).fold(0.0, f64::max);
         if !offset.is_finite() || excess > allowed {
             let coordinates: Vec<String> = base.iter().map(|x| format!("{x:.4}")).collect();
             let reason = format!("not convex: {excess:.3e} m outside the face at ({})", coordinates.join(", "));

@@ -27,7 +27,7 @@ impl Contactor {
             let inertia = Matrix3::from_diagonal_element(0.4 * volume * radius * radius);
             MassProperties { volume, centre, inertia: inertia.into() }
         };
-        let rotated = |volume: f64, moments: [f64; 3]| {
+        let centred_at_offset = |volume: f64, moments: [f64; 3]| {
             let inertia = axes * Matrix3::from_diagonal(&Vector3::from(moments)) * axes.transpose();
             MassProperties { volume, centre: offset, inertia: inertia.into() }
         };
@@ -36,23 +36,26 @@ impl Contactor {
             ShapeRecord::OffsetSphere { radius, offset } => ball(*radius, *offset),
             ShapeRecord::Plane { half_lengths: [a, b, c] } => {
                 let volume = 8.0 * a * b * c;
-                rotated(volume, [b * b + c * c, a * a + c * c, a * a + b * b].map(|square| volume / 3.0 * square))
+                centred_at_offset(
+                    volume,
+                    [b * b + c * c, a * a + c * c, a * a + b * b].map(|square| volume / 3.0 * square),
+                )
             }
             ShapeRecord::Cylinder { half_height, radius, .. } => {
                 let volume = 2.0 * PI * radius * radius * half_height;
                 let across = volume * (radius * radius / 4.0 + half_height * half_height / 3.0);
-                rotated(volume, [across, across, volume * radius * radius / 2.0])
+                centred_at_offset(volume, [across, across, volume * radius * radius / 2.0])
             }
             ShapeRecord::Polyhedron { vertices, triangles } => Surface::new(vertices, triangles)?.mass_properties(),
             ShapeRecord::Point { offset } => MassProperties { volume: 0.0, centre: *offset, inertia: [[0.0; 3]; 3] },
         })
     }
 
-    /// Moments of inertia of a contactor about its own axes; `own` are its mass properties.
-    fn own_moments(&self, own: &MassProperties) -> [f64; 3] {
+    /// Moments of inertia of a contactor about its own axes; `whole` are its mass properties.
+    fn own_moments(&self, whole: &MassProperties) -> [f64; 3] {
         let axes = self.local_frame.as_ref().map_or(Matrix3::identity(), |f| Matrix3::from_fn(|i, j| f.axes[j][i]));
         let rotation = nearest_rotation(&axes);
-        let local = rotation.transpose() * Matrix3::from(own.inertia) * rotation;
+        let local = rotation.transpose() * Matrix3::from(whole.inertia) * rotation;
         [local.m11, local.m22, local.m33]
     }
 }
@@ -75,8 +78,8 @@ pub struct SolidPiece {
     pub contactor: usize,
     /// Faces of a polyhedron, about its own centre of mass.
     pub faces: Option<ConvexMesh>,
-    /// Mass properties in the frame of the file, at density 1.
-    pub mass: MassProperties,
+    /// Volume, centre and inertia in the frame of the file, at density 1.
+    pub volume_properties: MassProperties,
 }
 
 /// Body whose shape and mass cd-solve accepts, with its mass properties.
@@ -103,18 +106,18 @@ impl CheckedBody {
                 (ShapeRecord::Cylinder { half_height, radius, .. }, _) => libm::hypot(*radius, *half_height),
                 (ShapeRecord::Polyhedron { .. } | ShapeRecord::Point { .. }, _) => 0.0,
             };
-            (Vector3::from(piece.mass.centre) - shift).norm() + radius
+            (Vector3::from(piece.volume_properties.centre) - shift).norm() + radius
         });
         reach.fold(0.0, f64::max)
     }
 }
 
-/// Largest relative difference of moments that counts as rounding of the file: such a body needs no equation for its
-/// rotation.
+/// Largest relative difference of moments that counts as rounding of the file: below it the three moments are set equal, and
+/// the body has no gyroscopic term.
 const EQUAL_MOMENTS: f64 = 1e-7;
 
 /// Relative excess of a moment over the sum of the other two that counts as rounding of the file, whose numbers have 7 or 8
-/// digits: those of a flat body are equal to it.
+/// digits: in a flat body the largest moment equals the sum of the other two.
 const MOMENT_ROUNDING: f64 = 1e-6;
 
 /// Largest relative difference of the radius of a sphere and its `avrd`, of which the file has 7 or 8 digits.
@@ -130,19 +133,19 @@ impl Body {
     pub fn check_at_density(&self, density: f64) -> Result<CheckedBody, RecordFault> {
         let (mut pieces, mut parts) = (Vec::new(), Vec::new());
         for (index, contactor) in self.contactors.iter().enumerate() {
-            let piece = |(faces, mass)| SolidPiece { contactor: index, faces, mass };
+            let piece = |(faces, volume_properties)| SolidPiece { contactor: index, faces, volume_properties };
             match &contactor.shape {
                 ShapeRecord::Polyhedron { vertices, triangles } => {
-                    let (convex, whole) = convex_meshes(vertices, triangles)?;
-                    pieces.extend(convex.into_iter().map(|(faces, mass)| piece((Some(faces), mass))));
-                    parts.push(whole);
+                    let (convex, contactor_properties) = convex_meshes(vertices, triangles)?;
+                    pieces.extend(convex.into_iter().map(|(faces, properties)| piece((Some(faces), properties))));
+                    parts.push(contactor_properties);
                 }
                 shape => {
-                    let mass = contactor.mass_properties().map_err(|fault| polyhedron_fault(&fault))?;
+                    let properties = contactor.mass_properties().map_err(|fault| polyhedron_fault(&fault))?;
                     if !matches!(shape, ShapeRecord::Point { .. }) {
-                        pieces.push(piece((None, mass)));
+                        pieces.push(piece((None, properties)));
                     }
-                    parts.push(mass);
+                    parts.push(properties);
                 }
             }
         }
@@ -186,46 +189,46 @@ impl Body {
         Ok(MassProperties::composite(&contactor_properties.collect::<Result<Vec<_>, _>>()?))
     }
 
-    /// Vector from `position` to the centre of mass, m; `own` are the mass properties of all contactors together. Zero
+    /// Vector from `position` to the centre of mass, m; `whole` are the mass properties of all contactors together. Zero
     /// for a single SPHEb, and for several contactors with `avrd`, whose coordinates are relative to the centre of mass.
-    pub fn centre_of_mass_offset(&self, own: &MassProperties) -> [f64; 3] {
+    pub fn centre_of_mass_offset(&self, whole: &MassProperties) -> [f64; 3] {
         let is_relative_to_centre = match self.contactors.as_slice() {
             [single] => matches!(single.shape, ShapeRecord::OffsetSphere { .. }),
             _ => self.equivalent_radius != 0.0,
         };
-        if is_relative_to_centre { [0.0; 3] } else { own.centre }
+        if is_relative_to_centre { [0.0; 3] } else { whole.centre }
     }
 
     /// Principal axes in the frame of the file, if they have to be found: of a polyhedron or of several contactors without
-    /// given inertia. `own` are the mass properties of all contactors together. A lone sphere, plate or cylinder keeps its
+    /// given inertia. `whole` are the mass properties of all contactors together. A lone sphere, plate or cylinder keeps its
     /// own axes; with a given inertia the axes of the file are the principal ones.
-    pub fn computed_frame(&self, own: &MassProperties) -> Option<PrincipalFrame> {
+    pub fn computed_frame(&self, whole: &MassProperties) -> Option<PrincipalFrame> {
         let has_own_axes =
             matches!(self.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::Polyhedron { .. }));
         let has_inertia = self.inertia.is_some_and(|inertia| inertia != [0.0; 3]);
-        (!has_own_axes && !has_inertia).then(|| own.about(self.centre_of_mass_offset(own)).lmgc90_frame())
+        (!has_own_axes && !has_inertia).then(|| whole.about(self.centre_of_mass_offset(whole)).lmgc90_frame())
     }
 
-    /// Mass properties at a density (kg/m^3); `own` are those of all contactors together. Given values of `avrd` and
+    /// Mass properties at a density (kg/m^3); `whole` are the mass properties of all contactors together at density 1. Given values of `avrd` and
     /// `I1 I2 I3` are used, except for the moments of a single sphere, plate or cylinder, about its own axes, and the mass
     /// of a sphere. Moments that are not given are those of the contactors about the centre of mass, with their own volumes.
-    pub fn inertial_properties(&self, own: &MassProperties, density: f64) -> InertialProperties {
+    pub fn inertial_properties(&self, whole: &MassProperties, density: f64) -> InertialProperties {
         let single = if let [single] = self.contactors.as_slice() { Some(single) } else { None };
         let simple = single.filter(|contactor| !matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
         let file_inertia = self.inertia.filter(|inertia| simple.is_none() && *inertia != [0.0; 3]);
-        let frame_moments = || own.about(self.centre_of_mass_offset(own)).lmgc90_frame().moments;
-        let own_moments = || simple.map_or_else(frame_moments, |contactor| contactor.own_moments(own));
+        let frame_moments = || whole.about(self.centre_of_mass_offset(whole)).lmgc90_frame().moments;
+        let own_moments = || simple.map_or_else(frame_moments, |contactor| contactor.own_moments(whole));
         let inertia = file_inertia.unwrap_or_else(own_moments);
         let declared_volume = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
         let uses_declared_volume = match simple.map(|contactor| &contactor.shape) {
             // Computed directly, the volume has more digits.
             Some(ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }) => {
-                (declared_volume / own.volume - 1.0).abs() > VOLUME_ROUNDING
+                (declared_volume / whole.volume - 1.0).abs() > VOLUME_ROUNDING
             }
             Some(_) => false,
             None => true,
         };
-        let volume = if uses_declared_volume && declared_volume != 0.0 { declared_volume } else { own.volume };
+        let volume = if uses_declared_volume && declared_volume != 0.0 { declared_volume } else { whole.volume };
         let radius = match single.map(|contactor| &contactor.shape) {
             Some(ShapeRecord::Sphere { radius }) => *radius,
             _ => libm::cbrt(volume * 0.75 / PI),
@@ -259,19 +262,19 @@ fn convex_meshes(
         Err(fault) => return Err(polyhedron_fault(&fault)),
     };
     let surface = Surface::new(vertices, triangles).map_err(|fault| polyhedron_fault(&fault))?;
-    let refuse = |why: String| {
+    let split_fault = |why: String| {
         let found = format!("contactor POLYR: {reason}; it cannot be split into convex pieces: {why}");
         RecordFault::new(found, EXPECTED_CONVEX)
     };
-    let pieces = split_into_convex(&surface).map_err(|error| refuse(error.to_string()))?;
+    let pieces = split_into_convex(&surface).map_err(|error| split_fault(error.to_string()))?;
     let mesh = |piece: &ConvexPiece| ConvexMesh::from_contactor(&piece.vertices, &piece.triangles);
     let meshes =
-        pieces.iter().map(mesh).collect::<Result<_, _>>().map_err(|fault| refuse(format!("one is {fault}")))?;
+        pieces.iter().map(mesh).collect::<Result<_, _>>().map_err(|fault| split_fault(format!("one is {fault}")))?;
     Ok((meshes, surface.mass_properties()))
 }
 
 impl MassProperties {
-    /// The same volume and inertia with `point`, m, as centre: inertia about that point, by Huygens' theorem.
+    /// Mass properties of the same solid with `point`, m, as centre: inertia about that point, by Huygens' theorem.
     fn about(&self, point: [f64; 3]) -> MassProperties {
         let d = Vector3::from(self.centre) - Vector3::from(point);
         let inertia = Matrix3::from(self.inertia)

@@ -47,10 +47,11 @@ impl From<ReadError> for Vec<ReadError> {
 }
 
 impl PolygonMesh {
-    /// Adds a phrase with a count, unless the count is 0.
-    pub fn add_note(&mut self, verb: &str, count: usize, noun: &str, rest: &str) {
+    /// Adds the note that `count` things named `noun` were ignored, unless the count is 0. `position`: end of the note, as
+    /// ` after the last triangle`, or empty.
+    pub fn note_ignored(&mut self, count: usize, noun: &str, position: &str) {
         if count > 0 {
-            self.notes.push(format!("{verb} {}{rest}", count_text(count, noun)));
+            self.notes.push(format!("ignored {}{position}", count_text(count, noun)));
         }
     }
 }

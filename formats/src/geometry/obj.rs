@@ -90,9 +90,9 @@ pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
     if errors.is_empty() && mesh.polygons.is_empty() {
         errors.push(ReadError::new(None, "no polygons", "f lines"));
     }
-    mesh.add_note("ignored", marks, "control character", "");
-    mesh.add_note("ignored", elements, "line or point element", "");
-    mesh.add_note("ignored", weights, "weight or colour", " after coordinates");
+    mesh.note_ignored(marks, "control character", "");
+    mesh.note_ignored(elements, "line or point element", "");
+    mesh.note_ignored(weights, "weight or colour", " after coordinates");
     if errors.is_empty() { Ok(mesh) } else { Err(errors) }
 }
 

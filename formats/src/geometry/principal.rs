@@ -298,13 +298,13 @@ impl Tridiagonal {
         let (sum, difference, twice) = (a + d, a - d, b + b);
         let root = length(difference, twice);
         let (larger, smaller) = if a.abs() > d.abs() { (a, d) } else { (d, a) };
-        let rest = |first: f64| (larger / first) * smaller - (b / first) * b;
+        let other_moment = |first: f64| (larger / first) * smaller - (b / first) * b;
         let (first, second, positive) = if sum < 0.0 {
             let first = 0.5 * (sum - root);
-            (first, rest(first), false)
+            (first, other_moment(first), false)
         } else if sum > 0.0 {
             let first = 0.5 * (sum + root);
-            (first, rest(first), true)
+            (first, other_moment(first), true)
         } else {
             (0.5 * root, -0.5 * root, true)
         };

@@ -14,13 +14,15 @@ const MAX_AXES_ERROR: f64 = 0.01;
 /// assert!((nearest_rotation(&axes).matrix() - axes).norm() < 1e-14); // some roundings
 /// ```
 pub fn nearest_rotation(axes: &Matrix3<f64>) -> Rotation3<f64> {
-    let refined = |guess| Rotation3::from_matrix_eps(axes, 1e-15, 100, guess);
-    let rotation = refined(Rotation3::identity());
+    let refined_rotation = |guess| Rotation3::from_matrix_eps(axes, 1e-15, 100, guess);
+    let rotation = refined_rotation(Rotation3::identity());
     if (rotation.matrix() - axes).norm() < MAX_AXES_ERROR {
         return rotation;
     }
     // The iteration does not leave a rotation that is half a turn away: its direction is not determined there.
-    refined(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*axes)).to_rotation_matrix())
+    refined_rotation(
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*axes)).to_rotation_matrix(),
+    )
 }
 
 #[cfg(test)]

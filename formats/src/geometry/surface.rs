@@ -282,8 +282,8 @@ pub fn with_joined_vertices(vertices: &[[f64; 3]], triangles: &[[u32; 3]], toler
         return None;
     }
     let extent = |k: usize| {
-        let all = || vertices.iter().map(|vertex| vertex[k]);
-        all().fold(f64::NEG_INFINITY, f64::max) - all().fold(f64::INFINITY, f64::min)
+        let coordinates = || vertices.iter().map(|vertex| vertex[k]);
+        coordinates().fold(f64::NEG_INFINITY, f64::max) - coordinates().fold(f64::INFINITY, f64::min)
     };
     let distance = tolerance * (0..3).map(extent).fold(0.0, f64::max);
     let mut by_x: Vec<usize> = (0..vertices.len()).collect();
@@ -291,10 +291,10 @@ pub fn with_joined_vertices(vertices: &[[f64; 3]], triangles: &[[u32; 3]], toler
     // One vertex of each position in the order of x, and for each vertex the one of its position.
     let (mut positions, mut position_of_vertex) = (Vec::new(), vec![0; vertices.len()]);
     for k in by_x {
-        let coincides = |other: usize| (0..3).all(|c| (vertices[k][c] - vertices[other][c]).abs() <= distance);
+        let is_at_vertex = |other: usize| (0..3).all(|c| (vertices[k][c] - vertices[other][c]).abs() <= distance);
         let mut near_in_x =
             positions.iter().rev().take_while(|&&other: &&usize| vertices[k][0] - vertices[other][0] <= distance);
-        let known = near_in_x.find(|&&other| coincides(other)).copied();
+        let known = near_in_x.find(|&&other| is_at_vertex(other)).copied();
         position_of_vertex[k] = known.unwrap_or(k);
         positions.extend(known.is_none().then_some(k));
     }
@@ -365,10 +365,10 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaul
     if !faults.is_empty() {
         return Err(SurfaceFaults(faults));
     }
-    let oriented = |(&[a, b, c], is_reversed): (&[u32; 3], Option<bool>)| {
+    let oriented_triangle = |(&[a, b, c], is_reversed): (&[u32; 3], Option<bool>)| {
         if is_reversed == Some(true) { [a, c, b] } else { [a, b, c] }
     };
-    Ok(triangles.iter().zip(is_reversed).map(oriented).collect())
+    Ok(triangles.iter().zip(is_reversed).map(oriented_triangle).collect())
 }
 
 #[cfg(test)]

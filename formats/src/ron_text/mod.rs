@@ -40,12 +40,12 @@ impl FlagError {
     /// Error of the value `text` with these mistakes.
     pub(crate) fn new(text: &str, mistakes: &[TextFault]) -> FlagError {
         let locations = ValueLocations::from_text(text);
-        let one = |TextFault { at, path, found, expected }: &TextFault| {
+        let fault_text = |TextFault { at, path, found, expected }: &TextFault| {
             let object = if path.is_empty() { String::new() } else { format!("{}: ", locations.path_in_words(path)) };
             let (_, column) = line_and_column(text, *at);
             format!("column {column}: {object}{found}; {expected}")
         };
-        FlagError(mistakes.iter().map(one).collect::<Vec<_>>().join("; "))
+        FlagError(mistakes.iter().map(fault_text).collect::<Vec<_>>().join("; "))
     }
 }
 

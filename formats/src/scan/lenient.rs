@@ -86,8 +86,8 @@ impl<'a> LineScanner<'a> {
     /// Adds a fault if LMGC90 reads another number from its columns; `None` where it stops with an error.
     fn expect_same_number(&mut self, line: TextLine, field: &str, value: f64, lmgc90_value: Option<f64>) {
         // The two are read from the same decimals, and differ by rounding at most.
-        let differs = |lmgc90_value: &f64| (lmgc90_value - value).abs() > 1e-12 * value.abs();
-        if let Some(lmgc90_value) = lmgc90_value.filter(differs) {
+        let is_different = |lmgc90_value: &f64| (lmgc90_value - value).abs() > 1e-12 * value.abs();
+        if let Some(lmgc90_value) = lmgc90_value.filter(is_different) {
             let found = format!("{field} is {value}, but LMGC90 reads {lmgc90_value} from its columns");
             self.add_fault(
                 line.number,

@@ -731,8 +731,8 @@ impl Snapshot {
         let rows = Snapshot::read_arrays(SnapshotMeta::default(), &mut entries);
         entries.faults.into_result(())?;
         let bodies = rows.bodies.body_id.len() as u64;
-        let other = || other_part(path, index, format!("{bodies} bodies, not {}", part.bodies));
-        if bodies == part.bodies { Ok(rows) } else { Err(other()) }
+        let other_part_fault = || other_part(path, index, format!("{bodies} bodies, not {}", part.bodies));
+        if bodies == part.bodies { Ok(rows) } else { Err(other_part_fault()) }
     }
 
     /// Appends the rows of a later part.
@@ -761,18 +761,21 @@ impl Snapshot {
     /// indices in range, the step of its name.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
-        let refuse = |found: String| {
+        let snapshot_fault = |found: String| {
             Faults::from(Fault::new(path, None, "snapshot", found, "expected an .npz file of cd-solve"))
         };
-        let mut entries = NpzReader::new(path, bytes).map_err(|error| refuse(error.to_string()))?;
+        let mut entries = NpzReader::new(path, bytes).map_err(|error| snapshot_fault(error.to_string()))?;
         let Some(meta_text): Option<Vec<u8>> = entries.read_array("meta", None) else { return Err(entries.faults) };
         let version: serde_json::Value =
-            serde_json::from_slice(&meta_text).map_err(|error| refuse(describe_json_error(&error)))?;
+            serde_json::from_slice(&meta_text).map_err(|error| snapshot_fault(describe_json_error(&error)))?;
         if version["format"].as_u64() != Some(FORMAT_VERSION.into()) {
-            return Err(refuse(format!("meta: format {}; this program reads {FORMAT_VERSION}", version["format"])));
+            return Err(snapshot_fault(format!(
+                "meta: format {}; this program reads {FORMAT_VERSION}",
+                version["format"]
+            )));
         }
         let meta: SnapshotMeta =
-            serde_json::from_slice(&meta_text).map_err(|error| refuse(describe_json_error(&error)))?;
+            serde_json::from_slice(&meta_text).map_err(|error| snapshot_fault(describe_json_error(&error)))?;
         if let Some(step) = step_of(path).filter(|step| *step != meta.step) {
             let (found, expected) = (format!("of step {}", meta.step), format!("expected {step}, as its name says"));
             return Err(Fault::new(path, None, "snapshot", found, expected).into());
@@ -785,7 +788,7 @@ impl Snapshot {
             let rows = Snapshot::read_parts(path, &meta)?;
             Snapshot { meta: SnapshotMeta { parts: Vec::new(), ..meta }, ..rows }
         };
-        snapshot.check_indices().map_err(|error| refuse(error.to_string()))?;
+        snapshot.check_indices().map_err(|error| snapshot_fault(error.to_string()))?;
         snapshot.check_quaternions(path)?;
         Ok(snapshot)
     }

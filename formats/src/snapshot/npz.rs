@@ -267,16 +267,16 @@ mod tests {
 
     #[test]
     fn an_archive_that_finds_no_room_returns_the_error() {
-        let written = |room: &mut [u8]| {
-            let mut archive = NpzWriter::new(Cursor::new(room));
+        let written = |buffer: &mut [u8]| {
+            let mut archive = NpzWriter::new(Cursor::new(buffer));
             archive.add_array("a", &[1.0; 50])?;
             archive.add_array("b", &[2.0; 50])?;
             archive.finish().map(|target| target.position() as usize)
         };
         let whole = written(&mut [0; 4096]).unwrap();
         assert!(written(&mut vec![0; whole]).is_ok());
-        for room in (0..whole).step_by(7) {
-            let Err(ZipError::Io(error)) = written(&mut vec![0; room]) else { panic!("{room}") };
+        for capacity in (0..whole).step_by(7) {
+            let Err(ZipError::Io(error)) = written(&mut vec![0; capacity]) else { panic!("{capacity}") };
             assert_eq!(error.kind(), std::io::ErrorKind::WriteZero);
         }
     }

@@ -100,15 +100,15 @@ pub(super) fn other_part(path: &Path, index: &Path, found: String) -> Faults {
 impl PartRows {
     /// Rows of the part with the `bodies`, the next after this one; the last part has all rows that remain.
     pub fn next_part(&self, bodies: Range<usize>, is_last: bool, first_bodies: FirstBodies) -> PartRows {
-        let next = |before: &Range<usize>, bodies_of_rows: &mut dyn Iterator<Item = u32>| {
+        let next_range = |before: &Range<usize>, bodies_of_rows: &mut dyn Iterator<Item = u32>| {
             let belongs = |body: &u32| is_last || (*body as usize) < bodies.end;
             before.end..before.end + bodies_of_rows.skip(before.end).take_while(belongs).count()
         };
         let next_pairs =
-            |before: &Range<usize>, pairs: &[[u32; 2]]| next(before, &mut pairs.iter().map(|pair| pair[0]));
+            |before: &Range<usize>, pairs: &[[u32; 2]]| next_range(before, &mut pairs.iter().map(|pair| pair[0]));
         PartRows {
             contacts: next_pairs(&self.contacts, first_bodies.contacts),
-            turning: next(&self.turning, &mut first_bodies.turning.iter().copied()),
+            turning: next_range(&self.turning, &mut first_bodies.turning.iter().copied()),
             pairs: next_pairs(&self.pairs, first_bodies.pairs),
             interval: next_pairs(&self.interval, first_bodies.interval),
             bodies,

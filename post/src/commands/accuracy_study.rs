@@ -245,11 +245,11 @@ fn compare_runs(cases: &[PathBuf], selection: &AccuracyStudyOptions) -> Result<(
     let names = case_names(cases);
     faults.0.extend(name_faults("runs", &names, None));
     faults.0.extend(blank_group_faults(groups));
-    let measured = |(k, case): (usize, &PathBuf)| -> Option<MeasuredRun> {
+    let measured_run = |(k, case): (usize, &PathBuf)| -> Option<MeasuredRun> {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
         faults.gather_result(measure_run(case, names[k].clone(), group, values.get(k).copied().unwrap_or(f64::NAN)))
     };
-    let runs: Vec<MeasuredRun> = cases.iter().enumerate().filter_map(measured).collect();
+    let runs: Vec<MeasuredRun> = cases.iter().enumerate().filter_map(measured_run).collect();
     faults.into_result(())?;
     let finest = runs.iter().position(|run| run.accuracy == Some(Accuracy::Reference)).unwrap_or(runs.len() - 1);
     let exact = ReferenceRun::new(&runs[finest], from, early)?;
@@ -301,23 +301,24 @@ fn read_table(path: &Path) -> Result<Vec<RunErrors>, Faults> {
     faults.into_result(runs)
 }
 
-/// Returns the runs of the first realisation with root mean squares of the errors of all.
+/// Root mean square of each error over the realisations, and mean of the seconds; value and order of the runs are those of
+/// the first realisation.
 fn average_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<RunErrors>, Faults> {
     let mut faults = Faults::default();
-    let fault = |folder: &Path, found: String| {
+    let mismatch_fault = |folder: &Path, found: String| {
         let expected = format!("expected the runs of {}", folders[0].display());
         Fault::new(&existing_table(folder), None, "run", found, expected)
     };
     let row_of = |runs: &[RunErrors], name: &str| runs.iter().find(|run| run.name == name).map(|run| run.row);
     for (folder, runs) in folders.iter().zip(all) {
         for run in runs.iter().filter(|run| row_of(&all[0], &run.name).is_none()) {
-            faults.push(fault(folder, format!("{} as well", run.name)));
+            faults.push(mismatch_fault(folder, format!("{} as well", run.name)));
         }
     }
     let mut averages = Vec::new();
     for run in &all[0] {
         let errors_of = |(folder, runs): (&PathBuf, &Vec<RunErrors>)| {
-            row_of(runs, &run.name).ok_or_else(|| Faults::from(fault(folder, format!("no {}", run.name))))
+            row_of(runs, &run.name).ok_or_else(|| Faults::from(mismatch_fault(folder, format!("no {}", run.name))))
         };
         let rows: Vec<ErrorRow> =
             folders.iter().zip(all).filter_map(|each| faults.gather_result(errors_of(each))).collect();
@@ -349,7 +350,7 @@ fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<M
     let shown = ["Z_interval", "nu", "pressure_interval", "a", "b", "c", "bed_nu", "bed_pressure_interval"];
     let series =
         read_columns(&series_path(case), &[&["step", "time", "interval"], &shown[..], &energies[..]].concat())?;
-    let observed = |k: usize| {
+    let snapshot_means = |k: usize| {
         let [z, nu, pressure, a, b, c, bed_nu, bed_pressure] = shown.map(|name| series[name][k]);
         let [count, kinetic, gravity, uniform, fields] = energies.map(|name| series[name][k]);
         let energy = count * kinetic + (gravity + uniform + fields);
@@ -370,7 +371,7 @@ fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<M
         value,
         accuracy: last.meta.parameters.accuracy,
         seconds,
-        observed: (0..series["time"].len()).map(observed).collect(),
+        observed: (0..series["time"].len()).map(snapshot_means).collect(),
         estimated: estimated_error(&case.join("ERRORS.csv"))?,
         end: free_positions(&last),
         mean_radius,
@@ -449,8 +450,8 @@ impl ReferenceRun<'_> {
     /// Takes the snapshots from `from` (s) on, or the last, and the early positions from `early` (s) on, or the first.
     fn new(finest: &MeasuredRun, from: Option<f64>, early: Option<f64>) -> Result<ReferenceRun<'_>, Faults> {
         let times: Vec<f64> = finest.observed.iter().map(|means| means.time).collect();
-        let snapshot_time = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
-        let from = from.map(snapshot_time).or(times.last().copied()).unwrap_or(f64::NAN);
+        let nearest_snapshot_time = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
+        let from = from.map(nearest_snapshot_time).or(times.last().copied()).unwrap_or(f64::NAN);
         let observed: Vec<_> = finest.observed.iter().copied().filter(|means| means.time >= from).collect();
         if observed.is_empty() {
             let expected = "expected one at the time of --from or later";
@@ -474,14 +475,14 @@ impl ReferenceRun<'_> {
             let nearest = nearest_time(run.observed.iter().map(|means| means.time), time)?;
             run.observed.iter().find(|means| means.time == nearest)
         };
-        let pairs: Vec<(&SnapshotMeans, &SnapshotMeans)> =
+        let simultaneous_pairs: Vec<(&SnapshotMeans, &SnapshotMeans)> =
             self.observed.iter().filter_map(|exact| Some((means_at(exact.time)?, exact))).collect();
-        let shared: Vec<(&Observables, &Observables)> = pairs
+        let compared_pairs: Vec<(&Observables, &Observables)> = simultaneous_pairs
             .iter()
             .filter(|(found, exact)| found.has_same_interval(exact))
             .map(|(found, exact)| (&found.observables, &exact.observables))
             .collect();
-        if let ([(found, exact), ..], []) = (&pairs[..], &shared[..]) {
+        if let ([(found, exact), ..], []) = (&simultaneous_pairs[..], &compared_pairs[..]) {
             let found = format!("{} s at t = {} s", rounded_number(found.interval), rounded_number(found.time));
             let expected = format!(
                 "expected {} s, as in {}: choose output_every so that output_every × dt is equal",
@@ -489,7 +490,7 @@ impl ReferenceRun<'_> {
                 finest.name
             );
             faults.push(Fault::new(&series_path(&run.case), None, "interval", found, expected));
-        } else if shared.is_empty() {
+        } else if compared_pairs.is_empty() {
             let times = |rows: &[SnapshotMeans]| times_text(&rows.iter().map(|means| means.time).collect::<Vec<_>>());
             let expected =
                 format!("expected a time of the snapshots of {} that count, {}", finest.name, times(&self.observed));
@@ -498,7 +499,7 @@ impl ReferenceRun<'_> {
         faults.into_result(())?;
         // Mean over the snapshots in which both have a value.
         let values_of = |value: &dyn Fn(&Observables) -> f64| {
-            let values = shared.iter().map(|(found, exact)| (value(found), value(exact)));
+            let values = compared_pairs.iter().map(|(found, exact)| (value(found), value(exact)));
             values.filter(|(found, exact)| found.is_finite() && exact.is_finite()).collect::<Vec<_>>()
         };
         let relative_error_of_mean = |value: &dyn Fn(&Observables) -> f64| {
@@ -513,7 +514,7 @@ impl ReferenceRun<'_> {
         };
         let (bed_nu, bed_pressure) =
             (relative_error_of_mean(&|o| o.bed_nu), relative_error_of_mean(&|o| o.bed_pressure));
-        // In a bed, means over the ball around all grains would depend on the height of the highest grain.
+        // The ball around a bed depends on its highest grain: use the means of the bed.
         let is_bed = bed_nu.is_finite() && bed_pressure.is_finite();
         let [nu, pressure] = if is_bed {
             [bed_nu, bed_pressure]

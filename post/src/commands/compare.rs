@@ -136,7 +136,7 @@ pub fn write(
     faults.0.extend(name_faults(if labels.is_empty() { "runs" } else { "labels" }, &names, Some(against)));
     // A table with a row for each snapshot has one at least; others may be empty, such as forces of grains that do not touch.
     let by_snapshot = kind.find_column("time").is_some();
-    let measured = |case: &PathBuf| {
+    let read_table = |case: &PathBuf| {
         let path = table_path(case, table);
         let columns = read_columns(&path, &known).map_err(|mut faults| {
             if !atomic::path_exists(&path) {
@@ -149,12 +149,12 @@ pub fn write(
         }
         Ok(columns)
     };
-    let with_name = |(case, name)| Some(SeriesRun { name, columns: faults.gather_result(measured(case))? });
+    let with_name = |(case, name)| Some(SeriesRun { name, columns: faults.gather_result(read_table(case))? });
     let runs: Vec<SeriesRun> = cases.iter().zip(names).filter_map(with_name).collect();
     faults.into_result(())?;
     let mut notes = Vec::new();
-    let has = |name: &&String| runs.iter().any(|run| run.columns[*name].iter().any(|value| value.is_finite()));
-    let columns: Vec<&String> = columns.iter().filter(|name| !omits_empty_columns || has(name)).collect();
+    let has_values = |name: &&String| runs.iter().any(|run| run.columns[*name].iter().any(|value| value.is_finite()));
+    let columns: Vec<&String> = columns.iter().filter(|name| !omits_empty_columns || has_values(name)).collect();
     for name in &columns {
         let (figure, table) = comparison_figure(&runs, &kind, name, against);
         notes.extend(figure.repeated_style_warning());

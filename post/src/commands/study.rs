@@ -279,10 +279,10 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     let needed = ["step", "time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure_sphere"];
     let series = read_columns(&path, &needed)?;
     let times = &series["time"];
-    let snapshot_time = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
-    let until = until.map_or(f64::INFINITY, snapshot_time);
+    let nearest_snapshot_time = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
+    let until = until.map_or(f64::INFINITY, nearest_snapshot_time);
     let last = times.iter().copied().filter(|time| *time <= until).fold(f64::NAN, f64::max);
-    let counted_times = from.map_or(last, snapshot_time)..=until;
+    let counted_times = from.map_or(last, nearest_snapshot_time)..=until;
     let counted: Vec<usize> = (0..times.len()).filter(|&k| counted_times.contains(&times[k])).collect();
     if counted.is_empty() {
         let found = times.last().map_or("has no snapshot".into(), |time| format!("ends at {} s", number_text(*time)));
@@ -312,7 +312,7 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     let steps_of = |table: &Columns, k: usize| table.get("steps").map_or(1.0, |steps| steps[k]).max(1.0);
     let number = |table: &Columns, rows: usize| (0..rows).map(|k| steps_of(table, k)).sum::<f64>();
     let per_step = |table: &Columns, name: &str| table[name].iter().sum::<f64>() / number(table, table[name].len());
-    let weighted = |table: &Columns, name: &str| {
+    let weighted_mean = |table: &Columns, name: &str| {
         let column = table[name].iter().enumerate().map(|(k, x)| x * steps_of(table, k));
         column.sum::<f64>() / number(table, table[name].len())
     };
@@ -344,7 +344,7 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     values.push(by_inertia);
     values.push(isostatic_number(mean("n_grains")));
     values.push(per_step(&steps, "sweeps"));
-    values.push(weighted(&steps, "contacts_active"));
+    values.push(weighted_mean(&steps, "contacts_active"));
     values.push(1.0 - per_step(&steps, "converged"));
     values.extend(STEP_STAGES.iter().map(|(_, names)| stage(names)));
     values.push(stage(&timed));
@@ -419,11 +419,13 @@ impl<'a> StudyPlots<'a> {
 
     /// Mean pressure over that of a homogeneous ball of the same mass and radius.
     fn add_pressure(&mut self) {
-        let homogeneous = |run: &StudyRun| run.value_of("pressure_homogeneous");
-        let measured = |run: &StudyRun| run.value_of("pressure_sphere");
-        let dots = |group: &&str| marked_curve(group, self.points(group, homogeneous, measured), CurveMarks::Dots);
+        let homogeneous_pressure = |run: &StudyRun| run.value_of("pressure_homogeneous");
+        let measured_pressure = |run: &StudyRun| run.value_of("pressure_sphere");
+        let dots = |group: &&str| {
+            marked_curve(group, self.points(group, homogeneous_pressure, measured_pressure), CurveMarks::Dots)
+        };
         let mut curves: Vec<Curve> = self.groups.iter().map(dots).collect();
-        let all = positive_points(self.runs.iter().map(|run| (homogeneous(run), measured(run))));
+        let all = positive_points(self.runs.iter().map(|run| (homogeneous_pressure(run), measured_pressure(run))));
         if let Some(line) = FittedLine::least_squares(&logarithms(&all)) {
             self.add_fit("pressure", "all", "ln(pressure_sphere) = intercept + slope ln(pressure_homogeneous)", line);
         }

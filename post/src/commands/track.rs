@@ -337,11 +337,11 @@ fn circle_points(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
 /// as during free fall.
 fn ground_grains(frame: &Frame, body: u64) -> Vec<&Grain> {
     let fragments = find_fragments(frame);
-    let others = |fragment: &Fragment| -> Vec<GrainId> {
+    let members_without_body = |fragment: &Fragment| -> Vec<GrainId> {
         fragment.grains.iter().copied().filter(|&i| frame.grains[i].id != body).collect()
     };
     let mass = |grains: &[GrainId]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
-    let groups = fragments.iter().map(others).filter(|grains| grains.len() > 1);
+    let groups = fragments.iter().map(members_without_body).filter(|grains| grains.len() > 1);
     let heaviest = groups.max_by(|a, b| mass(a).total_cmp(&mass(b))).unwrap_or_default();
     let mut is_supported = vec![false; frame.grains.len()];
     let supported = supported_grains(frame, &fragments);

@@ -76,8 +76,8 @@ impl Bed {
         let floor = planes.iter().filter(bears_from_below).max_by(|a, b| load_on(a).total_cmp(&load_on(b)));
         let up =
             floor.map_or(if frame.cell().is_periodic() { Vec3::z() } else { against_gravity }, |floor| floor.normal);
-        let lowest = || members().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
-        let floor = floor.map_or_else(lowest, |floor| floor.offset);
+        let lowest_height = || members().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
+        let floor = floor.map_or_else(lowest_height, |floor| floor.offset);
         let area = section_area(&planes, &bores, &frame.cell(), &up, &centre_of_mass(members()), members())?;
         let is_between_walls =
             |x: &Vec3| planes.iter().all(|p| p.is_before(x)) && bores.iter().all(|bore| bore.contains_point(x));

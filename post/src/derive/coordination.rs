@@ -214,15 +214,15 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
 /// snapshot has the contacts with them. NaN without an interval.
 pub fn interval_coordination(frame: &Frame, members: &[GrainId]) -> f64 {
     let touching: HashSet<[BodyIndex; 2]> = touching_contacts(frame).map(sorted_sides).collect();
-    let sorted = |exchange: &ImpulseExchange| {
+    let sorted_pair = |exchange: &ImpulseExchange| {
         let [a, b] = exchange.sides;
         [a.min(b), a.max(b)]
     };
     let exchanges = frame.interval.exchanges.iter();
-    let touched = exchanges.filter(|exchange| exchange.virial > 0.0 || touching.contains(&sorted(exchange)));
+    let touched = exchanges.filter(|exchange| exchange.virial > 0.0 || touching.contains(&sorted_pair(exchange)));
     let flush = flush_pairs(frame);
     let surface = |sides: [BodyIndex; 2]| flush.get(&sides).copied().unwrap_or(sides);
-    let pairs: HashSet<[BodyIndex; 2]> = touched.map(sorted).map(surface).collect();
+    let pairs: HashSet<[BodyIndex; 2]> = touched.map(sorted_pair).map(surface).collect();
     let is_member = |side: &&BodyIndex| side.grain_id().is_some_and(|grain| members.binary_search(&grain).is_ok());
     let ends = pairs.iter().flatten().filter(is_member).count() as f64;
     if frame.interval.length > 0.0 { ends / members.len() as f64 } else { f64::NAN }

@@ -64,8 +64,8 @@ fn smallest_of_near(balls: &[EnclosingBall]) -> EnclosingBall {
     };
     let (mut basis, mut best) = (vec![*first], *first);
     loop {
-        let excess = |ball: &&EnclosingBall| best.excess(ball);
-        let Some(worst) = balls.iter().max_by(|a, b| excess(a).total_cmp(&excess(b))) else { return best };
+        let ball_excess = |ball: &&EnclosingBall| best.excess(ball);
+        let Some(worst) = balls.iter().max_by(|a, b| ball_excess(a).total_cmp(&ball_excess(b))) else { return best };
         let sticks_out = best.excess(worst);
         if sticks_out <= RELATIVE_ROUNDING * best.radius {
             return best;

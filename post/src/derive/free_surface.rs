@@ -278,13 +278,15 @@ impl UpperFace {
         let corners: Vec<Vec3> = grain.vertices().map(|v| v - grain.x).collect();
         let rounding = 1e-9 * grain.bounding_radius();
         let face = |corner: &Vec<u32>| {
-            let at = |k: usize| corners[corner[k] as usize];
-            let normal: Vec3 = (2..corner.len()).map(|k| (at(k - 1) - at(0)).cross(&(at(k) - at(0)))).sum();
+            let corner_height = |k: usize| corners[corner[k] as usize];
+            let normal: Vec3 = (2..corner.len())
+                .map(|k| (corner_height(k - 1) - corner_height(0)).cross(&(corner_height(k) - corner_height(0))))
+                .sum();
             let rise = normal.dot(up);
             // A face on edge is below the rim of its neighbours.
             (rise > 1e-9 * normal.norm()).then(|| UpperFace {
                 corners: corner.iter().map(|&k| axes.map(|axis| corners[k as usize].dot(&axis))).collect(),
-                height: normal.dot(&at(0)) / rise,
+                height: normal.dot(&corner_height(0)) / rise,
                 gradient: axes.map(|axis| -normal.dot(&axis) / rise),
                 centre_height: grain.x.dot(up),
                 rounding,
@@ -363,11 +365,14 @@ impl ColumnGrid {
     /// for columns outside the grid.
     fn columns_around(&self, point: [f64; 2], reach: f64) -> impl Iterator<Item = (Option<usize>, [f64; 2])> {
         let ends = move |axis: usize| {
-            let at = |x: f64| (x - self.from[axis]) / self.widths[axis] - 0.5;
-            let (first, last) = (at(point[axis] - reach).ceil() as isize, at(point[axis] + reach).floor() as isize);
+            let grid_coordinate = |x: f64| (x - self.from[axis]) / self.widths[axis] - 0.5;
+            let (first, last) = (
+                grid_coordinate(point[axis] - reach).ceil() as isize,
+                grid_coordinate(point[axis] + reach).floor() as isize,
+            );
             // Along a period each column is counted once.
             let all = self.counts[axis] as isize;
-            let once = (at(point[axis]) - 0.5 * all as f64).ceil() as isize;
+            let once = (grid_coordinate(point[axis]) - 0.5 * all as f64).ceil() as isize;
             if self.repeats[axis] && last - first >= all { once..=once + all - 1 } else { first..=last }
         };
         let index = |axis: usize, i: isize| {
@@ -453,11 +458,11 @@ impl ColumnGrid {
 
     /// Plane through all heights, level along a period, and level if these lie on a line. None without heights.
     fn plane_through_all(&self, heights: &[f64]) -> Option<MeanPlane> {
-        let at = |k: usize| {
+        let surface_point = |k: usize| {
             let [x, y] = self.column_middle(k);
             Vec3::new(x, y, heights[k])
         };
-        let known: Vec<Vec3> = (0..heights.len()).filter(|&k| heights[k].is_finite()).map(at).collect();
+        let known: Vec<Vec3> = (0..heights.len()).filter(|&k| heights[k].is_finite()).map(surface_point).collect();
         let count = known.len() as f64;
         let mean = known.iter().sum::<Vec3>() / count;
         let (middle, height) = ([mean.x, mean.y], mean.z);

@@ -29,18 +29,18 @@ pub fn hull_volume(balls: &[(Vec3, f64)]) -> f64 {
     }
     let r = balls.iter().map(|ball| ball.1).fold(f64::INFINITY, f64::min);
     let largest = balls.iter().map(|ball| ball.1).fold(0.0, f64::max);
-    let reduced = || balls.iter().map(|(x, radius)| (x, radius - r));
+    let reduced_balls = || balls.iter().map(|(x, radius)| (x, radius - r));
     // Radii from a file may differ by rounding.
     let equal = |excess: f64| excess <= 1e-12 * largest;
-    let mut points: Vec<Vec3> = reduced().filter(|(_, excess)| equal(*excess)).map(|(x, _)| *x).collect();
+    let mut points: Vec<Vec3> = reduced_balls().filter(|(_, excess)| equal(*excess)).map(|(x, _)| *x).collect();
     if points.len() < balls.len() {
         // From the outermost ball inwards, so that a search ends at the first that cannot reach beyond the farthest.
         let centre = balls.iter().map(|ball| ball.0).sum::<Vec3>() / balls.len() as f64;
         let bound = |(x, excess): (&Vec3, f64)| ((x - centre).norm() + excess) * (1.0 + BOUND_ROUNDING);
-        let mut bounds: Vec<(f64, usize)> = reduced().map(bound).zip(0..).collect();
+        let mut bounds: Vec<(f64, usize)> = reduced_balls().map(bound).zip(0..).collect();
         bounds.sort_unstable_by(|(a, i), (b, j)| b.total_cmp(a).then(i.cmp(j)));
         let size = balls.iter().map(|(x, _)| x.norm()).fold(largest, f64::max);
-        let farthest = |u: Vec3| {
+        let farthest_ball = |u: Vec3| {
             let (mut largest, mut index) = (f64::NEG_INFINITY, 0);
             let start = centre.dot(&u) + BOUND_ROUNDING * size;
             for &(bound, k) in &bounds {
@@ -55,7 +55,7 @@ pub fn hull_volume(balls: &[(Vec3, f64)]) -> f64 {
             }
             balls[index].0 + (balls[index].1 - r) * u
         };
-        points.extend(spiral_directions(DIRECTION_COUNT).map(farthest));
+        points.extend(spiral_directions(DIRECTION_COUNT).map(farthest_ball));
     }
     let ConvexMeasures { volume, surface, curvature } = hull_measures(&points);
     volume + r * (surface + r * (curvature + r * 4.0 / 3.0 * std::f64::consts::PI))
@@ -173,8 +173,8 @@ impl ExactHull<'_> {
     /// Six times the volume of the tetrahedron of a triangle and a point, > 0 where the point is outside.
     fn determinant(&self, corners: &[usize; 3], k: usize) -> i128 {
         let [a, b, c] = corners.map(|corner| self.points[corner]);
-        let from = |p: [i64; 3]| [0, 1, 2].map(|axis| i128::from(p[axis] - a[axis]));
-        let (b, c, p) = (from(b), from(c), from(self.points[k]));
+        let offset_from_a = |p: [i64; 3]| [0, 1, 2].map(|axis| i128::from(p[axis] - a[axis]));
+        let (b, c, p) = (offset_from_a(b), offset_from_a(c), offset_from_a(self.points[k]));
         p[0] * (b[1] * c[2] - b[2] * c[1]) + p[1] * (b[2] * c[0] - b[0] * c[2]) + p[2] * (b[0] * c[1] - b[1] * c[0])
     }
 

@@ -127,9 +127,9 @@ columns! {
     spin_x: f64, "rad/s", "angular velocity along x, of the rigid body of equal inertia and angular momentum";
     spin_y: f64, "rad/s", "angular velocity along y, of the rigid body of equal inertia and angular momentum";
     spin_z: f64, "rad/s", "angular velocity along z, of the rigid body of equal inertia and angular momentum";
-    L_x: f64, "kg m^2/s", "angular momentum along x, about the centre of mass, spins of the grains included";
-    L_y: f64, "kg m^2/s", "angular momentum along y, about the centre of mass, spins of the grains included";
-    L_z: f64, "kg m^2/s", "angular momentum along z, about the centre of mass, spins of the grains included";
+    L_x: f64, "kg m^2/s", "angular momentum along x, about the centre of mass, own rotation of the grains included";
+    L_y: f64, "kg m^2/s", "angular momentum along y, about the centre of mass, own rotation of the grains included";
+    L_z: f64, "kg m^2/s", "angular momentum along z, about the centre of mass, own rotation of the grains included";
     n_fragments: u64, "1", "groups of touching grains";
     largest_fraction: f64, "1", "fraction of the mass in the largest remnant";
     n_grains: u64, "1", "grains";
@@ -225,17 +225,17 @@ impl MeasurementOptions {
 }
 
 impl Row {
-    /// Measures all observables of a frame, with default options.
+    /// Calls [`Row::with_options`] with default options.
     pub fn from_frame(frame: &Frame) -> Row {
         Row::with_options(frame, &MeasurementOptions::default())
     }
 
-    /// Measures all observables of a frame.
+    /// Finds the groups of touching grains of a frame and calls [`Row::with_fragments`].
     pub fn with_options(frame: &Frame, options: &MeasurementOptions) -> Row {
         Row::with_fragments(frame, &fragments::find_fragments(frame), options)
     }
 
-    /// Measures all observables of a frame with these groups of touching grains.
+    /// Measures all observables of a frame. `fragments`: its groups of touching grains.
     pub fn with_fragments(frame: &Frame, fragments: &[fragments::Fragment], options: &MeasurementOptions) -> Row {
         let (grains, summation) = (&frame.grains, options.summation);
         let count = grains.len() as f64;

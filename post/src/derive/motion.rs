@@ -13,11 +13,11 @@ pub struct RotatingAxes(Vec<(Vec3, Vec3)>);
 impl RotatingAxes {
     /// Axes of the fields of a run; none if no field rotates them.
     pub fn from_frame(frame: &Frame) -> RotatingAxes {
-        let turning = |field: &ExternalField| match *field {
+        let rate_and_centre = |field: &ExternalField| match *field {
             ExternalField::RotatingFrame { rate, centre } => Some((rate.into(), centre.into())),
             _ => None,
         };
-        RotatingAxes(frame.meta.parameters.fields.iter().filter_map(turning).collect())
+        RotatingAxes(frame.meta.parameters.fields.iter().filter_map(rate_and_centre).collect())
     }
 
     /// Rate of rotation of the axes, rad/s: is added to an angular velocity to express it in fixed axes.

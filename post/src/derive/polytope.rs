@@ -21,12 +21,13 @@ impl ConvexPolytope {
     /// Cube of the half side `outer_length` (m) about `centre`, which counts as unbounded.
     pub fn cube(centre: Vec3, outer_length: f64) -> ConvexPolytope {
         let face = |axis: usize, sign: f64| {
-            let at = |u: f64, v: f64| {
+            let face_point = |u: f64, v: f64| {
                 let mut x = Vec3::zeros();
                 (x[axis], x[(axis + 1) % 3], x[(axis + 2) % 3]) = (sign, u, v);
                 centre + x * outer_length
             };
-            let mut face = vec![at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
+            let mut face =
+                vec![face_point(-1.0, -1.0), face_point(1.0, -1.0), face_point(1.0, 1.0), face_point(-1.0, 1.0)];
             if sign < 0.0 {
                 face.reverse();
             }
@@ -92,8 +93,8 @@ impl ConvexPolytope {
 
     /// Whether the polyhedron is bounded: no part of it reaches the cube.
     pub fn is_closed(&self) -> bool {
-        let within = |p: &Vec3| (p - self.centre).amax() < self.outer_length * NEAR_CUBE;
-        !self.faces.is_empty() && self.faces.iter().flatten().all(within)
+        let is_near_cube = |p: &Vec3| (p - self.centre).amax() < self.outer_length * NEAR_CUBE;
+        !self.faces.is_empty() && self.faces.iter().flatten().all(is_near_cube)
     }
 
     /// Volume, m^3.

@@ -67,14 +67,14 @@ impl FromStr for Probe {
         };
         let numbers = list(numbers).ok_or_else(fault)?;
         let centre = Vec3::zeros();
-        let positive = |lengths: &[f64]| lengths.iter().all(|x| *x > 0.0);
+        let are_positive = |lengths: &[f64]| lengths.iter().all(|x| *x > 0.0);
         let shape = match (name.trim(), &numbers[..]) {
             ("ball", &[radius]) if radius > 0.0 => ProbeShape::Ball { centre, radius },
-            ("box", &[x, y, z]) if positive(&numbers) => ProbeShape::Box { centre, half: 0.5 * Vec3::new(x, y, z) },
-            ("cylinder", &[radius, length]) if positive(&numbers) => {
+            ("box", &[x, y, z]) if are_positive(&numbers) => ProbeShape::Box { centre, half: 0.5 * Vec3::new(x, y, z) },
+            ("cylinder", &[radius, length]) if are_positive(&numbers) => {
                 ProbeShape::Cylinder { centre, axis: Vec3::z(), radius, half: 0.5 * length }
             }
-            ("cylinder", &[radius, length, x, y, z]) if positive(&numbers[..2]) => {
+            ("cylinder", &[radius, length, x, y, z]) if are_positive(&numbers[..2]) => {
                 let axis = Vec3::new(x, y, z).try_normalize(0.0).ok_or_else(fault)?;
                 ProbeShape::Cylinder { centre, axis, radius, half: 0.5 * length }
             }
@@ -216,8 +216,11 @@ impl ProbeShape {
             }
             ProbeShape::Cylinder { centre, axis, radius, half } => {
                 let a = from - centre;
-                let across = |v: Vec3| v - axis * v.dot(axis);
-                vec![in_ball(across(a), across(d), *radius), in_slab(a.dot(axis), d.dot(axis), -half, *half)]
+                let perpendicular_part = |v: Vec3| v - axis * v.dot(axis);
+                vec![
+                    in_ball(perpendicular_part(a), perpendicular_part(d), *radius),
+                    in_slab(a.dot(axis), d.dot(axis), -half, *half),
+                ]
             }
             ProbeShape::Layer { up, from: low, to: high } => vec![in_slab(from.dot(up), d.dot(up), *low, *high)],
         };
@@ -235,8 +238,8 @@ impl ProbeShape {
             return f64::from(u8::from(depth > 0.0));
         }
         if let ProbeShape::Layer { up, from, to } = self {
-            let below = |height: f64| volume_below(grain, up, height);
-            return (below(*to) - below(*from)) / below(f64::INFINITY);
+            let grain_volume_below = |height: f64| volume_below(grain, up, height);
+            return (grain_volume_below(*to) - grain_volume_below(*from)) / grain_volume_below(f64::INFINITY);
         }
         let ball = |(x, r): (Vec3, f64)| {
             let volume = 4.0 / 3.0 * std::f64::consts::PI * r.powi(3);
@@ -257,7 +260,7 @@ impl ProbeShape {
             return f64::from(u8::from(depth > 0.0));
         }
         // Share of a ball below a plane that is s above its centre.
-        let below = |s: f64| {
+        let share_below = |s: f64| {
             let s = (s / r).clamp(-1.0, 1.0);
             0.25 * (1.0 + s).powi(2) * (2.0 - s)
         };
@@ -278,7 +281,7 @@ impl ProbeShape {
                 let d = x - centre;
                 let crossed: Vec<usize> = (0..3).filter(|&k| half[k] - d[k].abs() < r).collect();
                 match crossed[..] {
-                    [k] => below(half[k] - d[k]) - below(-half[k] - d[k]),
+                    [k] => share_below(half[k] - d[k]) - share_below(-half[k] - d[k]),
                     _ => self.share_of_points(x, r),
                 }
             }

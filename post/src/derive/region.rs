@@ -79,8 +79,8 @@ impl Region {
         let Some(shifts) = image_shifts(frame, &shape) else {
             return Region { kind: RegionKind::None, volume: f64::NAN, members: Vec::new(), probe: None };
         };
-        let inside = |x: &Vec3| shifts.iter().any(|shift| shape.contains(&(x + shift)));
-        let members = frame.grain_ids().filter(|&i| inside(&frame.grains[i].x)).collect();
+        let is_inside = |x: &Vec3| shifts.iter().any(|shift| shape.contains(&(x + shift)));
+        let members = frame.grain_ids().filter(|&i| is_inside(&frame.grains[i].x)).collect();
         Region { kind: shape.region_kind(), volume, members, probe: Some(PlacedProbe { shape, shifts }) }
     }
 
@@ -125,8 +125,8 @@ impl Region {
                 Some(probe) => {
                     let to = end(contact.candidate, Vec3::zeros(), contact.point);
                     let from = end(contact.antagonist, contact.image, contact.point);
-                    let inside = |shift: &Vec3| probe.shape.share_of_segment(&(from + shift), &(to + shift));
-                    let share: f64 = probe.shifts.iter().map(inside).sum();
+                    let share_inside = |shift: &Vec3| probe.shape.share_of_segment(&(from + shift), &(to + shift));
+                    let share: f64 = probe.shifts.iter().map(share_inside).sum();
                     share * contact.force * (to - from).transpose()
                 }
                 None => {
@@ -242,12 +242,12 @@ fn image_shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
     if images > MAX_PROBE_IMAGES {
         return None;
     }
-    let along = |axis: usize| {
+    let axis_shifts = |axis: usize| {
         let period = frame.cell().0[axis].unwrap_or(0.0);
         let [first, last] = counts[axis].map(|count| count as i64);
         (first..=last).map(move |count| count as f64 * period)
     };
-    Some(along(0).flat_map(|x| along(1).map(move |y| Vec3::new(x, y, 0.0))).collect())
+    Some(axis_shifts(0).flat_map(|x| axis_shifts(1).map(move |y| Vec3::new(x, y, 0.0))).collect())
 }
 
 /// Hull of the largest remnant, or of all grains if that group is not a remnant.

@@ -131,9 +131,9 @@ pub fn aggregate_surface(
 
 /// Root mean square of the errors of a surface, as an angle, rad, weighted by area; NaN without errors.
 pub fn rms_noise(facets: &[SurfaceFacet]) -> f64 {
-    let known = || facets.iter().filter(|facet| facet.error.is_finite() && facet.area.is_finite());
-    let sum: f64 = known().map(|facet| facet.area * facet.error.tan().powi(2)).sum();
-    (sum / known().map(|facet| facet.area).sum::<f64>()).sqrt().atan()
+    let known_facets = || facets.iter().filter(|facet| facet.error.is_finite() && facet.area.is_finite());
+    let sum: f64 = known_facets().map(|facet| facet.area * facet.error.tan().powi(2)).sum();
+    (sum / known_facets().map(|facet| facet.area).sum::<f64>()).sqrt().atan()
 }
 
 /// Uniform part of the acceleration in axes that move with the centre of mass of the grains `members`, m/s^2.
@@ -225,7 +225,7 @@ fn fit_planes(
     let fits: Vec<Option<FittedPlane>> = (0..grid.len()).into_par_iter().map(plane).collect();
     let heights: Vec<f64> = fits.iter().map(|fit| fit.map_or(f64::NAN, |plane| plane.height)).collect();
     let patch = (diameter / mean).min(reach);
-    let near = |k: usize| {
+    let neighbour_products = |k: usize| {
         let (mut products, mut parts) = (0.0, 0.0);
         for (j, _) in arcs(k, patch).filter(|(j, _)| heights[*j].is_finite()) {
             products += (raw[k] - heights[k]) * (raw[j] - heights[j]) * solid[j];
@@ -233,8 +233,8 @@ fn fit_planes(
         }
         (products, parts)
     };
-    let fitted = |(k, _): &&(usize, Vec3)| fits[*k].is_some();
-    let patches: Vec<_> = known.par_iter().filter(fitted).map(|(k, _)| (*k, near(*k))).collect();
+    let has_fit = |(k, _): &&(usize, Vec3)| fits[*k].is_some();
+    let patches: Vec<_> = known.par_iter().filter(has_fit).map(|(k, _)| (*k, neighbour_products(*k))).collect();
     let mut density = NoiseDensity::default();
     for (k, (products, parts)) in patches {
         if let Some(plane) = &fits[k] {
@@ -266,10 +266,10 @@ pub fn surface_facets(
     let (latitude_step, longitude_step) =
         (std::f64::consts::PI / grid.latitudes as f64, std::f64::consts::TAU / grid.longitudes as f64);
     let gradient = |k: usize| {
-        let at = |n: isize, e: isize| heights[grid.neighbour_cell(k, n, e)];
+        let neighbour_height = |n: isize, e: isize| heights[grid.neighbour_cell(k, n, e)];
         [
-            (at(0, 1) - at(0, -1)) / (2.0 * longitude_step * grid.cell_angles(k).0.cos()),
-            (at(1, 0) - at(-1, 0)) / (2.0 * latitude_step),
+            (neighbour_height(0, 1) - neighbour_height(0, -1)) / (2.0 * longitude_step * grid.cell_angles(k).0.cos()),
+            (neighbour_height(1, 0) - neighbour_height(-1, 0)) / (2.0 * latitude_step),
         ]
     };
     facets_of(heights, gradient, centre, spin, gravity, grid)
@@ -313,7 +313,7 @@ pub fn slopes_below(facets: &[SurfaceFacet], shares: &[f64]) -> Vec<f64> {
     let mut known: Vec<(f64, f64)> = facets.iter().map(|f| (f.slope, f.area)).filter(|(s, _)| s.is_finite()).collect();
     known.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = known.iter().map(|(_, area)| area).sum();
-    let at = |share: &f64| {
+    let quantile = |share: &f64| {
         let mut below = 0.0;
         let mut reached = known.iter().skip_while(|(_, area)| {
             below += area;
@@ -321,7 +321,7 @@ pub fn slopes_below(facets: &[SurfaceFacet], shares: &[f64]) -> Vec<f64> {
         });
         reached.next().or(known.last()).map(|(slope, _)| *slope) // rounding may leave the sum below the total
     };
-    shares.iter().filter_map(at).collect()
+    shares.iter().filter_map(quantile).collect()
 }
 
 #[cfg(test)]

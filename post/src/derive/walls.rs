@@ -194,12 +194,12 @@ struct GrainSection(Mat3);
 
 impl GrainSection {
     fn new(frame: &Frame, grains: &[GrainId], centre: &Vec3) -> GrainSection {
-        let own = |i: &GrainId| {
+        let grain_section = |i: &GrainId| {
             let (offset, radius) = (frame.grains[*i].x - centre, frame.grains[*i].radius);
             // A ball of radius R has the variance R^2 / 5.
             offset * offset.transpose() + Mat3::identity() * (0.2 * radius * radius)
         };
-        GrainSection(grains.iter().map(own).sum::<Mat3>() / grains.len() as f64)
+        GrainSection(grains.iter().map(grain_section).sum::<Mat3>() / grains.len() as f64)
     }
 
     /// Area of the section across a direction of length 1, m^2. The variances of an even section of sides a and b are

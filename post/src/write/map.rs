@@ -34,7 +34,7 @@ pub struct MapSheet {
 impl MapSheet {
     /// Sheet for directions: longitude to the right, latitude up.
     pub fn from_directions(grid: DirectionGrid) -> MapSheet {
-        let every = |step: usize, half: i32| {
+        let degree_marks = |step: usize, half: i32| {
             let degrees = (-half..=half).step_by(step);
             degrees.map(|d| (f64::from(d + half) / f64::from(2 * half), d.to_string())).collect()
         };
@@ -42,7 +42,7 @@ impl MapSheet {
             counts: [grid.longitudes, grid.latitudes],
             cell: [10.0; 2],
             labels: ["longitude (°)".into(), "latitude (°)".into()],
-            ticks: [every(60, 180), every(30, 90)],
+            ticks: [degree_marks(60, 180), degree_marks(30, 90)],
         }
     }
 

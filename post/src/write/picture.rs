@@ -39,7 +39,7 @@ const MIN_GRAIN_RADIUS: f64 = 1.0;
 
 /// Number of neighbours from which on grains share a colour.
 const MAX_COUNT_CLASS: u32 = 10;
-/// Number of the classes of a picture by energy above the lowest, each half a power of ten wide, down from the largest.
+/// Number of energy classes above the lowest; each is half a decade wide.
 const ENERGY_CLASSES: u32 = 10;
 
 /// Quantity that colours the grains.
@@ -104,7 +104,7 @@ impl ColourScale {
                 let class = |grain: &Grain| {
                     let share = kinetic_energy(grain) / self.largest;
                     let down = (-2.0 * share.log10()).floor();
-                    // NaN without any energy, infinite without this one's.
+                    // NaN if no grain has energy, infinite if this one has none.
                     if down < f64::from(self.max_class()) { self.max_class() - down.max(0.0) as u32 } else { 0 }
                 };
                 frame.grains.iter().map(class).collect()
@@ -165,7 +165,7 @@ struct GrainDisc {
 /// A whole sphere, or a front-facing face; with single faces, touching polyhedra of any size are sorted correctly.
 #[derive(Debug, Clone, PartialEq)]
 struct PaintedShape {
-    /// Depth of the farthest corner of a face; larger is farther.
+    /// Depth of the farthest corner of a face, or of the centre of a sphere; larger is farther.
     depth: f64,
     /// Its grain, in the order of the frame.
     grain: usize,
@@ -217,11 +217,11 @@ impl ShapeOutline {
             }
             ShapeOutline::Face { corners, .. } => {
                 let next = corners.iter().cycle().skip(1);
-                let crossing = |([ax, ay], [bx, by]): (&[f64; 2], &[f64; 2])| {
+                let edge_crossing = |([ax, ay], [bx, by]): (&[f64; 2], &[f64; 2])| {
                     let share = ((height - ay) / (by - ay)).clamp(0.0, 1.0);
                     ((ay - height) * (by - height) <= 0.0).then(|| if ay == by { *ax } else { ax + share * (bx - ax) })
                 };
-                value_range(corners.iter().zip(next).filter_map(crossing))
+                value_range(corners.iter().zip(next).filter_map(edge_crossing))
             }
         }
     }
@@ -248,11 +248,11 @@ pub fn svgs<const N: usize>(frame: &Frame, colourings: [PictureColouring; N]) ->
     let visible = VisibleState::new(frame, &window, 1.0);
     colourings.map(|colouring| {
         let mut text = svg_head(PICTURE_SIDE + STRIP_WIDTH, PICTURE_SIDE);
-        let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
+        let mut write_line = |line: String| writeln!(text, "{line}").expect("writing to a string");
         let scale = ColourScale::new(colouring, &[frame]);
-        draw_state(frame, &window, &visible, &scale, 0, &mut put);
-        scale.draw_legend(PICTURE_SIDE + 20.0, &mut put);
-        put("</svg>".into());
+        draw_state(frame, &window, &visible, &scale, 0, &mut write_line);
+        scale.draw_legend(PICTURE_SIDE + 20.0, &mut write_line);
+        write_line("</svg>".into());
         text
     })
 }
@@ -429,7 +429,7 @@ impl ViewWindow {
         if positions_in_view.is_empty() {
             return ViewWindow { middle: [0.0; 2], half: f64::NAN };
         }
-        let share = |values: &mut Vec<f64>, share: f64| {
+        let quantile = |values: &mut Vec<f64>, share: f64| {
             values.sort_by(f64::total_cmp);
             values[((values.len() - 1) as f64 * share).round() as usize]
         };
@@ -445,8 +445,8 @@ impl ViewWindow {
             .zip(&frame.grains)
             .map(|(at, g)| (at.x - x).abs().max((at.z - z).abs()) + g.bounding_radius())
             .collect();
-        let max_reach = 3.0 * weighted_quantile(with_mass(&mut reach.iter().copied()), 2.0 / 3.0);
-        let max_reach = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95)).min(max_reach);
+        let aggregate_reach = 3.0 * weighted_quantile(with_mass(&mut reach.iter().copied()), 2.0 / 3.0);
+        let max_reach = quantile(&mut reach, 1.0).min(1.5 * quantile(&mut reach, 0.95)).min(aggregate_reach);
         let half = reach.iter().copied().filter(|reach| *reach <= max_reach).fold(0.0, f64::max);
         ViewWindow { middle: [x, z], half }
     }

@@ -85,11 +85,11 @@ fn selected_attributes(attributes: &[Attribute], rows: &[usize]) -> Vec<Attribut
         Attribute::DataArray(array) => Some(array),
         Attribute::Field { .. } => None,
     });
-    let selected = |array: &DataArray| DataArray {
+    let selected_array = |array: &DataArray| DataArray {
         data: selected_rows(&array.data, rows, array.elem.num_comp() as usize),
         ..array.clone()
     };
-    arrays.map(selected).map(Attribute::DataArray).collect()
+    arrays.map(selected_array).map(Attribute::DataArray).collect()
 }
 
 /// Rows of `components` numbers each.

@@ -144,10 +144,10 @@ impl SourceCase {
             // Bodies that have entered would wait again.
             options.sources.clear();
             options.probes.retain(|probe| !matches!(probe.quantity, ProbeQuantity::Entered { .. }));
-            let waiting = |row: &usize| {
+            let is_waiting = |row: &usize| {
                 snapshot.presence.as_ref().is_some_and(|presence| presence.body_presence[*row] == PRESENCE_WAITING)
             };
-            let waiting = (0..snapshot.bodies.body_id.len()).filter(waiting).count();
+            let waiting = (0..snapshot.bodies.body_id.len()).filter(is_waiting).count();
             let text = match waiting {
                 0 => "none from here on: all bodies have entered".into(),
                 _ => format!("none from here on, without the {} still to enter", count_text(waiting, "body")),
@@ -434,9 +434,9 @@ fn move_rows(state: &mut Snapshot, free: &[usize], selection: &Selection) {
     }
     if let Some(centre) = selection.centre {
         let shift = Vec3::from(centre) - com;
-        let shifted = |x: [f64; 3]| (Vec3::from(x) + shift).into();
-        free.iter().for_each(|&k| bodies.body_x[k] = shifted(bodies.body_x[k]));
-        state.contacts.contact_point.iter_mut().for_each(|point| *point = shifted(*point));
+        let shifted_position = |x: [f64; 3]| (Vec3::from(x) + shift).into();
+        free.iter().for_each(|&k| bodies.body_x[k] = shifted_position(bodies.body_x[k]));
+        state.contacts.contact_point.iter_mut().for_each(|point| *point = shifted_position(*point));
     }
     let centre = selection.centre.map_or(com, Vec3::from);
     let (velocity, spin) = (Vec3::from(selection.velocity), Vec3::from(selection.spin));
@@ -502,17 +502,17 @@ impl SourcePart<'_> {
         let (contacts_before, count) = (start.contacts.contact_body.len(), contacts.contact_body.len());
         start.bodies.append(bodies);
         start.contacts.append(contacts);
-        let unbonded = |count| MemoryArrays {
+        let empty_memory = |count| MemoryArrays {
             contact_bonded: vec![0; count],
             contact_bond_gap: vec![0.0; count],
             contact_moment: vec![[0.0; 3]; count],
         };
         if start.memory.is_some() || self.state.memory.is_some() {
-            let mut memory = self.state.memory.clone().unwrap_or_else(|| unbonded(count));
+            let mut memory = self.state.memory.clone().unwrap_or_else(|| empty_memory(count));
             if scale != 1.0 && scale.is_finite() {
                 memory.contact_moment.iter_mut().flatten().for_each(|m| *m *= scale);
             }
-            start.memory.get_or_insert_with(|| unbonded(contacts_before)).append(memory);
+            start.memory.get_or_insert_with(|| empty_memory(contacts_before)).append(memory);
         }
         let without_interface = |count| LawArrays {
             contact_reference_gap: vec![0.0; count],
@@ -523,10 +523,10 @@ impl SourcePart<'_> {
             let laws = self.state.laws.clone().unwrap_or_else(|| without_interface(count));
             start.laws.get_or_insert_with(|| without_interface(contacts_before)).append(laws);
         }
-        let unattracted = |count| AttractionArrays { contact_attraction: vec![0.0; count] };
+        let empty_attraction = |count| AttractionArrays { contact_attraction: vec![0.0; count] };
         if start.attractions.is_some() || self.state.attractions.is_some() {
-            let attractions = self.state.attractions.clone().unwrap_or_else(|| unattracted(count));
-            start.attractions.get_or_insert_with(|| unattracted(contacts_before)).append(attractions);
+            let attractions = self.state.attractions.clone().unwrap_or_else(|| empty_attraction(count));
+            start.attractions.get_or_insert_with(|| empty_attraction(contacts_before)).append(attractions);
         }
         // Parts with spheres and plates only have contacts of first contactors, with area 0.
         let sphere_shapes = |count| ShapeArrays {

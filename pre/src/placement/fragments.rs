@@ -229,7 +229,7 @@ impl VoronoiCell {
         // Vertex where an edge crosses the plane, by the ends of the edge, so that both of its faces share it.
         let mut crossings: FxHashMap<[usize; 2], usize> = FxHashMap::default();
         let vertices = &mut self.vertices;
-        let mut crossing = |low: usize, high: usize| {
+        let mut crossing_vertex = |low: usize, high: usize| {
             *crossings.entry([low, high]).or_insert_with(|| {
                 if heights[low].abs() <= tolerance {
                     return low;
@@ -251,12 +251,12 @@ impl VoronoiCell {
                     (true, true) => corners.push(start),
                     (true, false) => {
                         corners.push(start);
-                        let vertex = crossing(start, end);
+                        let vertex = crossing_vertex(start, end);
                         corners.push(vertex);
                         exit = Some(vertex);
                     }
                     (false, true) => {
-                        let vertex = crossing(end, start);
+                        let vertex = crossing_vertex(end, start);
                         corners.push(vertex);
                         entry = Some(vertex);
                     }

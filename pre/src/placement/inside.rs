@@ -66,8 +66,8 @@ impl SurfaceRegion {
 
     /// Half the lengths of the smallest box about the centre of mass, m.
     pub fn half_extents(&self) -> Vector3<f64> {
-        let farthest = |k: usize| self.surface.vertices().iter().map(|v| v[k].abs()).fold(0.0, f64::max);
-        self.scale * Vector3::new(farthest(0), farthest(1), farthest(2))
+        let farthest_coordinate = |k: usize| self.surface.vertices().iter().map(|v| v[k].abs()).fold(0.0, f64::max);
+        self.scale * Vector3::new(farthest_coordinate(0), farthest_coordinate(1), farthest_coordinate(2))
     }
 
     /// Whether the whole ball of `radius`, m, about `centre` lies inside.

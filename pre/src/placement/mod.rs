@@ -89,8 +89,10 @@ pub fn place_grains(
     let rotation = rotation_matrix(&grains.orientation);
     let centre = Vector3::from(grains.centre);
     let are_polyhedra = grains.is_polyhedral();
-    let rounded = |point: Vector3<f64>| if are_polyhedra { point.map(round_14_columns) } else { round_point(&point) };
-    let to_fixed_axes = |points: Vec<Vector3<f64>>| points.iter().map(|p| rounded(rotation * p + centre)).collect();
+    let rounded_point =
+        |point: Vector3<f64>| if are_polyhedra { point.map(round_14_columns) } else { round_point(&point) };
+    let to_fixed_axes =
+        |points: Vec<Vector3<f64>>| points.iter().map(|p| rounded_point(rotation * p + centre)).collect();
     let mut draw = |target| {
         let in_order = matches!(grains.placement, GrainPlacement::List { .. });
         draw_grains(

@@ -42,14 +42,14 @@ impl Envelope {
     ///
     /// Errors: faults of a model's file.
     pub fn to_region(&self, folder: &Path) -> Result<(GrainRegion, String), Faults> {
-        let half = |lengths: [f64; 3]| lengths.map(|length| 0.5 * length);
+        let half_of = |lengths: [f64; 3]| lengths.map(|length| 0.5 * length);
         let mut summary = String::new();
         let region = match self {
             Envelope::Ball { radius } => GrainRegion::Ball(radius.unwrap_or(1.0)),
             Envelope::Ellipsoid { semi_axes, ratios } => {
                 GrainRegion::Ellipsoid(semi_axes.or(*ratios).unwrap_or([1.0; 3]))
             }
-            Envelope::Box { lengths, ratios } => GrainRegion::Box(half(lengths.or(*ratios).unwrap_or([2.0; 3]))),
+            Envelope::Box { lengths, ratios } => GrainRegion::Box(half_of(lengths.or(*ratios).unwrap_or([2.0; 3]))),
             &Envelope::Cylinder { half_height, radius } => GrainRegion::Cylinder { half_height, radius },
             Envelope::Model { file, scale } => {
                 let read = model::read_surface(folder, file, scale.unwrap_or(ModelScale::Factor(1.0)))?;
@@ -85,11 +85,11 @@ impl GrainRegion {
     /// Region of the same proportions with `volume`, m^3.
     pub fn scaled_to(&self, volume: f64) -> GrainRegion {
         let factor = libm::cbrt(volume / self.volume());
-        let scaled = |lengths: [f64; 3]| lengths.map(|length| factor * length);
+        let scaled_lengths = |lengths: [f64; 3]| lengths.map(|length| factor * length);
         match self {
             GrainRegion::Ball(radius) => GrainRegion::Ball(factor * radius),
-            GrainRegion::Ellipsoid(axes) => GrainRegion::Ellipsoid(scaled(*axes)),
-            GrainRegion::Box(halves) => GrainRegion::Box(scaled(*halves)),
+            GrainRegion::Ellipsoid(axes) => GrainRegion::Ellipsoid(scaled_lengths(*axes)),
+            GrainRegion::Box(halves) => GrainRegion::Box(scaled_lengths(*halves)),
             GrainRegion::Cylinder { half_height, radius } => {
                 GrainRegion::Cylinder { half_height: factor * half_height, radius: factor * radius }
             }
@@ -123,11 +123,11 @@ impl GrainRegion {
 
 impl std::fmt::Display for GrainRegion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let three = |[a, b, c]: [f64; 3]| format!("({})", [a, b, c].map(six_digits).join(", "));
+        let vector_text = |[a, b, c]: [f64; 3]| format!("({})", [a, b, c].map(six_digits).join(", "));
         match self {
             GrainRegion::Ball(radius) => write!(f, "a ball of radius {} m", six_digits(*radius)),
-            GrainRegion::Ellipsoid(axes) => write!(f, "an ellipsoid of semi-axes {} m", three(*axes)),
-            GrainRegion::Box(halves) => write!(f, "a box of lengths {} m", three(halves.map(|half| 2.0 * half))),
+            GrainRegion::Ellipsoid(axes) => write!(f, "an ellipsoid of semi-axes {} m", vector_text(*axes)),
+            GrainRegion::Box(halves) => write!(f, "a box of lengths {} m", vector_text(halves.map(|half| 2.0 * half))),
             GrainRegion::Cylinder { half_height, radius } => {
                 write!(
                     f,

@@ -49,7 +49,7 @@ impl PrincipalSolid {
             let (moments, axes) = properties.principal_axes();
             nearest_axes(moments, axes.map(Vector3::from))
         };
-        let shifted = |surface: &Surface| {
+        let centred_surface = |surface: &Surface| {
             let vertices: Vec<[f64; 3]> = surface
                 .vertices()
                 .iter()
@@ -64,7 +64,7 @@ impl PrincipalSolid {
             Surface::new(&vertices, surface.triangles())
                 .map_err(|faults| hull::HullError::Moved(faults.0.first().cloned().unwrap_or_default()))
         };
-        let pieces: Vec<Surface> = pieces.iter().map(shifted).collect::<Result<_, _>>()?;
+        let pieces: Vec<Surface> = pieces.iter().map(centred_surface).collect::<Result<_, _>>()?;
         let vertices = pieces.iter().flat_map(|piece| piece.vertices());
         let reach = vertices.map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
         Ok(PrincipalSolid { pieces, volume: properties.volume, moments, reach, shift, axes })
@@ -86,8 +86,8 @@ fn nearest_axes(moments: [f64; 3], axes: [Vector3<f64>; 3]) -> ([f64; 3], Matrix
     const AXIS_ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
     let alignment = |order: &[usize; 3]| (0..3).map(|k| axes[order[k]][k].abs()).sum::<f64>();
     let order = AXIS_ORDERS.into_iter().rev().max_by(|a, b| alignment(a).total_cmp(&alignment(b))).unwrap_or([0, 1, 2]);
-    let signed = |k: usize| axes[order[k]] * axes[order[k]][k].signum();
-    let mut rows = [0, 1, 2].map(signed);
+    let signed_axis = |k: usize| axes[order[k]] * axes[order[k]][k].signum();
+    let mut rows = [0, 1, 2].map(signed_axis);
     let matrix = |rows: &[Vector3<f64>; 3]| Matrix3::from_rows(&rows.map(|row| row.transpose()));
     if matrix(&rows).determinant() < 0.0 {
         // Axis whose sign matters the least.
@@ -126,8 +126,8 @@ impl OrientedPolyhedron {
 
     /// Vertices of each piece, along the principal axes, m.
     pub fn vertices(&self) -> Vec<Vec<[f64; 3]>> {
-        let scaled = |v: &[f64; 3]| v.map(|x| round_14_columns(self.scale * x));
-        self.solid.pieces.iter().map(|piece| piece.vertices().iter().map(scaled).collect()).collect()
+        let scaled_vertex = |v: &[f64; 3]| v.map(|x| round_14_columns(self.scale * x));
+        self.solid.pieces.iter().map(|piece| piece.vertices().iter().map(scaled_vertex).collect()).collect()
     }
 }
 

@@ -72,14 +72,14 @@ const ROWS_PER_TASK: usize = 256;
 /// Input for the friction of faces.
 ///
 /// * `load`: normal impulse of each row in the last step plus the part due to its attraction, N s; only ratios count.
-/// * `sticks`: whether each row stuck in the last step.
+/// * `is_sticking`: whether each row stuck in the last step.
 pub(super) struct FaceRows<'a, L, S> {
     pub contacts: &'a [Contact],
     pub rows: &'a [ContactConstraint],
     pub solver_bodies: &'a [SolverBody],
     pub block_data: &'a BlockData,
     pub load: L,
-    pub sticks: S,
+    pub is_sticking: S,
 }
 
 /// Point of a load in the plane of a face, and the load.
@@ -160,8 +160,8 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         for face in self.contacts[task.clone()].chunk_by(is_same_face) {
             let range = start..start + face.len();
             start = range.end;
-            let acting = || rows[range.clone()].iter().filter(|row| row.can_close && row.friction > 0.0).count();
-            if face.len() >= 2 && acting() >= 2 {
+            let active_count = || rows[range.clone()].iter().filter(|row| row.can_close && row.friction > 0.0).count();
+            if face.len() >= 2 && active_count() >= 2 {
                 ranges.push(range);
             }
         }
@@ -416,7 +416,7 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
             _ => centre_of_load(|| points.iter().copied().zip(loads.iter().copied())),
         };
         let tau = outline.mean_distance(centre);
-        let motion = match acting.iter().all(|k| (self.sticks)(*k)) {
+        let motion = match acting.iter().all(|k| (self.is_sticking)(*k)) {
             true => FaceMotion::default(),
             false => {
                 let velocity = |k: &usize| {
@@ -702,14 +702,14 @@ impl FrictionFace {
 
     /// The edge between the two points that are farthest apart.
     fn from_edge(points: &[TangentVector], first: TangentVector) -> Self {
-        let farthest = |from: TangentVector| {
-            let farther = |a: &TangentVector, b: &TangentVector| {
+        let farthest_point = |from: TangentVector| {
+            let farther_point = |a: &TangentVector, b: &TangentVector| {
                 if vector_length(difference_of(*b, from)) > vector_length(difference_of(*a, from)) { *b } else { *a }
             };
-            points.iter().fold(from, |a, b| farther(&a, b))
+            points.iter().fold(from, |a, b| farther_point(&a, b))
         };
-        let one = farthest(first);
-        let other = farthest(one);
+        let one = farthest_point(first);
+        let other = farthest_point(one);
         let weights = SmallVec::from_elem(1.0 / points.len() as f64, points.len());
         let centroid = [0, 1].map(|i| 0.5 * (one[i] + other[i]));
         let order = SmallVec::new(); // not used for an edge

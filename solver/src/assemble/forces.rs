@@ -53,13 +53,13 @@ const BODIES_AT_ONCE: usize = 1 << 16;
 
 /// Effect of self-gravity, uniform gravity and outer fields on a free body in a step.
 struct FieldEffect {
-    /// By all of these, m/s.
+    /// Change of its velocity by all of these, m/s.
     velocity_change: Vec3,
-    /// In uniform gravity and outer fields, as those below, J.
+    /// Potential energy in uniform gravity and outer fields, J.
     potential_energy: f64,
-    /// N s.
+    /// Impulse by uniform gravity and outer fields, N s.
     impulse: Vec3,
-    /// About the origin, N m s.
+    /// Angular impulse about the origin by uniform gravity and outer fields, N m s.
     angular_impulse: Vec3,
 }
 

@@ -105,8 +105,8 @@ impl AssemblyContext<'_> {
 
     /// Whether a contact of the last step, by its index, has a state that the contacts of a face share.
     fn has_shared_history(&self, k: usize) -> bool {
-        let remembered = || self.state.memories.get(k).is_some_and(|memory| *memory != LawMemory::default());
-        self.state.contacts[k].bond.is_some() || remembered()
+        let has_law_memory = || self.state.memories.get(k).is_some_and(|memory| *memory != LawMemory::default());
+        self.state.contacts[k].bond.is_some() || has_law_memory()
     }
 
     /// Whether a contact can change its key: two spheres have one contact, always with the same key.
@@ -141,7 +141,7 @@ impl AssemblyContext<'_> {
         if pairs_with_history.is_empty() {
             return Vec::new();
         }
-        let acted = |k: ContactId| {
+        let was_in_range = |k: ContactId| {
             let old = &before[k.index()];
             let law = &self.state.laws[old.contact.law as usize];
             self.has_history(k.index()) || old.contact.gap <= law.interaction_range(self.effective_radius(&old.contact))
@@ -149,7 +149,7 @@ impl AssemblyContext<'_> {
         let is_new = |&k: &usize| {
             self.has_features(&contacts[k])
                 && pairs_with_history.binary_search(&contactor_pair(&contacts[k])).is_ok()
-                && !found[k].is_some_and(acted)
+                && !found[k].is_some_and(was_in_range)
                 && self.can_act(&contacts[k])
         };
         (0..contacts.len()).into_par_iter().with_min_len(256).filter(is_new).collect()

@@ -244,11 +244,12 @@ impl AssemblyContext<'_> {
             Some(_) => rows[k].normal.dot(&rows[k].warm_start),
             None => -rows[k].impulse_shift,
         };
-        let sticks = |k: usize| self.previous_end(history[k]).is_some_and(|old| old.status == ContactStatus::Stick);
+        let is_sticking =
+            |k: usize| self.previous_end(history[k]).is_some_and(|old| old.status == ContactStatus::Stick);
         block_data.friction_offsets =
-            FaceRows { contacts, rows, solver_bodies, block_data, load, sticks }.friction_offsets();
+            FaceRows { contacts, rows, solver_bodies, block_data, load, is_sticking }.friction_offsets();
         if has_joints(self.scene) {
-            let faces = FaceRows { contacts, rows, solver_bodies, block_data, load, sticks };
+            let faces = FaceRows { contacts, rows, solver_bodies, block_data, load, is_sticking };
             let last_loads = || self.last_loads(contacts, history);
             let joined = Joints { faces: &faces, scene: self.scene, last_loads }.joined_faces();
             block_data.friction_offsets = joined.offsets;
@@ -360,11 +361,15 @@ impl AssemblyContext<'_> {
         // Bodies are held together within the alert distance, as in LMGC90.
         let is_coupled = law.is_coupled() && self.alert_distance(contact).is_some_and(|alert| contact.gap <= alert);
         let shift = law.contact_shift(&input).filter(|_| is_coupled || !law.is_coupled());
-        let slides = |shift: &LawShift| {
+        let is_sliding_now = |shift: &LawShift| {
             law.has_two_frictions() && !slid_before && self.is_sliding(contact, previous, &u_before, shift, w_n)
         };
         let shift = shift.map(|shift| {
-            if slides(&shift) { law.contact_shift(&LawInput { slid_before: true, ..input }).unwrap() } else { shift }
+            if is_sliding_now(&shift) {
+                law.contact_shift(&LawInput { slid_before: true, ..input }).unwrap()
+            } else {
+                shift
+            }
         });
         let acts = shift.is_some();
         let shift = shift.unwrap_or_default();
@@ -483,11 +488,11 @@ impl AssemblyContext<'_> {
         // Without forces, the error of an unconverged solution is at most a share of the speeds.
         let scale =
             if load_velocity > 0.0 { load_velocity } else { bodies.map(|i| self.bounds[i].speed).into_iter().sum() };
-        let moves = |u: Vec3| tangential(u) > SLIDING_VELOCITY_FACTOR * scene.options.tol() * scale;
+        let is_moving = |u: Vec3| tangential(u) > SLIDING_VELOCITY_FACTOR * scene.options.tol() * scale;
         let arms = contact_arms(contact, &q_c.x);
         let slip_velocity = u - self.arm_turning_velocity(contact, &arms, false) * 0.5;
-        let differs = |old: &SolvedContact| moves(u - to_world(&old.contact.frame(), &old.velocity));
-        moves(slip_velocity) && carried.is_none_or(differs)
+        let has_other_velocity = |old: &SolvedContact| is_moving(u - to_world(&old.contact.frame(), &old.velocity));
+        is_moving(slip_velocity) && carried.is_none_or(has_other_velocity)
     }
 
     /// Forecast of the gap of a contact whose law acts on touching contacts.
@@ -560,12 +565,12 @@ fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
     let inverse_inertia = |(i, (body, q)): (usize, (&RigidBody, &Quat))| {
         if q_c.pushed_at_centre.contains(&BodyId::new(i)) { Matrix3::zeros() } else { body.inverse_inertia_matrix(q) }
     };
-    let held = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
+    let all_locked_axes = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
     let bodies = scene.bodies.par_iter().zip(&q_c.q);
     let new_data = || BlockData {
         arms: Vec::new(),
         friction_offsets: Vec::new(),
-        locked_axes: if scene.bodies.iter().any(RigidBody::is_driven_in_part) { held() } else { Vec::new() },
+        locked_axes: if scene.bodies.iter().any(RigidBody::is_driven_in_part) { all_locked_axes() } else { Vec::new() },
         inverse_inertia: bodies.enumerate().with_min_len(BODIES_PER_TASK).map(inverse_inertia).collect(),
     };
     scene.needs_blocks().then(new_data)

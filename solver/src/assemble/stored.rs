@@ -21,10 +21,10 @@ pub struct StoredProblem {
 pub fn stored_problem(contact_problem: &ContactProblem, contacts: &[Contact]) -> StoredProblem {
     let rows: Vec<usize> = (0..contact_problem.rows.len()).filter(|&k| contact_problem.rows[k].can_close).collect();
     // Bodies that do not move couple no contacts: the contacts of a floor are not paired.
-    let moves = |body: &&BodyId| contact_problem.bodies[body.index()].inverse_mass > 0.0;
+    let is_movable = |body: &&BodyId| contact_problem.bodies[body.index()].inverse_mass > 0.0;
     let mut on_body = vec![Vec::new(); contact_problem.bodies.len()];
     for (i, &k) in rows.iter().enumerate() {
-        contact_problem.rows[k].bodies.iter().filter(moves).for_each(|&body| on_body[body.index()].push(i));
+        contact_problem.rows[k].bodies.iter().filter(is_movable).for_each(|&body| on_body[body.index()].push(i));
     }
     let mut problem = StoredProblem::default();
     for (i, &here) in rows.iter().enumerate() {

@@ -44,7 +44,7 @@ pub fn late_contacts(
     }
     let is_listed = |contact: &Contact| listed.binary_search_by_key(&contactor_pair(contact), contactor_pair).is_ok();
     let bounds = TravelBounds { nearby: 0.0, ..TravelBounds::new(scene, q_c, solved, span) };
-    if scene.is_general() {
+    if scene.has_parts() {
         let mut found =
             parts::swept_contacts(scene, q_c, &bounds, NarrowPhaseMode::Accurate, |body| searched[body.index()]);
         // All points of a pair are added if one of them closes.
@@ -116,15 +116,15 @@ fn contactor_pair(contact: &Contact) -> (BodyId, BodyId, (u16, u16)) {
 /// Whether a contact's gap closes at these velocities within `span` (s).
 fn gap_closes(contact: &Contact, q_c: &ContactConfiguration, Velocities { v, w }: Velocities, span: f64) -> bool {
     let [a, b] = [contact.candidate.index(), contact.antagonist.index()];
-    let at = |i: usize, centre: Vec3| v[i] + w[i].cross(&(contact.point - centre));
-    let u = at(a, q_c.x[a]) - at(b, q_c.x[b] + contact.image);
+    let velocity_of_point = |i: usize, centre: Vec3| v[i] + w[i].cross(&(contact.point - centre));
+    let u = velocity_of_point(a, q_c.x[a]) - velocity_of_point(b, q_c.x[b] + contact.image);
     contact.gap + span * contact.normal.dot(&u) < 0.0
 }
 
 /// Largest distance from the centre of each body of the points that a rotation moves, m; empty in a scene of spheres and
 /// plates.
 fn rotating_extents(scene: &Scene) -> Vec<f64> {
-    if !scene.is_general() {
+    if !scene.has_parts() {
         return Vec::new();
     }
     let mut extents = vec![0.0f64; scene.bodies.len()];

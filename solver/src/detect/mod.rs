@@ -57,7 +57,7 @@ fn surface_contacts(
     cache: &mut DetectionCache,
 ) -> Vec<Contact> {
     let bounds = TravelBounds::new(scene, q_c, free, q_c.lookahead);
-    if scene.is_general() {
+    if scene.has_parts() {
         return parts::listed_contacts(scene, q_c, &bounds, scene.options.narrow_phase(), cache);
     }
     let mut pairs = sphere_sphere_pairs(scene, q_c, &bounds, cache);

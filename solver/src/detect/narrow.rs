@@ -84,21 +84,21 @@ pub fn sphere_cylinder(
     let outward = if rho > 0.0 { Vec3::new(local.x / rho, local.y / rho, 0.0) } else { Vec3::x() };
     let up = Vec3::z() * 1f64.copysign(local.z);
     let end = if local.z >= 0.0 { CYLINDER_END } else { CYLINDER_OTHER_END };
-    let (beside, beyond) = (rho - cylinder_radius, local.z.abs() - half_height);
-    let found = |normal: Vec3, distance: f64, feature: u32| {
+    let (side_distance, end_distance) = (rho - cylinder_radius, local.z.abs() - half_height);
+    let contact = |normal: Vec3, distance: f64, feature: u32| {
         let (normal, gap) = (orientation * normal, distance - radius);
         Some(ContactGeometry { gap, normal, point: centre - normal * (radius + 0.5 * gap), feature })
     };
     if hollow {
-        return [found(-outward, -beside, CYLINDER_SIDE), found(-up, -beyond, end)];
+        return [contact(-outward, -side_distance, CYLINDER_SIDE), contact(-up, -end_distance, end)];
     }
-    let solid = if beside > 0.0 && beyond > 0.0 {
-        let distance = libm::hypot(beside, beyond);
-        found((outward * beside + up * beyond) / distance, distance, CYLINDER_RIM)
-    } else if beside >= beyond {
-        found(outward, beside, CYLINDER_SIDE)
+    let solid = if side_distance > 0.0 && end_distance > 0.0 {
+        let distance = libm::hypot(side_distance, end_distance);
+        contact((outward * side_distance + up * end_distance) / distance, distance, CYLINDER_RIM)
+    } else if side_distance >= end_distance {
+        contact(outward, side_distance, CYLINDER_SIDE)
     } else {
-        found(up, beyond, end)
+        contact(up, end_distance, end)
     };
     [solid, None]
 }
@@ -122,10 +122,10 @@ mod tests {
         assert_eq!(above.point, Vec3::new(0.3, 0.2, 0.625));
         let below = at(0.3, 0.2, -1.0);
         assert_eq!((below.gap, below.normal, below.feature), (0.25, -Vec3::z(), PLATE_LOWER_FACE));
-        let beside = at(2.3, 0.0, 0.9);
-        assert_eq!(beside.feature, PLATE_RIM);
+        let nearest = at(2.3, 0.0, 0.9);
+        assert_eq!(nearest.feature, PLATE_RIM);
         // 3-4-5: the rim is 0.5 m away.
-        assert!((beside.gap - 0.25).abs() < 1e-15 && (beside.normal - Vec3::new(0.6, 0.0, 0.8)).norm() < 1e-15);
+        assert!((nearest.gap - 0.25).abs() < 1e-15 && (nearest.normal - Vec3::new(0.6, 0.0, 0.8)).norm() < 1e-15);
         let inside = at(0.0, 0.0, 0.4);
         assert_eq!((inside.normal, inside.feature), (Vec3::z(), PLATE_UPPER_FACE));
         assert!((inside.gap + 0.35).abs() < 1e-16);

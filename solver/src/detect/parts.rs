@@ -375,8 +375,8 @@ fn pairs_by_candidate(pairs: &[VisiblePair], scene: &Scene, bodies: &[u32]) -> V
 
 /// Indices of the pairs in the order of their parts. The pairs are ordered by candidate, and those of a candidate by parts.
 fn part_order(pairs: &[VisiblePair], parts: usize) -> Vec<u32> {
-    let first = |(parts, _): &VisiblePair| parts[0].0;
-    let first: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(first).collect();
+    let first_part = |(parts, _): &VisiblePair| parts[0].0;
+    let first: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(first_part).collect();
     group_by_key(&first, parts).0
 }
 
@@ -469,10 +469,10 @@ fn narrow_phase_pair<'a>(
 
 /// Manifold of a polyhedron and a body at -`c` with the sides exchanged, so that the body is the candidate.
 fn swapped_manifold(found: &Manifold, c: &Vec3) -> Manifold {
-    let swapped = |point: &ContactPoint| ContactPoint {
+    let swapped_point = |point: &ContactPoint| ContactPoint {
         position: point.position + c,
         gap: point.gap,
         features: (point.features.1, point.features.0),
     };
-    Manifold { normal: -found.normal, points: found.points.iter().map(swapped).collect(), area: found.area }
+    Manifold { normal: -found.normal, points: found.points.iter().map(swapped_point).collect(), area: found.area }
 }

@@ -27,8 +27,8 @@ pub fn periodic_swept_pairs(balls: &[SweptBall], reach: &[f64], periods: [Option
     }
     let x: Vec<Vec3> = balls.iter().map(|ball| ball.centre).collect();
     let (centres, originals) = periodic_images(&x, reach, periods);
-    let moved = |(centre, &i): (&Vec3, &u32)| SweptBall { centre: *centre, ..balls[i as usize] };
-    let moving: Vec<SweptBall> = centres.iter().zip(&originals).map(moved).collect();
+    let ball_at = |(centre, &i): (&Vec3, &u32)| SweptBall { centre: *centre, ..balls[i as usize] };
+    let moving: Vec<SweptBall> = centres.iter().zip(&originals).map(ball_at).collect();
     pairs_of_originals(swept::swept_pairs(&moving), x.len(), &originals)
 }
 
@@ -54,9 +54,9 @@ fn periodic_images(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> (Vec
     let widest = reach.iter().copied().filter(|reach| !is_wide(*reach)).fold(0.0, f64::max);
     let steps = |wide: bool| {
         let signs: &[f64] = if wide { &[1.0, -1.0] } else { &[1.0] };
-        let allowed = |step: &[f64; 2]| (0..2).all(|k| step[k] == 0.0 || periods[k].is_some());
+        let is_allowed = |step: &[f64; 2]| (0..2).all(|k| step[k] == 0.0 || periods[k].is_some());
         let all = IMAGE_STEPS.iter().flat_map(|step| signs.iter().map(|sign| [sign * step[0], sign * step[1]]));
-        all.filter(allowed).collect::<Vec<_>>()
+        all.filter(is_allowed).collect::<Vec<_>>()
     };
     let steps = [steps(false), steps(true)];
     let mut originals: Vec<u32> = (0..x.len() as u32).collect();

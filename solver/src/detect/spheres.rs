@@ -35,7 +35,7 @@ pub fn sphere_sphere_pairs(
         pairs.par_sort_unstable_by_key(|(pair, _)| *pair);
         cache.sphere_pairs = pairs;
     }
-    let listed = |&([i, j], rule): &VisiblePair<SphereId>| {
+    let listed_pair = |&([i, j], rule): &VisiblePair<SphereId>| {
         let pair = [i, j].map(|k| scene.spheres[k.index()]);
         let [i, j] = [i.index(), j.index()];
         let (a, b) = (centres[i], centres[j] + scene.nearest_image_shift(&centres[i], &centres[j]));
@@ -44,7 +44,7 @@ pub fn sphere_sphere_pairs(
         let closing = || swept::least_distance(&(a - b), &(path(i) - path(j))) - (radii[i] + radii[j]);
         is_listed(scene, pair, rule, gap, approach, closing).then_some((pair, rule.law))
     };
-    cache.sphere_pairs.par_iter().with_min_len(512).filter_map(listed).collect()
+    cache.sphere_pairs.par_iter().with_min_len(512).filter_map(listed_pair).collect()
 }
 
 /// Pair with the candidate first, and its visibility rule; `None` if the table has no rule for it, or if the
@@ -64,15 +64,15 @@ pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, bounds: &Tr
         let plate_travel = bounds.surface_travel(p, half_lengths.norm());
         let (path, turn) = (bounds.centre_path(p), bounds.rotation_vector(p));
         let into_axes = q_c.q[p].inverse().to_rotation_matrix();
-        let near = move |&sphere: &BodyId| {
+        let nearby_pair = move |&sphere: &BodyId| {
             let (s, pair) = (sphere.index(), [sphere, plane]);
             let travel = bounds.travel[s] + plate_travel;
             // Most spheres are far from the plate and need neither law nor geometry.
             let from_plate = q_c.x[s] - q_c.x[p] - scene.nearest_image_shift(&q_c.x[s], &q_c.x[p]);
             let gap = ((into_axes * from_plate).abs() - half_lengths).max() - scene.bodies[s].radius;
             let [sphere, plane] = [s, p].map(|i| &scene.bodies[i]);
-            let near = gap <= scene.listing_range + travel && !(sphere.driven && plane.driven);
-            let rule = scene.visibility.interaction_rule(sphere.class, plane.class).filter(|_| near)?;
+            let is_near = gap <= scene.listing_range + travel && !(sphere.driven && plane.driven);
+            let rule = scene.visibility.interaction_rule(sphere.class, plane.class).filter(|_| is_near)?;
             let found = contact_geometry(scene, q_c, pair);
             let approach = ApproachBounds { travel, nearby: bounds.nearby * sphere.radius };
             // A plate is convex: a passing sphere stays beyond the plane through the nearest point. If the plate turns,
@@ -84,7 +84,7 @@ pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, bounds: &Tr
             };
             is_listed(scene, pair, rule, found.gap, approach, closing).then_some((pair, rule.law))
         };
-        scene.spheres.par_iter().with_min_len(512).filter_map(near)
+        scene.spheres.par_iter().with_min_len(512).filter_map(nearby_pair)
     };
     scene.planes.par_iter().flat_map(pairs_with_plate).collect()
 }

@@ -201,12 +201,12 @@ impl<'a> CylinderPair<'a> {
             if distance_from_axis > 0.0 {
                 self.try_axis(&mut best, Vec3::new(v.x, v.y, 0.0) / distance_from_axis, CylinderFeature::Vertex);
             }
-            let (beside, beyond) = (distance_from_axis - self.radius, v.z.abs() - self.half_height);
-            if beside > 0.0 && beyond > 0.0 {
+            let (side_distance, end_distance) = (distance_from_axis - self.radius, v.z.abs() - self.half_height);
+            if side_distance > 0.0 && end_distance > 0.0 {
                 let from_rim = Vec3::new(
-                    v.x * beside / distance_from_axis,
-                    v.y * beside / distance_from_axis,
-                    beyond.copysign(v.z),
+                    v.x * side_distance / distance_from_axis,
+                    v.y * side_distance / distance_from_axis,
+                    end_distance.copysign(v.z),
                 );
                 self.try_axis(&mut best, from_rim.normalize(), CylinderFeature::Vertex);
             }
@@ -303,7 +303,7 @@ impl<'a> CylinderPair<'a> {
             [foot.x, foot.y, gap]
         };
         let outline: Polygon = corners.iter().map(corner_over_end).collect();
-        let next = |k: usize| if k + 1 == outline.len() { 0 } else { k + 1 };
+        let next_index = |k: usize| if k + 1 == outline.len() { 0 } else { k + 1 };
         let on_end = |x: f64, y: f64| Vec3::new(x, y, height);
         for (k, [x, y, gap]) in outline.iter().enumerate() {
             if libm::hypot(*x, *y) <= self.radius + tiny {
@@ -318,7 +318,7 @@ impl<'a> CylinderPair<'a> {
         }
         let vertex_count = patch.corners.len();
         for (k, p) in outline.iter().enumerate() {
-            let along = [0, 1, 2].map(|i| outline[next(k)][i] - p[i]);
+            let along = [0, 1, 2].map(|i| outline[next_index(k)][i] - p[i]);
             let square = along[0] * along[0] + along[1] * along[1];
             let half = p[0] * along[0] + p[1] * along[1];
             let root = half * half - square * (p[0] * p[0] + p[1] * p[1] - self.radius * self.radius);
@@ -343,8 +343,9 @@ impl<'a> CylinderPair<'a> {
                 }
             }
         }
-        let doubled: f64 =
-            (0..outline.len()).map(|k| outline[k][0] * outline[next(k)][1] - outline[k][1] * outline[next(k)][0]).sum();
+        let doubled: f64 = (0..outline.len())
+            .map(|k| outline[k][0] * outline[next_index(k)][1] - outline[k][1] * outline[next_index(k)][0])
+            .sum();
         let normal = self.q.inverse_transform_vector(&posed.face_normal(f));
         let rise = normal.dot(m);
         if rise.abs() < MIN_FACE_COSINE || doubled.abs() <= tiny * self.smaller_circumradius {
@@ -360,11 +361,11 @@ impl<'a> CylinderPair<'a> {
         let offset = normal.dot(&self.vertices[corners[0] as usize]);
         let rim_corner = |k: usize, direction: [f64; 2]| {
             let [x, y] = direction.map(|x| x * self.radius);
-            let inside = |k: usize| {
-                let (p, q) = (outline[k], outline[next(k)]);
+            let is_inside_edge = |k: usize| {
+                let (p, q) = (outline[k], outline[next_index(k)]);
                 ((q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0])) * doubled > 0.0
             };
-            (0..outline.len()).all(inside).then(|| {
+            (0..outline.len()).all(is_inside_edge).then(|| {
                 let gap = (offset - normal.dot(&on_end(x, y))) / rise;
                 self.corner_at(on_end(x, y), m, gap, [x, y], (face_feature(f), CYLINDER_RIM + 2 + k as u32))
             })
@@ -540,11 +541,13 @@ fn area_in_disc(polygon: &[[f64; 3]], radius: f64) -> f64 {
         }
         // Fractions of the side at which it enters and leaves the disc.
         let [enter, leave] = [-root.sqrt(), root.sqrt()].map(|root| ((root - half) / square).clamp(0.0, 1.0));
-        let at = |share: f64| [x + along[0] * share, y + along[1] * share];
+        let line_point = |share: f64| [x + along[0] * share, y + along[1] * share];
         if enter >= leave {
             doubled += sector(p, q);
         } else {
-            doubled += sector(p, at(enter)) + cross(at(enter), at(leave)) + sector(at(leave), q);
+            doubled += sector(p, line_point(enter))
+                + cross(line_point(enter), line_point(leave))
+                + sector(line_point(leave), q);
         }
     }
     (0.5 * doubled).abs()

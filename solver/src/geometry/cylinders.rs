@@ -32,8 +32,8 @@ use crate::math::{Mat3, Quat, Vec3};
 /// let q = Quat::identity();
 /// let on_top = cylinder_cylinder(&q, [1.0, 0.5], &Vec3::new(0.0, 0.0, -2.25), &q, [1.0, 0.5], 0.5).unwrap();
 /// assert_eq!((on_top.normal, on_top.gap(), on_top.points.len()), (Vec3::z(), 0.25, 4));
-/// let beside = cylinder_cylinder(&q, [1.0, 0.5], &Vec3::new(1.25, 0.0, 1.0), &q, [1.0, 0.5], 0.5).unwrap();
-/// assert_eq!((beside.normal, beside.gap(), beside.points.len()), (-Vec3::x(), 0.25, 2));
+/// let contact = cylinder_cylinder(&q, [1.0, 0.5], &Vec3::new(1.25, 0.0, 1.0), &q, [1.0, 0.5], 0.5).unwrap();
+/// assert_eq!((contact.normal, contact.gap(), contact.points.len()), (-Vec3::x(), 0.25, 2));
 /// ```
 pub fn cylinder_cylinder(
     axes_a: &Quat,
@@ -137,6 +137,13 @@ enum CylinderMeeting {
     Rims,
 }
 
+/// Cylinder with whose end the other one meets.
+#[derive(Debug, Clone, Copy)]
+enum EndOwner {
+    A,
+    B,
+}
+
 /// Direction with the separation along it.
 #[derive(Debug, Clone, Copy)]
 struct MeetingAxis {
@@ -175,9 +182,9 @@ impl TwoCylinders<'_> {
                 best = MeetingAxis { m, s, meeting };
             }
         };
-        let towards = |m: Vec3| m * 1f64.copysign(m.dot(&d));
-        attempt(towards(w), CylinderMeeting::EndOfB);
-        attempt(towards(u), CylinderMeeting::EndOfA);
+        let pointing_to_a = |m: Vec3| m * 1f64.copysign(m.dot(&d));
+        attempt(pointing_to_a(w), CylinderMeeting::EndOfB);
+        attempt(pointing_to_a(u), CylinderMeeting::EndOfA);
         let across = u.cross(&w);
         if across.norm() < MAX_PARALLEL_TILT {
             // Every radial direction is perpendicular to two parallel axes.
@@ -185,7 +192,7 @@ impl TwoCylinders<'_> {
             radial.into_iter().filter(|m| *m != Vec3::zeros()).for_each(|m| attempt(m, CylinderMeeting::Sides));
         }
         if let Some(m) = across.try_normalize(1e-9) {
-            attempt(towards(m), CylinderMeeting::Sides);
+            attempt(pointing_to_a(m), CylinderMeeting::Sides);
         }
         for m in rim_to_side(&self.a, &self.b, &d).into_iter().flatten() {
             attempt(m, CylinderMeeting::SideOfA);
@@ -260,30 +267,31 @@ impl TwoCylinders<'_> {
     fn collect_corners(&self, axis: &MeetingAxis, area_within: f64, patch: &mut ContactPatch) {
         let m = &axis.m;
         match axis.meeting {
-            CylinderMeeting::EndOfB => self.collect_on_end([&self.b, &self.a], m, false, area_within, patch),
-            CylinderMeeting::EndOfA => self.collect_on_end([&self.a, &self.b], &-m, true, area_within, patch),
+            CylinderMeeting::EndOfB => self.collect_on_end(EndOwner::B, m, area_within, patch),
+            CylinderMeeting::EndOfA => self.collect_on_end(EndOwner::A, m, area_within, patch),
             CylinderMeeting::Sides => self.collect_along_sides(axis, patch),
             CylinderMeeting::SideOfA | CylinderMeeting::SideOfB | CylinderMeeting::Rims => {}
         }
     }
 
-    /// Collects the corners of the common part of the end of `below`, with the outer normal `n`, and the surface of `above`.
-    /// `below_is_a`: whether `below` is A.
-    fn collect_on_end(
-        &self,
-        [below, above]: [&PosedCylinder; 2],
-        n: &Vec3,
-        below_is_a: bool,
-        area_within: f64,
-        patch: &mut ContactPatch,
-    ) {
+    /// Collects the corners of the common part of an end of `owner` and the surface of the other cylinder. `m`: direction from
+    /// B to A.
+    fn collect_on_end(&self, owner: EndOwner, m: &Vec3, area_within: f64, patch: &mut ContactPatch) {
+        // The end belongs to the cylinder below, and has the outer normal n.
+        let (below, above, n) = match owner {
+            EndOwner::A => (&self.a, &self.b, &-m),
+            EndOwner::B => (&self.b, &self.a, m),
+        };
         let centre = below.end_centre(n);
         let own_end = below.end_feature(n);
         let [e, f] = [below.axes * Vec3::x(), below.axes * Vec3::y()];
         let mut add = |on_above: Vec3, feature_above: u32, feature_below: u32| {
             let gap = n.dot(&(on_above - centre));
             let from = on_above - centre;
-            let features = if below_is_a { (feature_below, feature_above) } else { (feature_above, feature_below) };
+            let features = match owner {
+                EndOwner::A => (feature_below, feature_above),
+                EndOwner::B => (feature_above, feature_below),
+            };
             let point = (on_above - n * (0.5 * gap)).into();
             patch.corners.push(PatchCorner { point, flat: [e.dot(&from), f.dot(&from)], gap, features });
         };

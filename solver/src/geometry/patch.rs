@@ -102,17 +102,17 @@ impl ContactPatch {
         let mut position = SmallVec::<[usize; 12]>::from_elem(0, corner_count);
         (0..corner_count).for_each(|index| position[outline[index] as usize] = index);
         let mut is_kept = SmallVec::<[bool; 12]>::from_elem(true, corner_count);
-        let before = |index: usize| if index == 0 { corner_count - 1 } else { index - 1 };
-        let after = |index: usize| if index + 1 == corner_count { 0 } else { index + 1 };
+        let previous_index = |index: usize| if index == 0 { corner_count - 1 } else { index - 1 };
+        let next_index = |index: usize| if index + 1 == corner_count { 0 } else { index + 1 };
         order.retain(|k| {
             let index = position[*k as usize];
             // All removed corners between the present neighbours must lie on the line between these, too.
-            let (mut previous, mut next) = (before(index), after(index));
+            let (mut previous, mut next) = (previous_index(index), next_index(index));
             while previous != index && !is_kept[previous] {
-                previous = before(previous);
+                previous = previous_index(previous);
             }
             while next != index && !is_kept[next] {
-                next = after(next);
+                next = next_index(next);
             }
             let (previous_corner, next_corner) = (outline[previous], outline[next]);
             let side = between(previous_corner, next_corner);
@@ -120,7 +120,7 @@ impl ContactPatch {
                 let next = between(previous_corner, k);
                 (side[0] * next[1] - side[1] * next[0]).abs() > FLAT_CORNER_HEIGHT * size * length(side)
             };
-            let mut within = std::iter::successors(Some(after(previous)), |&index| Some(after(index)))
+            let mut within = std::iter::successors(Some(next_index(previous)), |&index| Some(next_index(index)))
                 .take_while(|&index| index != next);
             let is_deeper = gap(*k) < gap(previous_corner).min(gap(next_corner)) - DEEPER_TIES * tie;
             let stays = count <= 3 || is_deeper || within.any(|index| stands_out(outline[index]));

@@ -18,7 +18,8 @@ pub struct Polyhedron {
     vertices: Vec<Vec3>,
     /// Columns x, y, z of the normals, padded by zeros.
     pub(super) normals: Vec<f64>,
-    /// Columns of the edges, each `arc_pad` long: x, y, z of the two normals, and the cosine of half the angle between them.
+    /// Edges on the Gauss map, as arcs between the normals of the two faces: columns, each `arc_pad` long, of x, y, z of the two
+    /// normals and of the cosine of half the angle between them.
     pub(super) arcs: Vec<f64>,
     pub(super) arc_pad: usize,
     inradius: f64,
@@ -28,12 +29,12 @@ pub struct Polyhedron {
 /// Data that pairs with a cached feature need, in one compact block: with many grains it comes from main memory in every
 /// step.
 ///
-/// Each section is a range of the lines read as numbers of its kind.
+/// Each section is a range of `lines` read as an array of the section's type.
 #[derive(Debug, Clone, PartialEq)]
 struct PackedTopology {
     lines: Vec<CacheLine>,
     /// Length of each of the columns x, y, z of the vertices, padded by the first vertex; they are at the beginning.
-    column: usize,
+    column_len: usize,
     planes: Section,
     edges: Section,
     /// Start of each vertex in `half_edges`, and the end of the last.
@@ -55,11 +56,11 @@ type Section = [u32; 2];
 
 impl PackedTopology {
     fn new(faces: &ConvexMesh) -> Self {
-        let column = faces.vertices.len().next_multiple_of(COLUMN_PAD);
+        let column_len = faces.vertices.len().next_multiple_of(COLUMN_PAD);
         let mut bytes = Vec::new();
         for axis in 0..3 {
             let padded = faces.vertices.iter().chain(std::iter::repeat(&faces.vertices[0]));
-            padded.take(column).for_each(|v| bytes.extend(v[axis].to_ne_bytes()));
+            padded.take(column_len).for_each(|v| bytes.extend(v[axis].to_ne_bytes()));
         }
         // Sections are sorted by the size of their type, largest first, so that each starts at a multiple of it.
         let planes = append_rows(&mut bytes, &faces.planes);
@@ -79,7 +80,7 @@ impl PackedTopology {
         let loops = append_rows(&mut bytes, &faces.loops);
         let mut lines = vec![CacheLine::zeroed(); bytes.len().div_ceil(size_of::<CacheLine>())];
         bytemuck::cast_slice_mut(&mut lines)[..bytes.len()].copy_from_slice(&bytes);
-        PackedTopology { lines, column, planes, edges, starts, half_edge_starts, half_edges, loops }
+        PackedTopology { lines, column_len, planes, edges, starts, half_edge_starts, half_edges, loops }
     }
 
     #[inline(always)]
@@ -116,8 +117,8 @@ impl From<ConvexMesh> for Polyhedron {
         let mut arcs = vec![0.0; 7 * arc_pad];
         for (e, edge) in edges.iter().enumerate() {
             let [n0, n1] = edge.faces.map(|f| planes[f as usize].normal);
-            let half = (0.5 * (1.0 + n0.dot(&n1))).max(0.0).sqrt();
-            let row = [n0.x, n0.y, n0.z, n1.x, n1.y, n1.z, half];
+            let half_angle_cosine = (0.5 * (1.0 + n0.dot(&n1))).max(0.0).sqrt();
+            let row = [n0.x, n0.y, n0.z, n1.x, n1.y, n1.z, half_angle_cosine];
             row.iter().enumerate().for_each(|(column, x)| arcs[column * arc_pad + e] = *x);
         }
         let inradius = planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);
@@ -192,8 +193,8 @@ impl Polyhedron {
     /// Columns x, y and z of the vertices, padded to a multiple of [`COLUMN_PAD`] by the first vertex.
     #[inline(always)]
     pub(super) fn vertex_columns(&self) -> [&[f64]; 3] {
-        let (all, column) = (bytemuck::cast_slice(&self.topology.lines), self.topology.column);
-        [&all[..column], &all[column..2 * column], &all[2 * column..3 * column]]
+        let (all, len) = (bytemuck::cast_slice(&self.topology.lines), self.topology.column_len);
+        [&all[..len], &all[len..2 * len], &all[2 * len..3 * len]]
     }
 
     /// Planes of the faces.

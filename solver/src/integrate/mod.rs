@@ -47,7 +47,7 @@ pub struct ContactConfiguration {
     pub implicit: bool,
     /// Bodies that keep their orientation from this contact configuration to the next.
     pub orientation_kept: BTreeSet<BodyId>,
-    /// Those of them that contacts push at their centres, as if these bodies had no rotation.
+    /// Bodies of `orientation_kept` that contacts push at their centres, as if these bodies had no rotation.
     pub pushed_at_centre: BTreeSet<BodyId>,
     /// Open contacts that other contacts close in this step although the free velocities do not.
     pub closed_by_others: BTreeSet<ContactKey>,

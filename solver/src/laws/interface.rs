@@ -25,8 +25,8 @@ fn mixed_length(lengths: ModePair, m: f64) -> f64 {
 /// ```
 /// # use cd_solve::laws::interface::soundness;
 /// # use cd_formats::law_table::{DamageLaw, LawInterface, ModePair};
-/// let same = |x| ModePair { opening: x, sliding: x };
-/// let damage = DamageLaw::Trapezoidal { strength: same(1.0), energy: same(2.5), plateau: same(2.0) };
+/// let equal_pair = |x| ModePair { opening: x, sliding: x };
+/// let damage = DamageLaw::Trapezoidal { strength: equal_pair(1.0), energy: equal_pair(2.5), plateau: equal_pair(2.0) };
 /// let interface = LawInterface { normal_stiffness: 1.0, tangential_stiffness: 1.0, damage };
 /// // 1 Pa from 1 m to 2 m, then down to 0 at 4 m: at 3 m 1/2 Pa of the 3 Pa that the sound interface would have.
 /// assert_eq!(soundness(&interface, 1.0, 3.0, 0.0, 1.0), 0.5 / 3.0);

@@ -44,7 +44,7 @@ pub struct Wrench {
 }
 
 impl Wrench {
-    /// The same load about the point at the end of an `arm` (m) from this one.
+    /// Load of the same force about the point at the end of an `arm` (m) from this one.
     ///
     /// ```
     /// # use cd_solve::math::{Vec3, Wrench};

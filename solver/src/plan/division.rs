@@ -87,7 +87,7 @@ pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'stat
 /// Counts as text; `moving`: number of moving bodies, `line_bytes`: size of the data of a body in a message.
 fn counts_text(counts: &DivisionCounts, moving: usize, line_bytes: usize) -> String {
     let DivisionCounts { blocks, colours, work, messages, lines, neighbours, ghosts, border_bodies, .. } = counts;
-    let largest = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0);
+    let largest_count = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0);
     let working = work.iter().filter(|&&work| work > 0).count();
     format!(
         "{} for {}, in {}; {} at borders, {:.1} %; a rank has at most {:.2} of the mean work and {}, and sends at most {} in a sweep, {:.2} kB, to {}",
@@ -96,11 +96,11 @@ fn counts_text(counts: &DivisionCounts, moving: usize, line_bytes: usize) -> Str
         count_text(*colours, "colour"),
         count_text(*border_bodies as usize, "body"),
         100.0 * *border_bodies as f64 / moving.max(1) as f64,
-        largest(work) as f64 * working as f64 / work.iter().sum::<u64>().max(1) as f64,
-        count_text(largest(ghosts) as usize, "ghost"),
-        count_text(largest(messages) as usize, "message"),
-        1e-3 * (largest(lines) as usize * line_bytes) as f64,
-        count_text(largest(neighbours) as usize, "neighbour"),
+        largest_count(work) as f64 * working as f64 / work.iter().sum::<u64>().max(1) as f64,
+        count_text(largest_count(ghosts) as usize, "ghost"),
+        count_text(largest_count(messages) as usize, "message"),
+        1e-3 * (largest_count(lines) as usize * line_bytes) as f64,
+        count_text(largest_count(neighbours) as usize, "neighbour"),
     )
 }
 
@@ -113,13 +113,14 @@ fn sweep_seconds(
     network: &RankNetwork,
 ) -> f64 {
     let &RankNetwork { latency, bandwidth, .. } = network;
-    let largest = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0) as f64;
+    let largest_count = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0) as f64;
     let working = counts.work.iter().filter(|&&work| work > 0).count();
     if working <= 1 {
         return seconds;
     }
-    let work_seconds = seconds * largest(&counts.work) / counts.whole_work.max(1) as f64;
-    let exchanges = largest(&counts.messages) * latency + largest(&counts.lines) * line_bytes as f64 / bandwidth;
+    let work_seconds = seconds * largest_count(&counts.work) / counts.whole_work.max(1) as f64;
+    let exchanges =
+        largest_count(&counts.messages) * latency + largest_count(&counts.lines) * line_bytes as f64 / bandwidth;
     let gather_messages = f64::from(working.next_power_of_two().trailing_zeros());
     work_seconds + exchanges + gather_messages * latency + sum_bytes as f64 / bandwidth
 }

@@ -118,12 +118,12 @@ pub fn all_gather_unsized(communicator: &dyn Communicator, own: &[u8]) -> Vec<Ve
     let lengths: Vec<usize> = lengths.chunks_exact(own_length.len()).map(length).collect();
     let all = communicator.all_gather(own, &lengths);
     let mut rest = &all[..];
-    let mut next = |length: usize| {
+    let mut take_bytes = |length: usize| {
         let (first, later) = rest.split_at(length);
         rest = later;
         first.to_vec()
     };
-    lengths.into_iter().map(&mut next).collect()
+    lengths.into_iter().map(&mut take_bytes).collect()
 }
 
 /// Returns a list of `count` items, on all ranks: each rank computes those of a range by `compute`. A list of fewer

@@ -105,7 +105,7 @@ fn set_laws(
         }
         let record = &tact.laws[k];
         let is_needed = tact.visibility.iter().any(|other| other.law == row.law && contactors.can_meet(other));
-        let mut reject = |found: String, expected: String| {
+        let mut add_fault = |found: String, expected: String| {
             if !is_needed {
                 uncomputed_laws.push(record);
                 return;
@@ -115,22 +115,25 @@ fn set_laws(
         let model = match record.model() {
             Ok(model) => model,
             Err(error) => {
-                reject(error.found().to_string(), error.expected().to_string());
+                add_fault(error.found().to_string(), error.expected().to_string());
                 continue;
             }
         };
         let invalid = model.parameter_faults();
         if !invalid.is_empty() {
             for ParameterFault { parameter, found, expected } in invalid {
-                reject(format!("{} ({}) {found}", parameter.name(), parameter.label()), format!("expected {expected}"));
+                add_fault(
+                    format!("{} ({}) {found}", parameter.name(), parameter.label()),
+                    format!("expected {expected}"),
+                );
             }
         } else if (model.rolling().is_some() || ContactLaw::new(&model).is_regularised())
             && !matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs)
         {
             let solver = scene.options.solver;
-            reject(format!("{} with solver {solver}", record.kind), "expected solver auto or nlgs".into());
+            add_fault(format!("{} with solver {solver}", record.kind), "expected solver auto or nlgs".into());
         } else if scene.laws.len() > u8::MAX.into() {
-            reject("is the 257th law in use".into(), "expected at most 256 in use".into());
+            add_fault("is the 257th law in use".into(), "expected at most 256 in use".into());
         } else {
             numbers[k] = Some(scene.laws.len() as u8);
             scene.laws.push(ContactLaw::new(&model));
@@ -253,7 +256,7 @@ fn rows_without_law_note(tact: &TactBehav, contactors: &ContactorTable) -> Optio
 fn check_laws_of_points(file: &Path, tact: &TactBehav, contactors: &ContactorTable, faults: &mut Faults) {
     for row in tact.visibility.iter().filter(|row| contactors.has_bodies_that_meet(row)) {
         let Some(law) = tact.laws.iter().find(|law| law.nickname == row.law) else { continue };
-        let expected = match (contactors.is_of_points(row), is_law_of_points(&law.kind)) {
+        let expected = match (contactors.joins_points(row), is_law_of_points(&law.kind)) {
             (true, false) if law.model().is_ok() => "expected no such row, or a law of wires or rods, as ELASTIC_WIRE",
             (false, true) => "expected PT3Dx on both sides",
             _ => continue,
@@ -285,10 +288,13 @@ fn idle_rows_notes(tact: &TactBehav, contactors: &ContactorTable) -> Vec<String>
     let missing = note(&is_missing, "contactors or colours that no body has");
     // Rows without a law have a note of their own.
     let has_law = |row: &VisibilityRow| tact.laws.iter().any(|law| law.nickname == row.law);
-    let is_of_imposed = |row: &VisibilityRow| contactors.is_of_imposed(row) && has_law(row);
-    let imposed =
-        note(&is_of_imposed, "bodies whose motion is all imposed (of spheres: their translation): these do not meet");
-    let half_points = note(&|row| contactors.is_of_one_point(row), "PT3Dx and another contactor: these do not meet");
+    let joins_imposed_bodies = |row: &VisibilityRow| contactors.joins_imposed_bodies(row) && has_law(row);
+    let imposed = note(
+        &joins_imposed_bodies,
+        "bodies whose motion is all imposed (of spheres: their translation): these do not meet",
+    );
+    let half_points =
+        note(&|row| contactors.pairs_point_with_surface(row), "PT3Dx and another contactor: these do not meet");
     offset_spheres.into_iter().chain(missing).chain(imposed).chain(half_points).collect()
 }
 
@@ -353,7 +359,7 @@ fn unseen_pairs(scene: &Scene) -> Vec<UnseenPair> {
         members.last = Some(number);
         members.free |= body.can_be_pushed();
     };
-    if scene.is_general() {
+    if scene.has_parts() {
         scene.parts.iter().for_each(|part| count(part.class, part.body, &scene.bodies[part.body.index()]));
     } else {
         (0..).zip(&scene.bodies).for_each(|(number, body)| count(body.class, BodyId(number), body));
@@ -523,8 +529,8 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
         ("gravity_moved", without_gravity && gravity_moved != default.gravity_moved, "self_gravity"),
         ("gravity_quadrupole", without_gravity && gravity_quadrupole, "self_gravity"),
         ("gravity_softening", without_gravity && scene.options.gravity_softening.is_some(), "self_gravity"),
-        ("narrow_phase", !scene.is_general() && scene.options.narrow_phase.is_some(), "polyhedra"),
-        ("face_friction", !scene.is_general() && scene.options.face_friction != default.face_friction, "polyhedra"),
+        ("narrow_phase", !scene.has_parts() && scene.options.narrow_phase.is_some(), "polyhedra"),
+        ("face_friction", !scene.has_parts() && scene.options.face_friction != default.face_friction, "polyhedra"),
         (
             "sweep_precision",
             (!sweeps || sweeps_in_double) && scene.options.sweep_precision != default.sweep_precision,

@@ -48,9 +48,10 @@ pub fn scene_without_laws(
 ) -> Scene {
     let file = datbox.join("BODIES.DAT");
     // A part is several times as large as a sphere: few scenes of spheres and plates need them.
-    let keeps_parts = has_links || !records.0.iter().all(is_sphere_or_plate);
+    let has_parts = has_links || !records.0.iter().all(is_sphere_or_plate);
+    let part_list = if has_parts { PartList::Kept } else { PartList::Dropped };
     let BodyTables { mut bodies, mut parts, mut part_starts, extents, colours, frames, axes_matches, shapes } =
-        body_tables(&file, records, bulk, keeps_parts, faults);
+        body_tables(&file, records, bulk, part_list, faults);
     let (drives, loads) = imposed_motion(datbox, driven, &mut bodies, faults);
     check_extents(&file, records, &bodies, (&parts, &extents), &options, faults);
     drop(extents);
@@ -61,8 +62,9 @@ pub fn scene_without_laws(
     };
     if !has_links && !bodies.iter().any(needs_parts) {
         (parts, part_starts) = (Vec::new(), Vec::new());
-    } else if !keeps_parts {
-        BodyTables { parts, part_starts, .. } = body_tables(&file, records, bulk, true, &mut Faults::default());
+    } else if !has_parts {
+        BodyTables { parts, part_starts, .. } =
+            body_tables(&file, records, bulk, PartList::Kept, &mut Faults::default());
     }
 
     let indices = |is_chosen: &dyn Fn(&RigidBody) -> bool| -> Vec<BodyId> {
@@ -134,6 +136,13 @@ pub fn scene_without_laws(
     scene
 }
 
+/// Whether a table of bodies has a list of their parts.
+#[derive(Clone, Copy, PartialEq)]
+enum PartList {
+    Kept,
+    Dropped,
+}
+
 /// Bodies of BODIES.DAT with their parts.
 struct BodyTables {
     bodies: Vec<RigidBody>,
@@ -155,8 +164,14 @@ fn is_sphere_or_plate(record: &BodyRecord) -> bool {
     matches!(contactor.shape, FileShape::Sphere { .. } | FileShape::Plane { .. })
 }
 
-/// Makes the bodies of the records, with their parts if `keeps_parts`; one that has a fault is replaced by a placeholder.
-fn body_tables(file: &Path, records: &Bodies, bulk: &BulkBehav, keeps_parts: bool, faults: &mut Faults) -> BodyTables {
+/// Makes the bodies of the records, with their parts if `part_list` says so; one that has a fault is replaced by a placeholder.
+fn body_tables(
+    file: &Path,
+    records: &Bodies,
+    bulk: &BulkBehav,
+    part_list: PartList,
+    faults: &mut Faults,
+) -> BodyTables {
     let count = records.0.len();
     let mut colours: Vec<String> = Vec::new();
     let mut bodies = Vec::with_capacity(count);
@@ -184,7 +199,7 @@ fn body_tables(file: &Path, records: &Bodies, bulk: &BulkBehav, keeps_parts: boo
         shapes.add((index, record.line), &prepared.parts);
         let extent = |part: &BodyPart| part.offset.norm() + part.bounding_radius;
         extents.push(prepared.parts.iter().map(extent).fold(0.0, f64::max));
-        if keeps_parts {
+        if part_list == PartList::Kept {
             part_starts.push(PartId::new(parts.len()));
             parts.extend(prepared.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
         }
@@ -325,15 +340,20 @@ impl ShapeCounts {
 
 /// Note about centres of mass that differ from the file by more than its digits.
 fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)], records: &Bodies) -> Option<String> {
-    let moved = |(_, (body, (shift, _))): &(usize, (&RigidBody, &(Vec3, Quat)))| shift.norm() > 1e-6 * body.radius;
-    let moved: Vec<(usize, f64)> =
-        bodies.iter().zip(frames).enumerate().filter(moved).map(|(i, (_, (shift, _)))| (i + 1, shift.norm())).collect();
-    let (body, largest) = moved.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
-    let bodies = if moved.len() == 1 { "body was" } else { "bodies were" };
+    let is_shifted = |(_, (body, (shift, _))): &(usize, (&RigidBody, &(Vec3, Quat)))| shift.norm() > 1e-6 * body.radius;
+    let shifted_bodies: Vec<(usize, f64)> = bodies
+        .iter()
+        .zip(frames)
+        .enumerate()
+        .filter(is_shifted)
+        .map(|(i, (_, (shift, _)))| (i + 1, shift.norm()))
+        .collect();
+    let (body, largest) = shifted_bodies.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+    let bodies = if shifted_bodies.len() == 1 { "body was" } else { "bodies were" };
     Some(format!(
         "BODIES.DAT:{}: {} {bodies} shifted from coo1 to coo3 to the centre of mass of the shape, by up to {largest:.3e} m (body {body})",
         records.0[body - 1].line,
-        moved.len()
+        shifted_bodies.len()
     ))
 }
 
@@ -461,11 +481,11 @@ fn imposed_motion(
     let mut velocities: Vec<(usize, [Option<Evolution>; 6])> = Vec::new();
     let mut loads = Vec::new();
     for row in &driven.0 {
-        let mut reject = |found: String, expected: &str| {
+        let mut add_fault = |found: String, expected: &str| {
             faults.push(Fault::new(&file, Some(row.line), format!("body {}", row.body + 1), found, expected));
         };
         if row.body >= bodies.len() {
-            reject("does not exist".into(), &expected_number(datbox, row.body, bodies.len()));
+            add_fault("does not exist".into(), &expected_number(datbox, row.body, bodies.len()));
             continue;
         }
         match row.kind {
@@ -485,7 +505,7 @@ fn imposed_motion(
                     }
                 };
                 if velocities[slot].1[row.component].replace(row.evolution.clone()).is_some() {
-                    reject(format!("component {} is driven twice", row.component + 1), "expected once");
+                    add_fault(format!("component {} is driven twice", row.component + 1), "expected once");
                 }
             }
         }
@@ -541,18 +561,18 @@ pub fn initial_motion(
     let mut w = vec![Vec3::zeros(); count];
     let mut left_handed = Vec::new();
     for row in &dof.bodies {
-        let mut reject = |found: String, expected: &str| {
+        let mut add_fault = |found: String, expected: &str| {
             faults.push(Fault::new(&file, Some(row.line), format!("body {}", row.body + 1), found, expected));
         };
         if row.body >= count {
-            reject("does not exist".into(), &expected_number(datbox, row.body, count));
+            add_fault("does not exist".into(), &expected_number(datbox, row.body, count));
             continue;
         }
         let mut axes = row.axes.map(Vec3::from);
         let mut spin = Vec3::from_row_slice(&row.velocity[3..]);
         if axes[0].cross(&axes[1]).dot(&axes[2]) < 0.0 {
             let Some(axis) = mirror::reversible_axis(scene, BodyId::new(row.body)) else {
-                reject(
+                add_fault(
                     "axes a, b, g are left-handed".into(),
                     "expected a right-handed triad, as the shape, or what is imposed on it, is not its own mirror image",
                 );
@@ -565,7 +585,7 @@ pub fn initial_motion(
         let defect = (axes.transpose() * axes - Matrix3::identity()).norm();
         // Frames are written with 7 digits; their drift between writings is smaller.
         if defect > 1e-4 {
-            reject(
+            add_fault(
                 format!("axes a, b, g that miss a right-handed unit triad by {defect:.1e}"),
                 "expected less than 1e-4",
             );

@@ -13,8 +13,8 @@ use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
 /// Name of the contactors between which wires and rods act.
 pub const POINT_NAME: &str = "PT3Dx";
 
-/// Names that are one kind of contactor in Vloc_Rloc.INI.
-fn kind_name(name: &str) -> &str {
+/// Kind of a contactor in Vloc_Rloc.INI, where SPHEb counts as SPHER.
+fn contactor_kind(name: &str) -> &str {
     if name == "SPHEb" { "SPHER" } else { name }
 }
 
@@ -57,7 +57,8 @@ impl ContactorTable {
         self.owners(&row.candidate).is_some() && self.owners(&row.antagonist).is_some()
     }
 
-    /// Whether contactors of a row can meet: those of bodies that can, but points only with points, as in LMGC90.
+    /// Whether contactors of a row can meet: if two bodies have them and contacts can push one of the two; points meet only
+    /// points, as in LMGC90.
     pub fn can_meet(&self, row: &VisibilityRow) -> bool {
         let points = [&row.candidate, &row.antagonist].map(|side| side.contactor == POINT_NAME);
         points[0] == points[1] && self.has_bodies_that_meet(row)
@@ -70,19 +71,19 @@ impl ContactorTable {
     }
 
     /// Whether both contactors of a row exist and are on bodies that contacts cannot push.
-    pub fn is_of_imposed(&self, row: &VisibilityRow) -> bool {
+    pub fn joins_imposed_bodies(&self, row: &VisibilityRow) -> bool {
         let is_imposed = |side| self.owners(side).is_some_and(|owners| !owners.moves);
         is_imposed(&row.candidate) && is_imposed(&row.antagonist)
     }
 
     /// Whether both contactors of a row exist, and one alone is a point PT3Dx.
-    pub fn is_of_one_point(&self, row: &VisibilityRow) -> bool {
+    pub fn pairs_point_with_surface(&self, row: &VisibilityRow) -> bool {
         let points = [&row.candidate, &row.antagonist].map(|side| side.contactor == POINT_NAME);
         points[0] != points[1] && self.has_both(row)
     }
 
     /// Whether a row is for points PT3Dx that can meet.
-    pub fn is_of_points(&self, row: &VisibilityRow) -> bool {
+    pub fn joins_points(&self, row: &VisibilityRow) -> bool {
         row.candidate.contactor == POINT_NAME && self.can_meet(row)
     }
 }
@@ -92,7 +93,7 @@ impl ContactorTable {
 pub enum ContactorNumbers {
     /// Counted in each body.
     InBody,
-    /// Counted over all bodies, as in files of earlier versions of LMGC90; numbers before the first of each body.
+    /// Counted over all bodies, as in files of earlier versions of LMGC90; with the number of contactors of all earlier bodies, for each body.
     OverAll(Vec<usize>),
 }
 
@@ -131,7 +132,7 @@ impl ContactorNumbers {
             ContactorNumbers::OverAll(starts) => side.number.checked_sub(starts[side.body])?,
         };
         let contactor = records.0[side.body].contactors.get(index)?;
-        (kind_name(contactor.shape.type_name()) == kind_name(&side.contactor)).then_some(index)
+        (contactor_kind(contactor.shape.type_name()) == contactor_kind(&side.contactor)).then_some(index)
     }
 
     /// Contactor of a side. If the number does not fit it is the only one of its kind.
@@ -141,7 +142,7 @@ impl ContactorNumbers {
         }
         let contactors = records.0[side.body].contactors.iter().enumerate();
         let index_of_kind = |(index, contactor): (usize, &cd_formats::bodies::Contactor)| {
-            (kind_name(contactor.shape.type_name()) == kind_name(&side.contactor)).then_some(index)
+            (contactor_kind(contactor.shape.type_name()) == contactor_kind(&side.contactor)).then_some(index)
         };
         match contactors.filter_map(index_of_kind).collect::<Vec<_>>()[..] {
             [] => NamedContactor::OtherKind,
@@ -157,7 +158,7 @@ impl ContactorNumbers {
 }
 
 /// Number of the part that a contactor of BODIES.DAT is in the scene; of its convex pieces that in which a point in the
-/// body's frame lies deepest. `None` for a point.
+/// body's frame lies deepest. `None` for a contactor PT3Dx.
 pub fn part_number_in_scene(scene: &Scene, body: BodyId, contactor: usize, point: &Vec3) -> Option<u16> {
     if scene.bodies[body.index()].shape != BodyShape::Parts {
         return (contactor == 0).then_some(0);

@@ -28,8 +28,8 @@ struct PointContactor<'a> {
 /// Rows of wires and rods.
 fn link_rows(tact: &TactBehav) -> impl Iterator<Item = &VisibilityRow> {
     let is_link = |row: &&VisibilityRow| {
-        let is_of_points = row.candidate.contactor == POINT_NAME && row.antagonist.contactor == POINT_NAME;
-        is_of_points && tact.laws.iter().any(|law| law.nickname == row.law && is_law_of_points(&law.kind))
+        let joins_points = row.candidate.contactor == POINT_NAME && row.antagonist.contactor == POINT_NAME;
+        joins_points && tact.laws.iter().any(|law| law.nickname == row.law && is_law_of_points(&law.kind))
     };
     tact.visibility.iter().filter(is_link)
 }
@@ -65,18 +65,18 @@ pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut 
     let mut links: Vec<(PointLink, &VisibilityRow)> = Vec::new();
     for row in link_rows(tact) {
         let Some(law) = scene.law_names.iter().position(|law| law.nickname == row.law) else { continue };
-        let joins = |a: &PointContactor, b: &PointContactor| {
+        let is_joined_pair = |a: &PointContactor, b: &PointContactor| {
             let colours = [a.colour, b.colour];
             let row_colours = [row.candidate.colour.as_str(), row.antagonist.colour.as_str()];
             a.body != b.body && (colours == row_colours || [colours[1], colours[0]] == row_colours)
         };
         let alert = row.alert * (1.0 + ALERT_ROUNDING);
         for (k, &first) in along_x.iter().enumerate() {
-            let near = |second: &&usize| points[**second].position.x - points[first].position.x <= alert;
-            for &second in along_x[k + 1..].iter().take_while(near) {
+            let is_near = |second: &&usize| points[**second].position.x - points[first].position.x <= alert;
+            for &second in along_x[k + 1..].iter().take_while(is_near) {
                 let [a, b] = [first.min(second), first.max(second)].map(|k| &points[k]);
                 let rest_length = (a.position - b.position).norm();
-                if rest_length > alert || !joins(a, b) {
+                if rest_length > alert || !is_joined_pair(a, b) {
                     continue;
                 }
                 (is_joined[first], is_joined[second]) = (true, true);
@@ -102,7 +102,7 @@ pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut 
             }
         }
         for (k, point) in points.iter().enumerate().filter(|(k, _)| !is_joined[*k]) {
-            if points.iter().any(|other| joins(point, other)) {
+            if points.iter().any(|other| is_joined_pair(point, other)) {
                 reach[k] = Some(reach[k].map_or(row.alert, |known| known.max(row.alert)));
             }
         }
@@ -131,14 +131,14 @@ pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut 
     for body in scene.links.iter().flat_map(|link| link.bodies) {
         scene.oriented[body.index()] = true;
     }
-    let idle = |is_in_reach: bool| {
+    let unjoined_lines = |is_in_reach: bool| {
         let unjoined = (0..points.len()).filter(|&k| !is_joined[k] && reach[k].is_some() == is_in_reach);
         unjoined.map(|k| records.0[points[k].body.index()].line).collect::<Vec<_>>()
     };
-    scene.notes.extend(idle_points_note(&idle(false), None));
+    scene.notes.extend(idle_points_note(&unjoined_lines(false), None));
     let alert = reach.iter().zip(&is_joined).filter(|(_, joined)| !**joined).filter_map(|(reach, _)| *reach);
     let alert = alert.reduce(f64::max);
-    scene.notes.extend(idle_points_note(&idle(true), alert));
+    scene.notes.extend(idle_points_note(&unjoined_lines(true), alert));
 }
 
 /// Note about points that nothing joins, from the lines of their bodies; `alert`: largest alert distance (m) of the rows that
@@ -164,6 +164,6 @@ fn offset_in_body(scene: &Scene, point: &PointContactor) -> Vec3 {
 
 /// Number of a point, behind those of all parts of its body.
 fn point_number(scene: &Scene, point: &PointContactor) -> u16 {
-    let parts = if scene.is_general() { scene.parts_of(point.body).len() } else { 0 };
+    let parts = if scene.has_parts() { scene.parts_of(point.body).len() } else { 0 };
     u16::try_from(parts + point.contactor).unwrap_or(u16::MAX)
 }

@@ -10,18 +10,18 @@ const MIRROR_TOLERANCE: f64 = 1e-5;
 /// the plane across that axis, and no rotation or moment about it is imposed. `None` if there is none.
 pub fn reversible_axis(scene: &Scene, body: BodyId) -> Option<usize> {
     let is_zero = |value: &cd_formats::drv_dof::Evolution| value.is_constant() && value.value_at(0.0) == 0.0;
-    let imposed = |axis: usize| {
+    let is_imposed = |axis: usize| {
         let drives = scene.drives.iter().filter(|drive| drive.body == body);
         let driven = drives.filter_map(|drive| drive.velocity[3 + axis].as_ref()).any(|value| !is_zero(value));
         let loads = scene.loads.iter().filter(|load| load.body == body && load.component == 3 + axis);
         driven || loads.into_iter().any(|load| !is_zero(&load.value))
     };
     // A point of a wire or rod would be moved.
-    let linked = |axis: usize| {
+    let is_linked = |axis: usize| {
         let ends = scene.links.iter().flat_map(|link| link.bodies.into_iter().zip(link.offsets));
         ends.into_iter().any(|(linked_body, offset)| linked_body == body && offset[axis] != 0.0)
     };
-    (0..3).rev().find(|&axis| is_symmetric(scene, body, axis) && !imposed(axis) && !linked(axis))
+    (0..3).rev().find(|&axis| is_symmetric(scene, body, axis) && !is_imposed(axis) && !is_linked(axis))
 }
 
 /// Whether the shape of a body is its own mirror image across this of its axes; always so for spheres.

@@ -290,14 +290,14 @@ fn apply_lmgc90_defaults(datbox: &Path, flags: &ComputeFlags, scene: &mut Scene)
         return;
     }
     let is_friction_default = flags.face_friction.is_none();
-    if is_friction_default && !scene.is_general() {
+    if is_friction_default && !scene.has_parts() {
         scene.options.face_friction = FaceFriction::default();
     }
     let options = options_of_lmgc90(flags);
     let tol = options.tol.filter(|_| flags.tol.is_none()).map(|tol| format!("tol = {tol}"));
     let checks = options.check_every.filter(|_| flags.check_every.is_none()).map(|n| format!("check_every = {n}"));
     let max_sweeps = options.max_sweeps.filter(|_| flags.max_sweeps.is_none()).map(|n| format!("max_sweeps = {n}"));
-    let corners = (is_friction_default && scene.is_general())
+    let corners = (is_friction_default && scene.has_parts())
         .then(|| "face_friction = corners (--face-friction uniform: as a uniform pressure)".to_string());
     let defaults: Vec<String> = tol.into_iter().chain(checks).chain(max_sweeps).chain(corners).collect();
     if !defaults.is_empty() {

@@ -114,7 +114,7 @@ pub fn body_from_record(
 
 /// Converts a solid of a record to a contactor; a new colour is added to `colours`.
 fn contactor_piece(contactors: &[Contactor], solid: SolidPiece, colours: &mut Vec<String>) -> ContactorPiece {
-    let SolidPiece { contactor: index, faces, mass } = solid;
+    let SolidPiece { contactor: index, faces, volume_properties: mass } = solid;
     let contactor = &contactors[index];
     let index = index as u16;
     let colour = colours.iter().position(|c| *c == contactor.colour).unwrap_or_else(|| {

@@ -34,8 +34,8 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
     let snapshot = Snapshot::read(path).map_err(|faults| unreadable_snapshot_faults(faults, &snapshots))?;
     check_snapshot(path, scene, &snapshot)?;
     restore_presence(path, scene, state, &snapshot)?;
-    let current = |(name, value): (&String, &String)| (name.clone(), value_with_current_names(name, value));
-    let options = snapshot.meta.options.iter().map(current).collect();
+    let with_current_value = |(name, value): (&String, &String)| (name.clone(), value_with_current_names(name, value));
+    let options = snapshot.meta.options.iter().map(with_current_value).collect();
     state.attraction = restored_attraction(scene, &snapshot);
     let parameters = snapshot.meta.parameters.clone();
     let cached_pairs = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| restored_pairs(scene, shapes, BodyId));
@@ -43,7 +43,7 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
         cached_pairs.len() == shapes.pairs.pair_memory.len()
             && shapes.turning.turning_body.iter().copied().map(BodyId).eq(scene.turning.iter().copied())
     });
-    if !has_same_parts || snapshot.shapes.is_some() != scene.is_general() {
+    if !has_same_parts || snapshot.shapes.is_some() != scene.has_parts() {
         let found = "other contactors or moments of inertia";
         return Err(Fault::new(path, None, "snapshot", found, "expected those of DATBOX").into());
     }
@@ -65,14 +65,18 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
 fn restore_presence(path: &Path, scene: &mut Scene, state: &mut State, snapshot: &Snapshot) -> Result<(), Faults> {
     let count = scene.bodies.len();
     let absent = (0..count).filter(|&row| !snapshot.is_present(row)).count();
-    let refuse = |found: String, expected: &str| Err(Fault::new(path, None, "snapshot", found, expected).into());
+    let snapshot_fault =
+        |found: String, expected: &str| Err(Fault::new(path, None, "snapshot", found, expected).into());
     match &snapshot.presence {
         _ if scene.roster.is_none() && absent > 0 => {
             let expected = "expected the options sinks and sources of the run so far";
-            return refuse(format!("{} not in the run", count_text(absent, "body")), expected);
+            return snapshot_fault(format!("{} not in the run", count_text(absent, "body")), expected);
         }
         None if !scene.options.sources.is_empty() => {
-            return refuse("of a run without sinks and sources".into(), "expected a run with sources from its start");
+            return snapshot_fault(
+                "of a run without sinks and sources".into(),
+                "expected a run with sources from its start",
+            );
         }
         Some(presence) => {
             let of_body = |value: &u8| match *value {
@@ -113,14 +117,14 @@ impl PreviousRun {
         let (mut warnings, mut notes) = (Vec::new(), Vec::new());
         for (name, now) in now.iter().filter(|(name, now)| before.get(*name).is_some_and(|then| then != *now)) {
             let then = &before[name];
-            let short = |value: &str| {
+            let shortened_text = |value: &str| {
                 let cut = value.chars().count() > MAX_SHOWN_CHARS;
                 value.chars().take(MAX_SHOWN_CHARS).collect::<String>() + if cut { "..." } else { "" }
             };
             // An option without a value follows from others, such as `tol` from `accuracy`.
             let with_verb = |verb: &str, value: &str| match value {
                 "None" => format!("{verb} not given"),
-                value => format!("{verb} {}", short(value)),
+                value => format!("{verb} {}", shortened_text(value)),
             };
             let (before, after) = (with_verb("was", then), with_verb("is", now));
             let change = format!("{name} {before} in the run so far and {after} from here on");
@@ -189,12 +193,12 @@ pub fn pass_events(scene: &Scene, state: &mut State, dt: f64) {
 fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> {
     let bodies = &snapshot.bodies;
     let mut faults = Faults::default();
-    let mut reject = |object: String, found: String, expected: String| {
+    let mut add_fault = |object: String, found: String, expected: String| {
         faults.push(Fault::new(path, None, object, found, expected));
     };
     if bodies.body_mass.len() != scene.bodies.len() {
         let found = format!("{} bodies", bodies.body_mass.len());
-        reject("snapshot".into(), found, format!("expected the {} of DATBOX", scene.bodies.len()));
+        add_fault("snapshot".into(), found, format!("expected the {} of DATBOX", scene.bodies.len()));
     } else {
         let in_snapshot =
             |i: usize| (bodies.body_mass[i], bodies.body_radius[i], bodies.body_inertia[i], bodies.body_driven[i]);
@@ -208,7 +212,7 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
             format!("mass {mass} kg, radius {radius} m, moments {inertia} kg m², imposed components {imposed:06b}")
         };
         if let Some(i) = (0..scene.bodies.len()).find(|&i| in_snapshot(i) != in_datbox(i)) {
-            reject(
+            add_fault(
                 format!("body {}", i + 1),
                 text(in_snapshot(i)),
                 format!("expected as in DATBOX: {}", text(in_datbox(i))),
@@ -221,7 +225,11 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
             laws.iter().map(|law| format!("{} {} {:?}", law.nickname, law.kind, law.parameters)).collect()
         };
         let found = format!("laws {}", names(laws).join(", "));
-        reject("snapshot".into(), found, format!("expected those of DATBOX: {}", names(&scene.law_names).join(", ")));
+        add_fault(
+            "snapshot".into(),
+            found,
+            format!("expected those of DATBOX: {}", names(&scene.law_names).join(", ")),
+        );
     }
     faults.into_result(())
 }
@@ -288,21 +296,21 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
 /// Checks that the bodies of START.npz are those of DATBOX, each once, with the motion of the text files.
 fn check_start(path: &Path, snapshot: &Snapshot, scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
-    let mut reject = |object: String, found: String, expected: String| {
+    let mut add_fault = |object: String, found: String, expected: String| {
         faults.push(Fault::new(path, None, object, found, expected));
     };
     // The text files cannot represent smaller numbers.
-    let largest = |vectors: &[Vec3]| vectors.iter().map(|x| x.norm()).fold(1e-90, f64::max);
-    let (extent, speed, spin) = (largest(&state.x), largest(&state.v), largest(&state.w));
+    let largest_norm = |vectors: &[Vec3]| vectors.iter().map(|x| x.norm()).fold(1e-90, f64::max);
+    let (extent, speed, spin) = (largest_norm(&state.x), largest_norm(&state.v), largest_norm(&state.w));
     let mut known = vec![false; scene.bodies.len()];
     for (row, &id) in snapshot.bodies.body_id.iter().enumerate() {
         let object = format!("body {id}");
         let Some(known) = known.get_mut((id as usize).wrapping_sub(1)) else {
-            reject(object, "is not in DATBOX".into(), format!("expected 1 to {}", scene.bodies.len()));
+            add_fault(object, "is not in DATBOX".into(), format!("expected 1 to {}", scene.bodies.len()));
             continue;
         };
         if std::mem::replace(known, true) {
-            reject(object, "occurs twice".into(), "expected once".into());
+            add_fault(object, "occurs twice".into(), "expected once".into());
             continue;
         }
         let (i, bodies) = (id as usize - 1, &snapshot.bodies);
@@ -311,7 +319,7 @@ fn check_start(path: &Path, snapshot: &Snapshot, scene: &Scene, state: &State) -
             if !agrees {
                 let expected =
                     format!("expected {:?} as in BODIES.DAT and DOF.INI, or no START.npz", datbox.as_slice());
-                reject(object.clone(), format!("{quantity} {found:?} {unit}"), expected);
+                add_fault(object.clone(), format!("{quantity} {found:?} {unit}"), expected);
             }
             agrees
         };
@@ -325,7 +333,7 @@ fn check_start(path: &Path, snapshot: &Snapshot, scene: &Scene, state: &State) -
             let turned = state.q[i].angle_to(&UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)));
             if turned > MAX_AXES_ROTATION {
                 let expected = "expected axes a, b, g as in DOF.INI, or no START.npz".into();
-                reject(object, format!("turned by {turned:.1e} rad"), expected);
+                add_fault(object, format!("turned by {turned:.1e} rad"), expected);
             }
         }
     }

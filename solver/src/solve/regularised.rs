@@ -229,11 +229,11 @@ pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCri
         let floor = ROUNDING_FLOOR * active.iter().map(|k| speed_scale(k).powi(2)).sum::<f64>().sqrt();
         let initial = residual_norm(&with_impulses(&balance), &rows, &balance).0.max(floor);
         let mut work = with_impulses(&impulses);
-        let evaluate = |work: &ContactProblem, impulses: &[Vec3]| {
+        let relative_residual = |work: &ContactProblem, impulses: &[Vec3]| {
             let (norm, worst) = residual_norm(work, &rows, impulses);
             if norm <= floor { (0.0, None) } else { (norm / initial, worst) }
         };
-        let (mut residual, mut worst) = evaluate(&work, &impulses);
+        let (mut residual, mut worst) = relative_residual(&work, &impulses);
         while residual > criteria.target_residual && sweeps < criteria.max_sweeps && !activity::is_stopped() {
             for _ in 0..SWEEPS_BETWEEN_CHECKS.min(criteria.max_sweeps - sweeps) {
                 for swept in &rows {
@@ -247,7 +247,7 @@ pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCri
             }
             // Rounding accumulates in the velocities.
             work = with_impulses(&impulses);
-            (residual, worst) = evaluate(&work, &impulses);
+            (residual, worst) = relative_residual(&work, &impulses);
         }
         let solver_bodies: Vec<SolverBody> = work.bodies;
         let missed = closing_inactive_rows(contact_problem, &active, &solver_bodies);

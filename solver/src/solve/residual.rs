@@ -190,12 +190,12 @@ impl<'a> ResidualEvaluator<'a> {
     /// Rounding of the impulses over the sum of the momenta of the bodies and |F(r_0)|.
     pub fn rounding_share(&self, impulses: &[Vec3]) -> f64 {
         let impulse_sum: f64 = self.rows.iter().map(|&k| impulses[k.index()].norm_squared()).sum();
-        let moves = |body_start: &&SolverBody| body_start.inverse_mass > 0.0;
+        let is_movable = |body_start: &&SolverBody| body_start.inverse_mass > 0.0;
         let momenta = self
             .problem
             .bodies
             .iter()
-            .filter(moves)
+            .filter(is_movable)
             .map(|body_start| (body_start.v / body_start.inverse_mass).norm_squared());
         f64::EPSILON * impulse_sum.sqrt() / momenta.sum::<f64>().sqrt().max(self.initial_norm).max(self.floor)
     }
@@ -295,12 +295,18 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// The bodies of the problem after impulses of 0. Adding these turns -0 into 0, as in [`Self::body_motions`].
     pub fn unmoved_bodies(&self) -> Vec<SolverBody> {
-        let unmoved = |(body, body_start): (usize, &SolverBody)| SolverBody {
+        let unmoved_body = |(body, body_start): (usize, &SolverBody)| SolverBody {
             v: body_start.v + self.problem.velocity_change(BodyId(body as u32), &Vec3::zeros()),
             w: body_start.w + self.problem.angular_velocity_change(BodyId(body as u32), &Vec3::zeros()),
             ..*body_start
         };
-        self.problem.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(unmoved).collect()
+        self.problem
+            .bodies
+            .par_iter()
+            .with_min_len(GROUPS_PER_TASK * GROUP_LANES)
+            .enumerate()
+            .map(unmoved_body)
+            .collect()
     }
 
     /// |F| and the row with the largest part in it.

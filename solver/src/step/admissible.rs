@@ -103,6 +103,6 @@ fn rebound_passes(
     velocities: Velocities,
 ) -> bool {
     let span = q_c.reach_time(scene);
-    let passes = |contact: &Contact| approach(q_c, span, contact, velocities) - contact.gap > scene.smallest_radius;
-    state.laws.iter().any(ContactLaw::has_restitution) && contacts.iter().any(passes)
+    let is_passing = |contact: &Contact| approach(q_c, span, contact, velocities) - contact.gap > scene.smallest_radius;
+    state.laws.iter().any(ContactLaw::has_restitution) && contacts.iter().any(is_passing)
 }

@@ -37,20 +37,20 @@ pub fn close_bonds(scene: &Scene, state: &mut State, contact_problem: &ContactPr
     if !state.laws.iter().any(ContactLaw::has_stress) {
         return;
     }
-    let opening = |solved: &SolvedContact| {
+    let bond_opening = |solved: &SolvedContact| {
         let bond = solved.bond.filter(|_| state.laws[solved.contact.law as usize].has_stress());
         bond.map(|bond_gap| solved.contact.gap - bond_gap)
     };
     let is_too_far = |solved: &SolvedContact| {
         let contact = &solved.contact;
         let [a, b] = [(contact.candidate, contact.part_numbers.0), (contact.antagonist, contact.part_numbers.1)];
-        opening(solved).is_some_and(|opening| opening > LARGEST_OPENING * scene.effective_radius(a, b))
+        bond_opening(solved).is_some_and(|bond_opening| bond_opening > LARGEST_OPENING * scene.effective_radius(a, b))
     };
     if !state.contacts.par_iter().with_min_len(PAR_MIN_LEN).any(is_too_far) {
         return;
     }
     let bonded: Vec<(usize, f64)> =
-        state.contacts.iter().enumerate().filter_map(|(k, solved)| Some((k, opening(solved)?))).collect();
+        state.contacts.iter().enumerate().filter_map(|(k, solved)| Some((k, bond_opening(solved)?))).collect();
     let contacts: Vec<Contact> = bonded.iter().map(|(k, _)| state.contacts[*k].contact).collect();
     let opened = bonded.iter().zip(&contacts).filter(|((k, _), _)| is_too_far(&state.contacts[*k]));
     let opened: Vec<&Contact> = opened.map(|(_, contact)| contact).collect();

@@ -64,17 +64,26 @@ pub fn finish_contacts(
     ends.resize(contacts.len(), SolvedContact::default());
     let warning_depth = OVERLAP_WARNING_SHARE * scene.smallest_radius;
     let velocities = Velocities { v: &v, w: &w };
-    let pushed_w = ContactConfiguration::without_spins(&w, &q_c.pushed_at_centre);
-    let pushed = Velocities { v: &v, w: &pushed_w };
-    let post_solve =
-        PostSolve { scene, state, q_c, contact_problem, solution, velocity_errors, velocities, pushed, warning_depth };
+    let w_without_rotation = ContactConfiguration::without_spins(&w, &q_c.pushed_at_centre);
+    let velocities_without_rotation = Velocities { v: &v, w: &w_without_rotation };
+    let post_solve = PostSolve {
+        scene,
+        state,
+        q_c,
+        contact_problem,
+        solution,
+        velocity_errors,
+        velocities,
+        velocities_without_rotation,
+        warning_depth,
+    };
     // The division into parts depends only on the number of rows.
     let parts = ends.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
     let parts: Vec<(ContactTotals, Vec<ContactExchange>)> =
         parts.map(|(part, (ends, contacts))| post_solve.finish_chunk(part * ITEMS_PER_TASK, contacts, ends)).collect();
     let totals = parts.iter().fold(ContactTotals::default(), |sum, (totals, _)| sum + *totals);
     let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
-    drop(pushed_w);
+    drop(w_without_rotation);
     StepOutcome { v, w, contacts: ends, totals, exchanges }
 }
 
@@ -103,8 +112,8 @@ struct PostSolve<'a> {
     velocity_errors: Option<&'a VelocityErrors>,
     /// Velocities at the step's end.
     velocities: Velocities<'a>,
-    /// The same without the rotation of bodies that contacts push at their centres: velocities on which impulses work.
-    pushed: Velocities<'a>,
+    /// Velocities at the step's end without the rotation of bodies that contacts push at their centres: impulses work on these.
+    velocities_without_rotation: Velocities<'a>,
     /// Smallest depth that is worth a warning for the smallest bodies, m. Below it a contact is not compared with its radii.
     warning_depth: f64,
 }
@@ -118,7 +127,7 @@ pub struct Overlap {
     pub bodies: [BodyId; 2],
     /// Depth of the overlap, m.
     pub depth: f64,
-    /// Depth over the smaller radius of those of the two bodies whose motion is not all imposed.
+    /// Depth over the smaller radius of the two bodies; bodies whose motion is all imposed do not count.
     pub share: f64,
 }
 
@@ -173,8 +182,8 @@ impl PostSolve<'_> {
         let mut rolls = contact_problem.rolling_constraints[roll..].iter().zip(&solution.moments[roll..]).peekable();
         for ((k, contact), end) in (first..).zip(contacts).zip(ends) {
             let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
-            let moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, moment)| moment);
-            self.finish_contact(k, contact, moment, end);
+            let rolling_moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, moment)| moment);
+            self.finish_contact(k, contact, rolling_moment, end);
             // Penetration between two driven bodies is imposed, not an error of the contact.
             let gap = contact.gap - contact_problem.law_memory(k).reference_gap;
             let depth = if row.acts { (-gap).max(0.0) } else { 0.0 };
@@ -207,7 +216,7 @@ impl PostSolve<'_> {
                 totals.virial += virial;
                 exchanges.push(ContactExchange { bodies: row.bodies, virial });
             } else if end.moment != Vec3::zeros() {
-                // A bond between two bodies presses them as much as it pulls: only the resistance to rolling remains.
+                // The net impulse is zero, as the repulsion equals the cohesion; only the rolling moment acts.
                 self.accumulate_totals(k, r, end, &mut totals);
             }
         }
@@ -235,7 +244,7 @@ impl PostSolve<'_> {
 
     /// Writes contact `k` at the step's end into `end`, with the moment (N m s, world frame) of its rolling resistance, if it
     /// has one.
-    fn finish_contact(&self, k: usize, contact: &Contact, of_roll: Option<&Vec3>, end: &mut SolvedContact) {
+    fn finish_contact(&self, k: usize, contact: &Contact, rolling_moment: Option<&Vec3>, end: &mut SolvedContact) {
         let &PostSolve { state, contact_problem, solution, velocities, .. } = self;
         let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
         let frame = contact.frame();
@@ -263,7 +272,7 @@ impl PostSolve<'_> {
         let SolvedContact { contact: own, impulse, moment, velocity, status: end_status, bond } = end;
         *own = *contact;
         *impulse = Vec3::new(local.x + row.impulse_shift, local.y, local.z);
-        *moment = of_roll.map_or(Vec3::zeros(), |m| to_local(&frame, m));
+        *moment = rolling_moment.map_or(Vec3::zeros(), |m| to_local(&frame, m));
         *velocity = to_local(&frame, &self.contact_velocity(k, contact, velocities));
         *end_status = status;
         *bond = row.bond.filter(|_| law.keeps_bond(contact.gap, motion));
@@ -278,7 +287,7 @@ impl PostSolve<'_> {
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
         let is_pushed_at_centre = |body: BodyId| q_c.pushed_at_centre.contains(&body);
         let velocity = match row.bodies.into_iter().any(is_pushed_at_centre) {
-            true => to_local(&contact.frame(), &self.contact_velocity(k, contact, self.pushed)),
+            true => to_local(&contact.frame(), &self.contact_velocity(k, contact, self.velocities_without_rotation)),
             false => *velocity,
         };
         if walls[contact.candidate.index()] && walls[contact.antagonist.index()] {
@@ -355,7 +364,7 @@ pub struct ContactTotals {
     pub friction_work: f64,
     /// Sum of impulses times branches, N m s.
     pub virial: f64,
-    /// Work of walls on grains and of the reactions of grains driven in part to contacts, J.
+    /// Work by walls, and by the reactions of partly driven grains to contacts, J.
     pub outside_work: f64,
     /// Impulse of driven bodies on free ones, N s.
     pub momentum: Vec3,

@@ -264,7 +264,7 @@ pub struct BalanceErrors {
     /// Change of momentum that no wall, field or event explains, over the largest sum so far of m |v|, or of the impulses in
     /// a step.
     pub momentum: f64,
-    /// The same of angular momentum, over that sum times the largest distance from the origin.
+    /// Unexplained change of angular momentum, over the sum of `momentum` times the largest distance from the origin.
     pub angular_momentum: f64,
 }
 

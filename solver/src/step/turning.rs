@@ -45,7 +45,7 @@ pub fn overturned_bodies(
     free: Velocities,
     solved: Velocities,
 ) -> Vec<BodyId> {
-    if !scene.is_general() {
+    if !scene.has_parts() {
         return Vec::new();
     }
     let span = q_c.reach_time(scene);
@@ -67,7 +67,9 @@ pub fn overturned_bodies(
     let motion = StepMotion { scene, q_c, span, velocities: solved };
     for contact in contacts {
         let pushed_through = both_sides(contact).into_iter().filter(|&(own, other)| {
-            is_turned[own.0.index()] && motion.is_deeper(contact, [own, other], is_turned[other.0.index()], 1.0)
+            let rotation =
+                if is_turned[other.0.index()] { SurfaceRotation::Ignored } else { SurfaceRotation::Included };
+            is_turned[own.0.index()] && motion.is_deeper(contact, [own, other], rotation, 1.0)
         });
         through.extend(pushed_through.map(|(own, _)| own.0));
     }
@@ -96,7 +98,8 @@ pub fn pushed_bodies(
         if !bodies.iter().any(is_pushable) || approach(q_c, span, contact, moving) <= 0.0 {
             continue;
         }
-        let is_deep = |(own, other)| motion.is_deeper(contact, [own, other], false, MAX_PUSHED_DEPTH);
+        let is_deep =
+            |(own, other)| motion.is_deeper(contact, [own, other], SurfaceRotation::Included, MAX_PUSHED_DEPTH);
         if both_sides(contact).into_iter().any(is_deep) {
             pushed.extend(bodies.into_iter().filter(is_pushable));
         }
@@ -113,6 +116,14 @@ fn both_sides(contact: &Contact) -> [(ContactorKey, ContactorKey); 2] {
     [(a, b), (b, a)]
 }
 
+/// Rotation of the surface behind which a point ends.
+#[derive(Clone, Copy)]
+enum SurfaceRotation {
+    Included,
+    /// Contacts turn its body as well, so that its direction at the end is unknown.
+    Ignored,
+}
+
 /// Displacement of the bodies from the contact configuration in the time `span` (s), at constant velocities.
 struct StepMotion<'a> {
     scene: &'a Scene,
@@ -123,18 +134,29 @@ struct StepMotion<'a> {
 
 impl StepMotion<'_> {
     /// Whether the contactor `own` ends behind the surface of `other` deeper than `share` of half the thickness of the
-    /// thinner one; false for bodies without parts. `turns`: see [`StepMotion::depth_behind_surface`].
-    fn is_deeper(&self, contact: &Contact, [own, other]: [ContactorKey; 2], turns: bool, share: f64) -> bool {
+    /// thinner one; false for bodies without parts. `rotation`: rotation of the surface.
+    fn is_deeper(
+        &self,
+        contact: &Contact,
+        [own, other]: [ContactorKey; 2],
+        rotation: SurfaceRotation,
+        share: f64,
+    ) -> bool {
         let find = |(body, part_number): ContactorKey| self.scene.find_part(body, part_number);
         let (Some(part), Some(surface)) = (find(own), find(other)) else { return false };
         let thickness = part.geometry.inner_radius().min(surface.geometry.inner_radius());
-        self.depth_behind_surface(contact, part, surface, turns) > share * thickness
+        self.depth_behind_surface(contact, part, surface, rotation) > share * thickness
     }
 
     /// Largest depth of a point of `part` behind the tangent plane of a contact with `surface`, m, after the full rotation of
-    /// its body. `turns`: whether contacts turn the other body as well; its surface then counts as not rotated, since its
-    /// direction at the end is unknown.
-    fn depth_behind_surface(&self, contact: &Contact, part: &BodyPart, surface: &BodyPart, turns: bool) -> f64 {
+    /// its body. `rotation`: rotation of the surface.
+    fn depth_behind_surface(
+        &self,
+        contact: &Contact,
+        part: &BodyPart,
+        surface: &BodyPart,
+        rotation: SurfaceRotation,
+    ) -> f64 {
         let &StepMotion { q_c, span, velocities: Velocities { v, w }, .. } = self;
         let (i, k) = (part.body.index(), surface.body.index());
         let [at_candidate, at_antagonist] = contact_arms(contact, &q_c.x);
@@ -145,7 +167,10 @@ impl StepMotion<'_> {
             (-contact.normal, at_antagonist, at_candidate)
         };
         let q = rotate_by_vector(&q_c.q[i], &(w[i] * span));
-        let surface_turning = if turns { Vec3::zeros() } else { w[k].cross(&other) };
+        let surface_turning = match rotation {
+            SurfaceRotation::Ignored => Vec3::zeros(),
+            SurfaceRotation::Included => w[k].cross(&other),
+        };
         let centre_from_surface = own + (v[k] + surface_turning - v[i]) * span - q * part.offset;
         outward.dot(&centre_from_surface) + part.geometry.support_height(&(q * part.axes), &-outward)
     }

@@ -40,7 +40,7 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
     let start = predict_configuration(scene, state, 0);
     let start = ContactConfiguration { lookahead: h + time_before, ..start };
     let contacts = detect::listed_contacts(scene, &start, state.velocities(), &mut state.detection_cache.clone());
-    let closes = |contact: &Contact| {
+    let is_closing = |contact: &Contact| {
         let u = contact.normal.dot(&relative_velocity(contact, &start.x, Velocities { v: &state.v, w: &start.w }));
         let radius = scene.effective_radius(
             (contact.candidate, contact.part_numbers.0),
@@ -56,7 +56,7 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
         };
         -time_before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !bounded()
     };
-    contacts.iter().any(closes)
+    contacts.iter().any(is_closing)
 }
 
 /// Whether a contact between polyhedra, cylinders or plates that a file lists, without their features, bounds the approach

@@ -151,18 +151,18 @@ impl StepBonds<'_> {
         (0..contact_problem.rows.len()).into_par_iter().with_min_len(PAR_MIN_LEN).filter(is_rigid).collect()
     }
 
-    /// Those of the `rigid` rows that open or slide.
+    /// Rows of `rigid` that open or slide.
     fn moving_rows(
         &self,
         SolvedProblem { contact_problem, solution, .. }: &SolvedProblem,
         errors: &VelocityErrors,
         rigid: &[usize],
     ) -> Vec<usize> {
-        let moves = |&k: &usize| {
+        let is_moving = |&k: &usize| {
             let u = contact_problem.shifted_velocity(k, &solution.solver_bodies);
             errors.contact_motion(k, &contact_problem.rows[k], &u).is_any()
         };
-        rigid.iter().copied().filter(moves).collect()
+        rigid.iter().copied().filter(is_moving).collect()
     }
 
     /// Whether the solution leaves open which bonds break, in this step or, by its errors, in the next. `rigid` and `broken`:
@@ -260,8 +260,8 @@ fn refine(
     let max_sweeps = max_sweeps.min(request.criteria.max_sweeps);
     let criteria =
         StoppingCriteria { tol: target_residual, target_residual, min_sweeps: 0, max_sweeps, ..request.criteria };
-    let stored = |problem: &ContactProblem| stored_problem(problem, context.contacts);
-    let further = solve_contact_problem(contact_problem, SolveRequest { criteria, ..request }, stored);
+    let stored_data = |problem: &ContactProblem| stored_problem(problem, context.contacts);
+    let further = solve_contact_problem(contact_problem, SolveRequest { criteria, ..request }, stored_data);
     *solution = ContactSolution {
         sweeps: solution.sweeps + further.sweeps,
         converged: further.residual <= request.criteria.tol && further.left_out == 0,
@@ -290,8 +290,8 @@ fn tangential_leverages(contact_problem: &ContactProblem) -> Vec<f64> {
         if bonded.len() < 3 {
             continue;
         }
-        let moving = |side: &usize| contact_problem.bodies[rows[0].bodies[*side].index()].inverse_mass > 0.0;
-        for side in [0, 1].into_iter().filter(moving) {
+        let is_movable = |side: &usize| contact_problem.bodies[rows[0].bodies[*side].index()].inverse_mass > 0.0;
+        for side in [0, 1].into_iter().filter(is_movable) {
             let arms = bonded.iter().map(|&k| contact_problem.contact_arm(k, side));
             let centre = arms.clone().sum::<Vec3>() / bonded.len() as f64;
             let spread = arms.map(|arm| (arm - centre).norm_squared()).sum::<f64>() / bonded.len() as f64;

@@ -248,14 +248,14 @@ impl ErrorEstimator {
 
     /// Adds a row of TIMER.csv.
     pub fn add_seconds(&mut self, row: &LogRow) {
-        let spent = |name: &str| Duration::try_from_secs_f64(row.get(name)).unwrap_or_default();
+        let spent_time = |name: &str| Duration::try_from_secs_f64(row.get(name)).unwrap_or_default();
         self.clock.accumulate(&StageTimes {
-            gravity: spent(seconds::gravity),
-            detection: spent(seconds::detection),
-            assembly: spent(seconds::assembly),
-            solve: spent(seconds::solve),
-            integration: spent(seconds::integration),
-            writing: spent(seconds::writing),
+            gravity: spent_time(seconds::gravity),
+            detection: spent_time(seconds::detection),
+            assembly: spent_time(seconds::assembly),
+            solve: spent_time(seconds::solve),
+            integration: spent_time(seconds::integration),
+            writing: spent_time(seconds::writing),
         });
     }
 
@@ -418,9 +418,10 @@ impl ForceNoise {
 pub fn summary_lines(sources: &[ErrorSource], noise: ForceNoise) -> [(&'static str, String); 2] {
     let total: f64 = sources.iter().map(|source| source.error).sum();
     let seconds: f64 = sources.iter().map(|source| source.seconds).sum();
-    let largest = |figure: fn(&ErrorSource) -> f64| sources.iter().max_by(|a, b| figure(a).total_cmp(&figure(b)));
+    let largest_source =
+        |figure: fn(&ErrorSource) -> f64| sources.iter().max_by(|a, b| figure(a).total_cmp(&figure(b)));
     let title_of_largest = |figure: fn(&ErrorSource) -> f64| {
-        largest(figure).map_or(String::new(), |source| match source.option {
+        largest_source(figure).map_or(String::new(), |source| match source.option {
             "" => source.title().to_string(),
             option => format!("{} ({option})", source.title()),
         })
@@ -436,7 +437,7 @@ pub fn summary_lines(sources: &[ErrorSource], noise: ForceNoise) -> [(&'static s
         }
         0 => "none: no contact carried force".into(),
         _ => {
-            let remedy = match largest(|source| source.error).map_or("", |source| source.option) {
+            let remedy = match largest_source(|source| source.error).map_or("", |source| source.option) {
                 "tol" => noise.remedy().into(),
                 option @ ("dt" | "gravity_error") => format!(": lower {option}"),
                 // The energy of motion in fields drifts with the length of the step.

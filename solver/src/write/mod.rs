@@ -93,7 +93,7 @@ pub fn check_no_results(case: &Path, scene: &Scene) -> Result<(), Faults> {
         let expected = "use --resume to continue from it, --force to overwrite all results";
         return Err(Fault::new(&outbox, None, "results", format!("{} exists", file_name(last)), expected).into());
     }
-    let texts = text::first_names().into_iter().map(|name| outbox.join(name)).filter(|_| scene.options.text);
+    let texts = text::text_names_of_new_run().into_iter().map(|name| outbox.join(name)).filter(|_| scene.options.text);
     let text_conflicts = texts.map(|path| (path, "--text would overwrite it; use --force to remove such files"));
     let command_conflicts = postpro::paths(case, scene).into_iter();
     let command_conflicts =

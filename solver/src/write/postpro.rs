@@ -18,7 +18,7 @@ pub const FOLDER: &str = "POSTPRO";
 
 /// Names of the files of a command.
 fn file_names(kind: &PostproKind) -> Vec<String> {
-    let numbered = |prefixes: &[&str], numbers: &mut dyn Iterator<Item = usize>| {
+    let numbered_names = |prefixes: &[&str], numbers: &mut dyn Iterator<Item = usize>| {
         numbers.flat_map(|k| prefixes.iter().map(move |prefix| format!("{prefix}_{k:07}.DAT"))).collect()
     };
     match kind {
@@ -27,13 +27,13 @@ fn file_names(kind: &PostproKind) -> Vec<String> {
         PostproKind::KineticEnergy => vec!["KINETIC_ENERGY.DAT".into()],
         PostproKind::DissipatedEnergy => vec!["DISSIPATED_ENERGY.DAT".into()],
         PostproKind::CoordinationNumber => vec!["COORDINATION_NUMBER.DAT".into()],
-        PostproKind::BodyTracking(bodies) => numbered(&["BODY"], &mut bodies.iter().map(|body| body + 1)),
+        PostproKind::BodyTracking(bodies) => numbered_names(&["BODY"], &mut bodies.iter().map(|body| body + 1)),
         PostproKind::TorqueEvolution(bodies) => {
-            numbered(&["REAC", "Fext", "Fine"], &mut bodies.iter().map(|body| body + 1))
+            numbered_names(&["REAC", "Fext", "Fine"], &mut bodies.iter().map(|body| body + 1))
         }
         PostproKind::NewRigidSets(sets) => {
             let prefixes = ["EVOL_RIGID_SET", "REAC_RIGID_SET", "Fext_RIGID_SET", "Fine_RIGID_SET"];
-            numbered(&prefixes, &mut (1..=sets.len()))
+            numbered_names(&prefixes, &mut (1..=sets.len()))
         }
     }
 }
@@ -364,7 +364,7 @@ impl<'a> StepFigures<'a> {
                 Some(ContactorShape::Sphere { .. } | ContactorShape::Polyhedron(_))
             ),
         };
-        let contactors = |i: usize| if scene.is_general() { scene.parts_of(BodyId::new(i)).len() } else { 1 };
+        let contactors = |i: usize| if scene.has_parts() { scene.parts_of(BodyId::new(i)).len() } else { 1 };
         // Numbers of all listed, of compressive and of tensile pairs by grain.
         let mut counts_of_grains = std::collections::BTreeMap::<(BodyId, u16), [u32; 3]>::new();
         for i in 0..scene.bodies.len() {

@@ -26,7 +26,7 @@ pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
         attractions: has_attractions.then(|| AttractionArrays { contact_attraction: state.pair_attractions.clone() }),
         gravity: gravity_arrays(scene, state),
         presence: scene.roster.is_some().then(|| presence_arrays(state)),
-        shapes: scene.is_general().then(|| shape_arrays(scene, state)),
+        shapes: scene.has_parts().then(|| shape_arrays(scene, state)),
         interval: Some(interval_arrays(state)),
     }
 }
@@ -59,8 +59,8 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
             gravity: options.gravity,
             xperiode: options.xperiode,
             yperiode: options.yperiode,
-            narrow_phase: scene.is_general().then_some(options.narrow_phase()),
-            face_friction: scene.is_general().then_some(options.face_friction),
+            narrow_phase: scene.has_parts().then_some(options.narrow_phase()),
+            face_friction: scene.has_parts().then_some(options.face_friction),
             gravity_constant: options.gravity_constant,
             gravity_error: options.gravity_error(),
             gravity_order: options.gravity_order,

@@ -249,8 +249,8 @@ fn add_errors(summary: &mut SummaryLines, scene: &Scene, statistics: &RunStatist
         );
     }
     let [(error, estimate), (cost, stages)] = errors::summary_lines(sources, statistics.force_noise());
-    let unknown = || "not known: components of the velocities of all bodies are imposed".into();
-    summary.add(error, if scene.free.is_empty() { unknown() } else { estimate });
+    let unknown_text = || "not known: components of the velocities of all bodies are imposed".into();
+    summary.add(error, if scene.free.is_empty() { unknown_text() } else { estimate });
     summary.add(cost, stages);
 }
 

@@ -26,8 +26,8 @@ pub fn is_state_name(name: &str) -> bool {
     name.starts_with(DOF_PREFIX) || name.starts_with(CONTACTS_PREFIX) || LAST_NAMES.contains(&name)
 }
 
-/// Names of files that a run from the start writes.
-pub fn first_names() -> Vec<String> {
+/// Names of the text files that a new run writes: first output, state at the end, and copies of the input.
+pub fn text_names_of_new_run() -> Vec<String> {
     let mut names = vec![format!("{DOF_PREFIX}1"), format!("{CONTACTS_PREFIX}1")];
     names.extend(LAST_NAMES.iter().chain(&INPUT_COPIES).map(ToString::to_string));
     names
@@ -131,7 +131,8 @@ fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
 
 fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
     let side = |body: BodyId, part_number: u16| {
-        let parts = if scene.is_general() { scene.parts_of(body).len() } else { 1 };
+        // Numbers from the part count on are points PT3Dx.
+        let parts = if scene.has_parts() { scene.parts_of(body).len() } else { 1 };
         if let Some(point) = usize::from(part_number).checked_sub(parts) {
             return ContactSide { body: body.index(), contactor: "PT3Dx".into(), number: point };
         }

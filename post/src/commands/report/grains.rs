@@ -153,11 +153,11 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
         state.positions.iter().map(|x| x - origin).collect()
     };
     let relative_positions: Vec<Vec<Vec3>> = states.iter().map(relative_positions).collect();
-    let farthest = |positions: &Vec<Vec3>| {
+    let farthest_reach = |positions: &Vec<Vec3>| {
         let reaches = positions.iter().zip(grains).map(|(x, grain)| x.norm() + 2.0 * grain.bounding_radius());
         reaches.filter(|reach| reach.is_finite()).fold(radius, f64::max)
     };
-    let reach = relative_positions.iter().map(farthest).fold(radius, f64::max);
+    let reach = relative_positions.iter().map(farthest_reach).fold(radius, f64::max);
 
     let time_dependent = (0..TIME_DEPENDENT.len()).map(|k| {
         let values: Vec<&[f64]> = states.iter().map(|state| &state.values[k][..]).collect();

@@ -114,12 +114,12 @@ impl Figure {
             self.draw(&root).expect("drawing into memory");
             root.present().expect("drawing into memory");
         }
-        let unknown = |letter: char| match letter {
+        let is_unprintable = |letter: char| match letter {
             '\t' | '\n' | '\r' => false,
             '\u{fffe}' | '\u{ffff}' => true,
             letter => letter < ' ',
         };
-        text.replace(unknown, " ")
+        text.replace(is_unprintable, " ")
     }
 
     /// Warning about a figure with more curves than combinations of colours with dashes or dot shapes.
@@ -142,10 +142,10 @@ impl Figure {
             .curves
             .iter()
             .map(|curve| {
-                let scaled = |&(x, y): &(f64, f64)| {
+                let scaled_point = |&(x, y): &(f64, f64)| {
                     (axis_value(&self.x, x, x_factor, x_least), axis_value(&self.y, y, y_factor, y_least))
                 };
-                curve.points.iter().map(scaled).filter(|(x, _)| !x.is_nan()).collect()
+                curve.points.iter().map(scaled_point).filter(|(x, _)| !x.is_nan()).collect()
             })
             .collect();
         (curves, [x_unit, y_unit])
@@ -251,9 +251,9 @@ impl Figure {
     /// Entries of the legend: number and name of each curve.
     fn legend_entries(&self) -> Vec<(usize, String)> {
         let listed = self.curves.iter().enumerate().filter(|(_, curve)| curve.marks != CurveMarks::Named);
-        let all = || self.curves.iter().flat_map(|curve| &curve.points);
+        let all_points = || self.curves.iter().flat_map(|curve| &curve.points);
         let (smallest_x, smallest_y) =
-            (smallest_shown(&self.x, all().map(|p| p.0)), smallest_shown(&self.y, all().map(|p| p.1)));
+            (smallest_shown(&self.x, all_points().map(|p| p.0)), smallest_shown(&self.y, all_points().map(|p| p.1)));
         let name = |(k, curve): (usize, &Curve)| {
             let is_shown =
                 |axis: &FigureAxis, value: f64, smallest: f64| !axis_value(axis, value, 1.0, smallest).is_nan();
@@ -274,8 +274,8 @@ impl Figure {
 
     /// Style of curve k. Curves that are drawn first are wider, so that both of two equal curves are visible.
     fn curve_style(&self, k: usize) -> CurveStyle {
-        let coloured = |c: &&Curve| matches!(c.marks, CurveMarks::Line | CurveMarks::Dots);
-        let before = self.curves[..k].iter().filter(coloured).count();
+        let has_colour = |c: &&Curve| matches!(c.marks, CurveMarks::Line | CurveMarks::Dots);
+        let before = self.curves[..k].iter().filter(has_colour).count();
         let after = self.curves[k + 1..].iter().filter(|c| c.marks == CurveMarks::Line).count();
         let style = |number: usize, width| CurveStyle {
             colour: CURVE_COLOURS[number % CURVE_COLOURS.len()],
@@ -532,16 +532,16 @@ mod tests {
     #[test]
     fn a_name_hides_few_dots_and_less_of_lines() {
         let plot = PixelRect { left: 0, upper: 0, right: 400, lower: 200 };
-        let mut room = LabelSpace { plot, names: Vec::new(), dots: Vec::new(), lines: Vec::new() };
-        let side = |room: &LabelSpace| room.place_name((200, 100), 5).0;
-        assert_eq!(side(&room), 1);
-        room.lines = line_rectangles([(200, 100), (300, 100)]).collect();
-        assert_eq!(side(&room), -1);
-        room.dots = vec![PixelRect::centred_at((180, 100), DOT_RADIUS)];
-        let (side, place) = room.place_name((200, 100), 5);
+        let mut label_space = LabelSpace { plot, names: Vec::new(), dots: Vec::new(), lines: Vec::new() };
+        let side = |label_space: &LabelSpace| label_space.place_name((200, 100), 5).0;
+        assert_eq!(side(&label_space), 1);
+        label_space.lines = line_rectangles([(200, 100), (300, 100)]).collect();
+        assert_eq!(side(&label_space), -1);
+        label_space.dots = vec![PixelRect::centred_at((180, 100), DOT_RADIUS)];
+        let (side, place) = label_space.place_name((200, 100), 5);
         assert!(side == 0 && place.lower < 100, "{place:?}");
         // At the left end only what is right of the dot is in the plot.
-        assert_eq!(room.place_name((5, 100), 5).0, 1);
+        assert_eq!(label_space.place_name((5, 100), 5).0, 1);
     }
 
     #[test]

@@ -16,7 +16,7 @@ mod vtp;
 
 use std::path::Path;
 
-use cd_formats::error::{Fault, Faults};
+use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::mesh::{PolygonMesh, ReadError, lines};
 use cd_formats::obj;
 use cd_formats::surface::{Surface, SurfaceFaults};
@@ -48,7 +48,7 @@ pub fn read_surface(path: &Path) -> Result<RepairedSurface, Faults> {
     let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
     let mesh = read_mesh(&bytes, &ending).map_err(|errors| read_faults(path, &errors))?;
-    if let Some((found, expected)) = repair::point_fault(&mesh) {
+    if let Some(RecordFault { found, expected }) = repair::point_fault(&mesh) {
         return Err(Fault::new(path, None, "surface", found, expected).into());
     }
     let Triangulation { vertices, triangles, repairs } = repair::triangulate(mesh);
@@ -94,13 +94,15 @@ fn read_mesh(bytes: &[u8], ending: &str) -> Result<PolygonMesh, Vec<ReadError>> 
         "vtk" | "vtp" => "polygonal data of VTK, legacy or XML",
         _ => return Err(ReadError::new(None, format!("the ending '{ending}'"), ".obj, .stl, .vtk or .vtp").into()),
     };
-    let refuse = |found: &str| Err(ReadError::new(None, found, kind).into());
+    let read_error = |found: &str| Err(ReadError::new(None, found, kind).into());
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     match bytes {
-        [] => return refuse("it is empty"),
-        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] if ending != "stl" => return refuse("text in UTF-16, not UTF-8 or ASCII"),
-        [0x1f, 0x8b, ..] => return refuse("compressed by gzip; uncompress it first"),
-        [b'P', b'K', 3, 4, ..] => return refuse("a zip archive; unpack it first"),
+        [] => return read_error("it is empty"),
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] if ending != "stl" => {
+            return read_error("text in UTF-16, not UTF-8 or ASCII");
+        }
+        [0x1f, 0x8b, ..] => return read_error("compressed by gzip; uncompress it first"),
+        [b'P', b'K', 3, 4, ..] => return read_error("a zip archive; unpack it first"),
         _ => {}
     }
     match ending {

@@ -2,6 +2,7 @@
 //! position are merged, triangles without area are dropped, and points of an open surface that differ in their last
 //! digits only are welded.
 
+use cd_formats::error::RecordFault;
 use cd_formats::names::count_text;
 use nalgebra::Vector3;
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -76,7 +77,7 @@ pub const EXTENTS: std::ops::RangeInclusive<f64> = 1e-60..=1e60;
 
 /// Fault of the points that polygons use: numbers that are not finite, or an extent without a volume in double precision.
 /// Such points have no triangles with an area, and further faults would not name the cause.
-pub fn point_fault(mesh: &PolygonMesh) -> Option<(String, String)> {
+pub fn point_fault(mesh: &PolygonMesh) -> Option<RecordFault> {
     let mut used: Vec<usize> = mesh.polygons.iter().flatten().copied().collect();
     used.sort_unstable();
     used.dedup();
@@ -85,16 +86,17 @@ pub fn point_fault(mesh: &PolygonMesh) -> Option<(String, String)> {
     if let Some(&first) = unbounded.first() {
         let [x, y, z] = points[first];
         let more = if unbounded.len() > 1 { format!(", and {} more", unbounded.len() - 1) } else { String::new() };
-        return Some((format!("point {} is ({x}, {y}, {z}){more}", used[first] + 1), "expected finite numbers".into()));
+        let found = format!("point {} is ({x}, {y}, {z}){more}", used[first] + 1);
+        return Some(RecordFault::new(found, "expected finite numbers"));
     }
     let [_, extent] = coordinate_and_extent(&points);
     if points.len() > 1 && extent == 0.0 {
-        return Some(("all points are at one position".into(), "expected a closed surface".into()));
+        return Some(RecordFault::new("all points are at one position", "expected a closed surface"));
     }
     let is_extreme = points.len() > 1 && !EXTENTS.contains(&extent);
     is_extreme.then(|| {
         let expected = format!("expected {:e} to {:e}; write the file in another unit", EXTENTS.start(), EXTENTS.end());
-        (format!("its extent is {extent:e}"), expected)
+        RecordFault::new(format!("its extent is {extent:e}"), expected)
     })
 }
 
@@ -262,7 +264,7 @@ mod tests {
     fn points_that_no_surface_can_have_are_named() {
         let fault = |points: [[f64; 3]; 3]| {
             let mesh = PolygonMesh { points: points.to_vec(), polygons: vec![vec![0, 1, 2]], notes: Vec::new() };
-            point_fault(&mesh).map(|(found, _)| found)
+            point_fault(&mesh).map(|fault| fault.found)
         };
         let scaled = |size: f64| fault([[0.0; 3], [size, 0.0, 0.0], [0.0, size, 0.0]]);
         assert_eq!([1e-60, 1.0, 1e60].map(scaled), [None, None, None]);

@@ -52,7 +52,7 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
             && let Ok(mut mesh) = read_text(&String::from_utf8_lossy(bytes).replace(['\0', '\u{1a}'], " "))
         {
             let marks = bytes.iter().filter(|byte| [0, 0x1a].contains(*byte)).count();
-            mesh.add_note("ignored", marks, "control character", "");
+            mesh.note_ignored(marks, "control character", "");
             return Ok(mesh);
         }
         let found = format!("{count} triangles announced, {complete_count} found: {} bytes", bytes.len());
@@ -116,7 +116,7 @@ fn read_after_extra_bytes(bytes: &[u8]) -> Option<PolygonMesh> {
     };
     let extra = (1..=MAX_EXTRA_BYTES).find(fits)?;
     let mut mesh = read(&bytes[extra..]).ok()?;
-    mesh.add_note("ignored", extra, "byte", " before the header");
+    mesh.note_ignored(extra, "byte", " before the header");
     Some(mesh)
 }
 
@@ -152,7 +152,7 @@ fn read_text(text: &str) -> Result<PolygonMesh, ReadError> {
     if solids > 1 {
         mesh.notes.push(format!("read {solids} solids as one surface"));
     }
-    mesh.add_note("ignored", wrong_normals, "normal", " without numbers");
+    mesh.note_ignored(wrong_normals, "normal", " without numbers");
     Ok(mesh)
 }
 
@@ -247,7 +247,7 @@ impl WordReader<'_> {
         let is_facet = |words: &[&str]| {
             let is = |k: usize, word: &str| words.get(k).is_some_and(|known: &&str| known.eq_ignore_ascii_case(word));
             let numbers = words.get(2..5).is_some_and(|normal| normal.iter().all(|word| parse_real(word).is_some()));
-            is(0, "facet") && is(1, "normal") && numbers && is(5, "outer") && is(6, "loop")
+            is_word(0, "facet") && is_word(1, "normal") && numbers && is_word(5, "outer") && is_word(6, "loop")
         };
         let facet = (0..rest.len()).find(|&k| is_facet(&rest[k..]));
         self.current = facet.map_or(Vec::new(), |k| rest[k..].to_vec()).into_iter();

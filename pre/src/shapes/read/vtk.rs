@@ -19,6 +19,7 @@ impl NumberType {
             "unsigned_char" | "uint8" => NumberType::Unsigned(1),
             "short" | "int16" => NumberType::Signed(2),
             "unsigned_short" | "uint16" => NumberType::Unsigned(2),
+            // The writers of VTK store identifiers as int in legacy files, although they have 8 bytes in memory.
             "int" | "int32" | "vtkidtype" | "vtktypeint32" => NumberType::Signed(4),
             "unsigned_int" | "uint32" | "vtktypeuint32" => NumberType::Unsigned(4),
             "long" | "int64" | "vtktypeint64" => NumberType::Signed(8),
@@ -174,7 +175,7 @@ impl PolyDataPiece {
             };
             mesh.polygons.extend(strip.windows(3).enumerate().map(oriented_triangle));
         }
-        mesh.add_note("ignored", self.ignored, "line or point element", "");
+        mesh.note_ignored(self.ignored, "line or point element", "");
         Ok(())
     }
 }

@@ -98,18 +98,18 @@ impl<'a> VtpFile<'a> {
             let expected = "PolyData; in ParaView: Extract Surface";
             return Err(ReadError::new(first.line, format!("VTKFile of the type '{kind}'"), expected));
         }
-        let refuse = |name: &str, value: &str, expected: &str| {
+        let attribute_error = |name: &str, value: &str, expected: &str| {
             Err(ReadError::new(first.line, format!("{name}=\"{value}\""), expected))
         };
         file.big_endian = match first.attribute("byte_order") {
             None | Some("LittleEndian") => false,
             Some("BigEndian") => true,
-            Some(other) => return refuse("byte_order", other, "LittleEndian or BigEndian"),
+            Some(other) => return attribute_error("byte_order", other, "LittleEndian or BigEndian"),
         };
         file.header_number_size = match first.attribute("header_type") {
             None | Some("UInt32") => 4,
             Some("UInt64") => 8,
-            Some(other) => return refuse("header_type", other, "UInt32 or UInt64"),
+            Some(other) => return attribute_error("header_type", other, "UInt32 or UInt64"),
         };
         file.compressed = match first.attribute("compressor") {
             None | Some("") => false,
@@ -187,20 +187,20 @@ impl<'a> VtpFile<'a> {
     }
 
     fn read_array(&self, tag: &XmlTag) -> Result<Vec<f64>, ReadError> {
-        let refuse = |found: String, expected: &str| ReadError::new(tag.line, found, expected);
+        let tag_error = |found: String, expected: &str| ReadError::new(tag.line, found, expected);
         let kind = tag.attribute("type").unwrap_or_default();
         let number = NumberType::from_name(kind)
-            .ok_or_else(|| refuse(format!("numbers of the type '{kind}'"), "Float64, Int64 or alike"))?;
+            .ok_or_else(|| tag_error(format!("numbers of the type '{kind}'"), "Float64, Int64 or alike"))?;
         let bytes = match tag.attribute("format").unwrap_or("ascii") {
             "ascii" => {
-                let number = |word| coordinate(word).map_err(|error| refuse(error.to_string(), FILE_KIND));
+                let number = |word| coordinate(word).map_err(|error| tag_error(error.to_string(), FILE_KIND));
                 return tag.content.split_whitespace().map(number).collect();
             }
             "binary" => {
                 let is_stray = |c: &char| !(c.is_ascii_alphanumeric() || "+/=".contains(*c) || c.is_ascii_whitespace());
                 if let Some(stray) = tag.content.chars().find(is_stray) {
                     let name = tag.attribute("Name").unwrap_or("Points");
-                    return Err(refuse(format!("array '{name}': the character '{stray}'"), "numbers in base64"));
+                    return Err(tag_error(format!("array '{name}': the character '{stray}'"), "numbers in base64"));
                 }
                 self.decode_binary(&decode_base64(tag.content.as_bytes()))
             }
@@ -209,10 +209,10 @@ impl<'a> VtpFile<'a> {
                 let data = self.appended.get(offset..).unwrap_or_default();
                 if self.is_base64 { self.decode_binary(&decode_base64(data)) } else { self.decode_binary(data) }
             }
-            other => return Err(refuse(format!("format=\"{other}\""), "ascii, binary or appended")),
+            other => return Err(tag_error(format!("format=\"{other}\""), "ascii, binary or appended")),
         };
         let name = tag.attribute("Name").unwrap_or("Points");
-        let bytes = bytes.map_err(|error| refuse(format!("array '{name}': {error}"), COMPLETE_FILE))?;
+        let bytes = bytes.map_err(|error| tag_error(format!("array '{name}': {error}"), COMPLETE_FILE))?;
         Ok(number.decode_all(&bytes, self.big_endian))
     }
 

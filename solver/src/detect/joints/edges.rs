@@ -79,7 +79,7 @@ impl RunView {
     }
 
     /// Whether the run is seen from its antagonist.
-    fn is_turned(self) -> bool {
+    fn a_is_antagonist(self) -> bool {
         self.0 % 2 == 1
     }
 }
@@ -173,9 +173,10 @@ impl<'a> InnerEdgeSearch<'a> {
         let a = &self.contactors[part];
         let views = &self.views[self.starts[part] as usize..self.starts[part + 1] as usize];
         let run = |view: RunView| &self.runs[view.run() as usize];
-        let other = |view: RunView| &self.contactors[run(view).parts[usize::from(!view.is_turned())].index()];
+        let other_contactor =
+            |view: RunView| &self.contactors[run(view).parts[usize::from(!view.a_is_antagonist())].index()];
         // B cannot be nearer than C.
-        let travel = views.iter().map(|&view| other(RunView(view)).travel).fold(0.0, f64::max);
+        let travel = views.iter().map(|&view| other_contactor(RunView(view)).travel).fold(0.0, f64::max);
         let reach = a.travel + travel + 2.0 * FLUSH_TOLERANCE * a.radius;
         let JointScratch { near, heights, .. } = scratch;
         near.clear();
@@ -183,8 +184,8 @@ impl<'a> InnerEdgeSearch<'a> {
         let height = |&view: &u32| {
             let view = RunView(view);
             let ContactSide { normal, point, .. } =
-                ContactSide::new(&self.contacts[run(view).start as usize], view.is_turned());
-            ContactHeight::new(normal, point - a.centre, 2.0 * other(view).radius)
+                ContactSide::new(&self.contacts[run(view).start as usize], view.a_is_antagonist());
+            ContactHeight::new(normal, point - a.centre, 2.0 * other_contactor(view).radius)
         };
         heights.clear();
         heights.extend(near.iter().map(height));
@@ -202,13 +203,14 @@ impl<'a> InnerEdgeSearch<'a> {
 
     /// Contact of A in a run.
     fn surface_contact(&self, a: &PosedContactor, view: RunView) -> SurfaceContact {
-        let (index, turned) = (view.run(), view.is_turned());
+        let (index, a_is_antagonist) = (view.run(), view.a_is_antagonist());
         let run = &self.runs[index as usize];
-        let ContactSide { normal, point, image } = ContactSide::new(&self.contacts[run.start as usize], turned);
-        let other = &self.contactors[run.parts[usize::from(!turned)].index()];
+        let ContactSide { normal, point, image } =
+            ContactSide::new(&self.contacts[run.start as usize], a_is_antagonist);
+        let other = &self.contactors[run.parts[usize::from(!a_is_antagonist)].index()];
         SurfaceContact {
             index,
-            turned,
+            a_is_antagonist,
             normal,
             point: point - a.centre,
             centre: other.centre + image - a.centre,
@@ -218,7 +220,7 @@ impl<'a> InnerEdgeSearch<'a> {
 
     /// Contactor that A touches in a contact.
     fn nearby_contactor(&self, touch: &SurfaceContact) -> Option<NearbyContactor<'a>> {
-        let other = self.runs[touch.index as usize].parts[usize::from(!touch.turned)];
+        let other = self.runs[touch.index as usize].parts[usize::from(!touch.a_is_antagonist)];
         let (b, centre) = (&self.contactors[other.index()], touch.centre);
         let i = b.body.index();
         Some(NearbyContactor {
@@ -226,7 +228,7 @@ impl<'a> InnerEdgeSearch<'a> {
             centre,
             v: self.travel_bounds.velocities.v[i],
             w: self.travel_bounds.velocities.w[i],
-            body: centre + self.q_c.x[i] - b.centre,
+            body_centre: centre + self.q_c.x[i] - b.centre,
         })
     }
 
@@ -259,7 +261,7 @@ fn replace_inner_contacts(
         let Some(p) = polyhedron(a) else { continue };
         let Some(rule) = scene.visibility.interaction_rule(a.class, b.class) else { continue };
         let pair = CandidatePair::new(scene, contactors, nearby, 0, &(parts, rule));
-        let n = if touch.turned { -n } else { *n };
+        let n = if touch.a_is_antagonist { -n } else { *n };
         let along = match &b.shape {
             PosedShape::Cylinder { half_height, radius, hollow: false } => {
                 polyhedron_end_along(p, &pair.c, &b.axes, [*half_height, *radius], &n, pair.range)
@@ -333,12 +335,12 @@ struct ContactSide {
 }
 
 impl ContactSide {
-    /// Contact seen from its candidate, or from its antagonist if `turned`.
+    /// Contact seen from its candidate, or from its antagonist if `a_is_antagonist`.
     #[inline(always)]
-    fn new(contact: &Contact, turned: bool) -> ContactSide {
+    fn new(contact: &Contact, a_is_antagonist: bool) -> ContactSide {
         let &Contact { normal, point, image, gap, .. } = contact;
         let to_surface = normal * (0.5 * gap);
-        if turned {
+        if a_is_antagonist {
             ContactSide { normal: -normal, point: point - image + to_surface, image: -image }
         } else {
             ContactSide { normal, point: point - to_surface, image }

@@ -39,12 +39,12 @@ pub struct NearbyContactor<'a> {
     /// Free angular velocity of its body at the step's end, rad/s.
     pub w: Vec3,
     /// Centre of its body relative to the centre of A, m.
-    pub body: Vec3,
+    pub body_centre: Vec3,
 }
 
 impl NearbyContactor<'_> {
     fn velocity_at(&self, at: &Vec3) -> Vec3 {
-        self.v + self.w.cross(&(at - self.body))
+        self.v + self.w.cross(&(at - self.body_centre))
     }
 }
 
@@ -65,7 +65,7 @@ pub struct SurfaceContact {
     /// Index of the contact's run or pair in the list of the caller.
     pub index: u32,
     /// Whether A is the antagonist.
-    pub turned: bool,
+    pub a_is_antagonist: bool,
     /// Normal from the other contactor to A.
     pub normal: Vec3,
     /// Contact point on the other contactor's surface, m.
@@ -191,11 +191,12 @@ impl ContactHeight {
 
 /// Whether some contact is low relative to another one with another direction.
 pub fn any_is_low(heights: &[ContactHeight]) -> bool {
-    let differs = |a: &ContactHeight, b: &ContactHeight| a.normal.dot(&b.normal) < 1.0 - SAME_DIRECTION_TOLERANCE;
+    let has_other_direction =
+        |a: &ContactHeight, b: &ContactHeight| a.normal.dot(&b.normal) < 1.0 - SAME_DIRECTION_TOLERANCE;
     // A contact is low relative to itself.
-    let others = |k: usize| heights[..k].iter().chain(&heights[k + 1..]);
-    let is_hidden = |hidden: &ContactHeight, covering| hidden.is_low(covering) && differs(hidden, covering);
-    heights.iter().enumerate().any(|(k, covering)| others(k).any(|hidden| is_hidden(hidden, covering)))
+    let other_heights = |k: usize| heights[..k].iter().chain(&heights[k + 1..]);
+    let is_hidden = |hidden: &ContactHeight, covering| hidden.is_low(covering) && has_other_direction(hidden, covering);
+    heights.iter().enumerate().any(|(k, covering)| other_heights(k).any(|hidden| is_hidden(hidden, covering)))
 }
 
 /// Scratch memory, reused from contactor to contactor.

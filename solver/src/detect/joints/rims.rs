@@ -1,4 +1,5 @@
-//! Spheres on flush plates: contacts with the rims between the plates.
+//! Removes ghost contacts of spheres at joints of flush plates, in scenes without other shapes; A, B, C and inner contacts as
+//! in [`super`]. A is the sphere; B and C are plates.
 
 use smallvec::SmallVec;
 
@@ -11,7 +12,7 @@ use crate::integrate::ContactConfiguration;
 use crate::math::Vec3;
 use crate::scene::{BodyShape, Scene};
 
-/// Returns the contacts of spheres with plates without those with rims between flush plates.
+/// Returns the pairs `listed` of spheres and plates except the inner contacts, with rims at joints of flush plates.
 pub fn without_inner_rims(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -56,20 +57,22 @@ impl<'a> SphereOnPlates<'a> {
         SphereOnPlates { scene, q_c, travel_bounds, pairs, geometries }
     }
 
-    /// Appends the contacts with rims between flush plates; their numbers are indices into `pairs`.
+    /// Appends the inner contacts, with rims at joints of flush plates; [`SurfaceContact::index`] is an index into `pairs`.
     fn collect_inner_contacts(&self, scratch: &mut JointScratch, inner: &mut Vec<InnerContact>) {
-        let upper = self.upper_contactor();
+        let a = self.upper_contactor();
         let contact_at = |k: usize| self.surface_contact(k);
         let supporting_plane = |covering: &SurfaceContact| {
-            upper.supporting_plane(covering, &self.nearby_plate(covering), self.geometries[covering.index as usize].gap)
+            a.supporting_plane(covering, &self.nearby_plate(covering), self.geometries[covering.index as usize].gap)
         };
+        // `hidden`: contact of A and B, which the contact `covering` of A and C may make an inner one.
         let is_inner = |hidden: &SurfaceContact, covering: &SurfaceContact, plane: &FacePlane| {
             let (b, c) = (self.nearby_plate(hidden), self.nearby_plate(covering));
-            upper.is_inner(plane, &c, &b, &hidden.normal, std::iter::once(hidden.point))
+            a.is_inner(plane, &c, &b, &hidden.normal, std::iter::once(hidden.point))
         };
         scratch.find_inner_contacts(self.pairs.len(), contact_at, supporting_plane, is_inner, inner);
     }
 
+    /// The sphere, A.
     fn upper_contactor(&self) -> UpperContactor<'a> {
         let sphere = self.pairs[0].0[0].index();
         let (centre, radius) = (self.q_c.x[sphere], self.scene.bodies[sphere].radius);
@@ -86,12 +89,13 @@ impl<'a> SphereOnPlates<'a> {
         (plate, half_lengths)
     }
 
+    /// Contact of the sphere with the plate of pair `k`.
     fn surface_contact(&self, k: usize) -> SurfaceContact {
         let (found, (plate, half_lengths)) = (&self.geometries[k], self.plate(k));
         let x = self.q_c.x[self.pairs[k].0[0].index()];
         SurfaceContact {
             index: k as u32,
-            turned: false,
+            a_is_antagonist: false,
             normal: found.normal,
             point: found.point - x - found.normal * (0.5 * found.gap),
             centre: self.q_c.x[plate] + self.scene.nearest_image_shift(&x, &self.q_c.x[plate]) - x,
@@ -99,10 +103,11 @@ impl<'a> SphereOnPlates<'a> {
         }
     }
 
+    /// Plate of a contact, B or C.
     fn nearby_plate(&self, touch: &SurfaceContact) -> NearbyContactor<'a> {
         let (plate, half_lengths) = self.plate(touch.index as usize);
         let solid = ConvexSolid::Cuboid { axes: &self.q_c.q[plate], half_lengths };
         let (v, w) = (self.travel_bounds.velocities.v[plate], self.travel_bounds.velocities.w[plate]);
-        NearbyContactor { solid, centre: touch.centre, v, w, body: touch.centre }
+        NearbyContactor { solid, centre: touch.centre, v, w, body_centre: touch.centre }
     }
 }

@@ -151,7 +151,7 @@ pub trait Arithmetic: Copy + Send + Sync {
     fn scatter_lines(self, lines: &mut [[Self::T; 8]], index: &[u32], columns: [Self::V; 8]);
     /// Difference a - b of the first three components and sums of the others, for pairs of lines.
     fn relative_velocity(self, lines: &[<Self::T as LaneFloat>::Line], a: &[u32], b: &[u32]) -> [Self::V; 8];
-    /// With lines (v, p, w, q): adds p f to v of a and subtracts it from v of b; adds q g to w of both.
+    /// Adds p f to v of a and subtracts it from v of b, and adds q g to w of both, in lines (v, p, w, q).
     fn apply_impulse(
         self,
         lines: &mut [<Self::T as LaneFloat>::Line],

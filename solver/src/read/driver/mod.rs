@@ -25,7 +25,7 @@ use walk::{LoopEnd, ScriptCall, walk};
 /// sweeps between two checks it is met in 88 % to 100 % of the steps, see docs/reference/lmgc90.md.
 const QUAD_TOL_FACTOR: f64 = 6.0;
 
-/// The same for the norm `Maxm `, which is 3 to 20 times `Quad ` in the same scenes.
+/// Tolerance of cd-solve over that of the norm `Maxm `, which is 3 to 20 times `Quad ` in the same scenes.
 const MAXM_TOL_FACTOR: f64 = 1.0;
 
 /// Largest tolerance that is set.
@@ -104,8 +104,8 @@ impl<'a> ScriptArgument<'a> {
 
     /// Value of the argument in a call; `None` if the call does not have it.
     fn value(&self, call: &ScriptCall) -> Option<Evaluation> {
-        let named = || call.keywords.iter().find(|(name, _)| self.keywords.contains(&name.as_str()));
-        call.positional.get(self.position).or_else(|| named().map(|(_, value)| value)).cloned()
+        let keyword_argument = || call.keywords.iter().find(|(name, _)| self.keywords.contains(&name.as_str()));
+        call.positional.get(self.position).or_else(|| keyword_argument().map(|(_, value)| value)).cloned()
     }
 
     /// Number that the argument states, or the reason why there is none.

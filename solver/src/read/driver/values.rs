@@ -381,11 +381,11 @@ impl ExpressionParser<'_> {
 
     /// Item of `value` in the brackets `[...]` that follow it, if there are any; `name` is for messages.
     fn items(&mut self, name: &str, mut value: ScriptValue) -> Evaluation {
-        let known = |value: ScriptValue| match value.is_forgotten() {
+        let known_value = |value: ScriptValue| match value.is_forgotten() {
             true => Err(format!("{name}, which changes in part")),
             false => Ok(value),
         };
-        value = known(value)?;
+        value = known_value(value)?;
         while self.accept("[") {
             let key = self.read_nested(Self::disjunction)?;
             let item = match (&value, &key) {
@@ -397,7 +397,7 @@ impl ExpressionParser<'_> {
                 _ => None,
             };
             value = item.cloned().filter(|_| self.accept("]")).ok_or_else(|| format!("{name}[...]"))?;
-            value = known(value)?;
+            value = known_value(value)?;
         }
         Ok(value)
     }
@@ -471,7 +471,7 @@ fn parse_number(text: &str) -> Evaluation {
 
 /// Result of an arithmetic operator, as in Python 3.
 fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Evaluation {
-    let unknown = || Err(format!("the result of '{operator}'"));
+    let unknown_result = || Err(format!("the result of '{operator}'"));
     if let (ScriptValue::Int(a), ScriptValue::Int(b)) = (&left, &right) {
         let (a, b) = (*a, *b);
         let integer = match operator {
@@ -490,7 +490,7 @@ fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Eval
     match (left, right) {
         (ScriptValue::Text(a), ScriptValue::Text(b)) if operator == "+" => Ok(ScriptValue::Text(a + &b)),
         (left, right) => {
-            let (Some(a), Some(b)) = (left.number(), right.number()) else { return unknown() };
+            let (Some(a), Some(b)) = (left.number(), right.number()) else { return unknown_result() };
             let value = match operator {
                 "+" => a + b,
                 "-" => a - b,
@@ -500,7 +500,7 @@ fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Eval
                 "%" => floor_division(a, b).1,
                 _ => libm::pow(a, b),
             };
-            if value.is_finite() { Ok(ScriptValue::Real(value)) } else { unknown() }
+            if value.is_finite() { Ok(ScriptValue::Real(value)) } else { unknown_result() }
         }
     }
 }

@@ -49,7 +49,7 @@ pub struct ScriptCalls {
     pub remarks: Vec<(usize, String)>,
     /// Lines and names of imported modules that are not LMGC90's.
     pub imports: Vec<(usize, String)>,
-    /// In the order of their lines.
+    /// Uses in the order of their lines.
     pub rejected: BTreeSet<RejectedUse>,
 }
 
@@ -259,14 +259,18 @@ impl<'a> ScriptWalker<'a> {
             while index < tokens.len() {
                 let (start, (name, end)) = (index, dotted_name(tokens, index));
                 index = end;
-                let before = |words: &[&str]| start > 0 && words.contains(&tokens[start - 1].token.source().as_str());
-                let next = |symbol: &str| tokens.get(end).is_some_and(|lexeme| lexeme.token.is(symbol));
-                let is_target = next("=") || start == 0 && next(":");
-                if name.is_empty() || is_target || before(&[".", "class", "def", "import", "as", "from", "global"]) {
+                let follows_word =
+                    |words: &[&str]| start > 0 && words.contains(&tokens[start - 1].token.source().as_str());
+                let precedes_symbol = |symbol: &str| tokens.get(end).is_some_and(|lexeme| lexeme.token.is(symbol));
+                let is_target = precedes_symbol("=") || start == 0 && precedes_symbol(":");
+                if name.is_empty()
+                    || is_target
+                    || follows_word(&[".", "class", "def", "import", "as", "from", "global"])
+                {
                     continue;
                 }
                 let used = match name.rsplit_once('.') {
-                    _ if !next("(") => &name,
+                    _ if !precedes_symbol("(") => &name,
                     Some((object, _)) => object,
                     None if self.functions.contains_key(&name) || self.classes.contains_key(&name) => continue,
                     None => &name,
@@ -441,7 +445,7 @@ impl<'a> ScriptWalker<'a> {
         let (line, tokens) = (statement.line(), &statement.tokens[1..]);
         self.find_calls(tokens);
         let position = tokens.iter().position(|lexeme| lexeme.token.name() == "in");
-        let unknown = |why: String| LoopEnd::Unknown(why);
+        let unknown_end = |why: String| LoopEnd::Unknown(why);
         let iterable = position.map(|position| self.value(&tokens[position + 1..]));
         if let Some(Ok(list)) = &iterable {
             list.forget_items();
@@ -458,19 +462,19 @@ impl<'a> ScriptWalker<'a> {
                 match iterable {
                     Some(Ok(ScriptValue::Range(count))) => LoopEnd::Count(count),
                     Some(Ok(ScriptValue::List(list))) => LoopEnd::Count(list.len() as u64),
-                    Some(Err(why)) => unknown(why),
-                    _ => unknown("no range".into()),
+                    Some(Err(why)) => unknown_end(why),
+                    _ => unknown_end("no range".into()),
                 }
             }
             ("while", _) => {
                 self.time_limit(tokens).or_else(|| self.counted_loop(tokens, &statement.body)).unwrap_or_else(|| {
-                    unknown(tokens.iter().map(|lexeme| lexeme.token.source()).collect::<Vec<_>>().join(" "))
+                    unknown_end(tokens.iter().map(|lexeme| lexeme.token.source()).collect::<Vec<_>>().join(" "))
                 })
             }
-            _ => unknown("an asynchronous loop".into()),
+            _ => unknown_end("an asynchronous loop".into()),
         };
         // The condition of a `break` or `return` is not followed from step to step.
-        let end = break_line(&statement.body).map_or(end, |(word, line)| unknown(format!("{word} in line {line}")));
+        let end = break_line(&statement.body).map_or(end, |(word, line)| unknown_end(format!("{word} in line {line}")));
         let mut changed = BTreeSet::new();
         assigned_names(&statement.body, &mut changed);
         changed.iter().for_each(|name| self.make_unknown(name, &changing));
@@ -552,7 +556,7 @@ impl<'a> ScriptWalker<'a> {
         })?;
         let (mut value, limit) = (number(counter)?, number(limit)?);
         let sign = tokens[position].token.source();
-        let holds = |value: f64| {
+        let is_true_for = |value: f64| {
             let (a, b) = if counter_first { (value, limit) } else { (limit, value) };
             match sign.as_str() {
                 "<" => a < b,
@@ -564,7 +568,7 @@ impl<'a> ScriptWalker<'a> {
         };
         let mut count = 0;
         // Added step by step, with the roundings of Python.
-        while holds(value) {
+        while is_true_for(value) {
             (count, value) = (count + 1, value + step);
             if count > MAX_COUNTED_ITERATIONS || step == 0.0 {
                 return None;
@@ -626,8 +630,8 @@ impl<'a> ScriptWalker<'a> {
             }
             ["computation"] => drop(self.computation_names.insert(alias.to_string())),
             ["computation", "*"] => {
-                let named = |name: &str| (name.to_string(), format!("computation.{name}"));
-                self.command_aliases.extend(COMPUTATION_FUNCTIONS.map(named));
+                let with_full_name = |name: &str| (name.to_string(), format!("computation.{name}"));
+                self.command_aliases.extend(COMPUTATION_FUNCTIONS.map(with_full_name));
             }
             [.., name] => {
                 let module = if parts[chipy + 1] == "computation" { "computation." } else { "" };
@@ -832,23 +836,23 @@ impl<'a> ScriptWalker<'a> {
 
     /// Records the calls in a statement, arguments before the call that they belong to.
     fn find_calls(&mut self, tokens: &[Lexeme]) {
-        let has = |word: &str| tokens.iter().any(|lexeme| lexeme.token.name() == word);
+        let has_word = |word: &str| tokens.iter().any(|lexeme| lexeme.token.name() == word);
         let Some(line) = tokens.first().map(|lexeme| lexeme.line) else { return };
         for pair in tokens.windows(2).filter(|pair| pair[1].token.is(":=")) {
             self.forget_objects(tokens);
             self.make_unknown(pair[0].token.name(), "which is set in an expression");
         }
         let (outer_condition, outer_loop_count) = (self.condition, self.loops.len());
-        let unknown = |what: &str| ScriptLoop { line, end: LoopEnd::Unknown(what.into()) };
-        if has("lambda") {
+        let unknown_loop = |what: &str| ScriptLoop { line, end: LoopEnd::Unknown(what.into()) };
+        if has_word("lambda") {
             self.forget_objects(tokens);
-            self.loops.push(unknown("a lambda"));
+            self.loops.push(unknown_loop("a lambda"));
             self.condition = self.condition.or(Some(line));
         }
         // Not the `for` of a statement.
         if tokens.iter().skip(1).any(|lexeme| lexeme.token.name() == "for") {
             self.forget_objects(tokens);
-            self.loops.push(unknown("a comprehension"));
+            self.loops.push(unknown_loop("a comprehension"));
             for (start, _) in tokens.iter().enumerate().filter(|(_, lexeme)| lexeme.token.name() == "for") {
                 let names = tokens[start + 1..].split(|lexeme| lexeme.token.name() == "in").next();
                 let names = target_names(names.unwrap_or_default());
@@ -871,8 +875,8 @@ impl<'a> ScriptWalker<'a> {
         while index < tokens.len() {
             let of_object = index > 0 && tokens[index - 1].token.is(".");
             if tokens[index].token.name().is_empty() {
-                let closes = |lexeme: &Lexeme| lexeme.token.is(")") || lexeme.token.is("]");
-                if tokens[index].token.is("(") && index > 0 && closes(&tokens[index - 1]) {
+                let is_closing_bracket = |lexeme: &Lexeme| lexeme.token.is(")") || lexeme.token.is("]");
+                if tokens[index].token.is("(") && index > 0 && is_closing_bracket(&tokens[index - 1]) {
                     self.forget_objects(&tokens[..after_bracket(tokens, index)]);
                 }
                 if ["(", "[", "{"].iter().any(|open| tokens[index].token.is(open)) {
@@ -920,11 +924,11 @@ impl<'a> ScriptWalker<'a> {
             if name.is_empty() || start > 0 && tokens[start - 1].token.is(".") {
                 continue;
             }
-            let next = |symbol: &str| tokens.get(end).is_some_and(|lexeme| lexeme.token.is(symbol));
+            let precedes_symbol = |symbol: &str| tokens.get(end).is_some_and(|lexeme| lexeme.token.is(symbol));
             let of_command = |name: &str| self.command(name).is_some_and(|command| is_effective(&command)) && !is_alias;
             let finding = if name.match_indices('.').any(|(point, _)| of_command(&name[..point])) {
                 "is an attribute of a command of LMGC90: its effect is unknown"
-            } else if next("(") || next("=") {
+            } else if precedes_symbol("(") || precedes_symbol("=") {
                 continue;
             } else if self.definition(&name).is_some_and(|definition| self.has_effect(&definition.body)) {
                 "has commands of LMGC90 and is passed on: how often it is called is not known"
@@ -978,14 +982,15 @@ impl<'a> ScriptWalker<'a> {
         let (mut positional, mut keywords) = (Vec::new(), Vec::new());
         for part in split_at(inside, ",") {
             let keyword = part.get(1).is_some_and(|lexeme| lexeme.token.is("="));
-            let unpacked = |symbol: &str| part.first().filter(|lexeme| lexeme.token.is(symbol)).map(|_| &part[1..]);
-            if let Some(map) = unpacked("**") {
+            let unpacked_lexemes =
+                |symbol: &str| part.first().filter(|lexeme| lexeme.token.is(symbol)).map(|_| &part[1..]);
+            if let Some(map) = unpacked_lexemes("**") {
                 if let Ok(ScriptValue::Map(map)) = self.value(map) {
                     keywords.extend(map.iter().map(|(name, value)| (name.clone(), Ok(value.clone()))));
                 }
                 continue;
             }
-            if let Some(list) = unpacked("*") {
+            if let Some(list) = unpacked_lexemes("*") {
                 match self.value(list) {
                     Ok(ScriptValue::List(list)) => positional.extend(list.iter().cloned().map(Ok)),
                     value => positional.push(value.and(Err("an unpacked value".into()))),

@@ -188,13 +188,15 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
         if moments.is_empty() {
             return;
         }
-        let mut set = |index: usize, moment: [f64; 3]| moments[index] = Vec3::from(moment);
+        let mut set_moment = |index: usize, moment: [f64; 3]| moments[index] = Vec3::from(moment);
         match &self.share {
             Some(share) => {
                 let own: Vec<(u32, [f64; 3])> = self.reported_groups(share).flat_map(group_moments).collect();
-                share.gather_vectors(&own, set);
+                share.gather_vectors(&own, set_moment);
             }
-            None => self.groups().flat_map(group_moments).for_each(|(index, moment)| set(index as usize, moment)),
+            None => {
+                self.groups().flat_map(group_moments).for_each(|(index, moment)| set_moment(index as usize, moment))
+            }
         }
     }
 

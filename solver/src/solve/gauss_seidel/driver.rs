@@ -114,11 +114,11 @@ fn iterate_sweeps(
     sweeps: &mut u64,
 ) -> (Residual, Vec<BodyMotion>) {
     let StoppingCriteria { tol, target_residual, min_sweeps, max_sweeps, check_every, .. } = criteria;
-    let evaluated = |ContactReactions { impulses, moments }: &ContactReactions| {
+    let residual_and_motions = |ContactReactions { impulses, moments }: &ContactReactions| {
         let motions = evaluator.motions_with(impulses, moments);
         (evaluator.residual_with(impulses, moments, &motions), motions)
     };
-    let mut best = evaluated(reactions);
+    let mut best = residual_and_motions(reactions);
     let is_enough = |residual: f64, sweeps: u64| {
         residual <= target_residual && (sweeps >= min_sweeps || residual <= REST_TOLERANCE_SHARE * tol)
     };
@@ -175,7 +175,7 @@ fn iterate_sweeps(
         };
         if due || *sweeps >= end {
             problem.read_back(evaluator.width, contact_problem, &mut trial);
-            let found = evaluated(&trial);
+            let found = residual_and_motions(&trial);
             let residual = found.0;
             momentum.sliding =
                 frictional && (has_moments || any_contact_slides(contact_problem, active, &trial.impulses));
@@ -237,7 +237,7 @@ pub fn closing_inactive_rows(
     active: &[ContactId],
     solver_bodies: &[SolverBody],
 ) -> Vec<ContactId> {
-    let closes = |k: &ContactId| {
+    let is_closing = |k: &ContactId| {
         let row = &contact_problem.rows[k.index()];
         row.acts && contact_problem.shifted_normal_velocity(k.index(), solver_bodies) < 0.0
     };
@@ -245,7 +245,7 @@ pub fn closing_inactive_rows(
         let first = task * ROWS_PER_TASK;
         let mut inside = active[active.partition_point(|k| k.index() < first)..].iter().peekable();
         let all = (first..first + rows.len()).map(ContactId::new);
-        all.filter(move |k| inside.next_if_eq(&k).is_none() && closes(k))
+        all.filter(move |k| inside.next_if_eq(&k).is_none() && is_closing(k))
     };
     contact_problem.rows.par_chunks(ROWS_PER_TASK).enumerate().flat_map_iter(closing_rows_of).collect()
 }

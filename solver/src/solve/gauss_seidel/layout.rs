@@ -10,9 +10,9 @@ use crate::solve::gauss_seidel::partition::BodyPartition;
 use crate::solve::gauss_seidel::shares::DivisionCounts;
 use crate::state::ContactId;
 
-/// Smallest number of bodies in a block: tasks with fewer would wait for each other more than they work.
+/// Smallest number of spheres in a block: tasks with fewer would wait for each other more than they work.
 const MIN_SPHERES_IN_BLOCK: usize = 1024;
-/// The same for bodies of any shape, which have several contacts with each neighbour.
+/// Smallest number of bodies of any shape in a block, which have several contacts with each neighbour.
 const MIN_BODIES_IN_BLOCK: usize = 512;
 
 /// Packs a problem for sweeps, in single precision if `single`.

@@ -136,8 +136,8 @@ impl SweepUnits {
             let (k, w) = (k.index(), problem.delassus_diagonal(k.index()).0);
             (w, problem.shifted_velocity(k, solver_bodies).norm() + w * reactions.impulses[k].norm())
         };
-        let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
-        let (w, u) = active.par_iter().with_min_len(PAR_MIN_LEN).map(magnitudes).reduce(|| (0.0, 0.0), largest);
+        let larger_of_each = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
+        let (w, u) = active.par_iter().with_min_len(PAR_MIN_LEN).map(magnitudes).reduce(|| (0.0, 0.0), larger_of_each);
         let velocity = power_of_two(u);
         SweepUnits { velocity, impulse: velocity / power_of_two(w) }
     }

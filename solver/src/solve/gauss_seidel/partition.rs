@@ -88,11 +88,11 @@ impl BodyPartition {
         pairs.as_flattened().par_iter().with_min_len(PAR_MIN_LEN).for_each(|&body| {
             touched[body as usize].store(true, Ordering::Relaxed);
         });
-        let moves = |body: &BodyId| {
+        let is_moving = |body: &BodyId| {
             touched[body.index()].load(Ordering::Relaxed) && problem.bodies[body.index()].inverse_mass > 0.0
         };
         let bodies: Vec<BodyId> =
-            problem.order.par_iter().copied().map(BodyId).with_min_len(PAR_MIN_LEN).filter(moves).collect();
+            problem.order.par_iter().copied().map(BodyId).with_min_len(PAR_MIN_LEN).filter(is_moving).collect();
         let curve_indices: Vec<AtomicU32> = problem.bodies.iter().map(|_| AtomicU32::new(NO_INDEX)).collect();
         bodies.par_iter().enumerate().with_min_len(PAR_MIN_LEN).for_each(|(curve_index, body)| {
             curve_indices[body.index()].store(curve_index as u32, Ordering::Relaxed);

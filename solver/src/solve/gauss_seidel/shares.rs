@@ -167,15 +167,15 @@ impl SweepShare {
         let all = all_gather_counted(self.communicator, &bytes, &lengths);
         let mut unread = &all[..];
         for rank in 0..self.communicator.size() {
-            let mut next = |sums: &mut SweepSums<T>| {
+            let mut read_sums = |sums: &mut SweepSums<T>| {
                 let (first, later) = unread.split_at(task_bytes);
                 let numbers: Vec<T> = from_bytes(first);
                 sums.restart_product.copy_from_slice(&numbers[..BATCH_LANES]);
                 sums.change2.copy_from_slice(&numbers[BATCH_LANES..]);
                 unread = later;
             };
-            blocks[self.blocks[rank].clone()].iter_mut().for_each(|sums| next(sums));
-            self.reported_borders(rank).for_each(|border| next(borders[border]));
+            blocks[self.blocks[rank].clone()].iter_mut().for_each(|sums| read_sums(sums));
+            self.reported_borders(rank).for_each(|border| read_sums(borders[border]));
             if unread[0] != 0 {
                 activity::agree_to_stop();
             }

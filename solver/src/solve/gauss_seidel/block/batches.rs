@@ -414,10 +414,10 @@ impl<T: LaneFloat> PairContacts for FrictionalPoint<T> {
     ) -> [BatchColumn<f64>; 3] {
         let part =
             |axis: usize, k: usize, lane: usize| self.axes[axis][k][lane].to_f64() * values.r[axis][lane].to_f64();
-        let along = |k: usize| {
+        let impulse_component = |k: usize| {
             array::from_fn(|lane| (part(0, k, lane) + part(1, k, lane) + part(2, k, lane)) * from.units.impulse)
         };
-        let mut r = [0, 1, 2].map(along);
+        let mut r = [0, 1, 2].map(impulse_component);
         if T::IS_SINGLE {
             let mut cones = FrictionCones::NONE;
             for (lane, row) in occupied_lanes(rows) {

@@ -103,7 +103,7 @@ impl PackedBody for BodyHalfLine {
     }
 }
 
-/// As [`BodyLine`], with changes of the velocities.
+/// Line as [`BodyLine`], with changes of the velocities.
 impl PackedBody for BodyLineF32 {
     type T = f32;
     const HAS_FRICTION: bool = true;
@@ -116,7 +116,7 @@ impl PackedBody for BodyLineF32 {
     }
 }
 
-/// As [`BodyHalfLine`], with changes of the velocities.
+/// Half line as [`BodyHalfLine`], with changes of the velocities.
 impl PackedBody for BodyHalfLineF32 {
     type T = f32;
     const HAS_FRICTION: bool = false;
@@ -198,8 +198,8 @@ pub fn contact_tasks(partition: &BodyPartition) -> (Vec<u32>, SweepTasks) {
 
 /// Indices into the active rows, in the order of the first of their bodies, without rows of two bodies that do not move.
 fn spatial_order(BodyPartition { bodies, pairs, .. }: &BodyPartition) -> Vec<u32> {
-    let first = |[a, b]: &[u32; 2]| *a.min(b).min(&(bodies.len() as u32));
-    let first: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(first).collect();
+    let lower_body = |[a, b]: &[u32; 2]| *a.min(b).min(&(bodies.len() as u32));
+    let first: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(lower_body).collect();
     let (mut order, starts) = group_by_key(&first, bodies.len() + 1);
     order.truncate(starts[bodies.len()] as usize);
     order
