@@ -316,6 +316,18 @@ pub struct ContactLoad {
     pub attraction: f64,
 }
 
+/// Internal variables of a contact in Vloc_Rloc files, in LMGC90's order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LawInternals {
+    None,
+    /// Size of an element of a deformable body, which LMGC90 reads for rigid ones, too; written as 0.
+    Size,
+    ReferenceGap,
+    SizeAndReferenceGap,
+    /// Sliding and soundness of an interface at [`INTERFACE_SLIDING`] and [`INTERFACE_SOUNDNESS`]; the others are 0.
+    Interface,
+}
+
 /// Row of [`LAW_TABLE`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LawEntry {
@@ -325,6 +337,8 @@ pub struct LawEntry {
     pub lines: &'static [&'static [LawParameter]],
     /// Whether the programs compute with the law; else its file can only be read and written.
     pub computed: bool,
+    /// Internal variables of its contacts.
+    pub internals: LawInternals,
     /// Beginning of the law's section in docs/reference/laws.md; empty if the law is not computed.
     pub description: &'static str,
 }
@@ -346,14 +360,20 @@ pub fn law_parameters(label: &str) -> impl Iterator<Item = LawParameter> {
     law_entry(label).into_iter().flat_map(LawEntry::parameters)
 }
 
-/// Whether a law is one of wires and rods, which act between points `PT3Dx` and between nothing else.
+/// Whether a law is one of wires and rods, which act between points `PT3Dx` and between nothing else: these laws, and no
+/// others, have the parameter [`LawParameter::WireStiffness`].
 pub fn is_law_of_points(label: &str) -> bool {
     law_parameters(label).any(|parameter| parameter == LawParameter::WireStiffness)
 }
 
+/// Internal variables of the contacts of a law; none for an unknown name.
+pub fn law_internals(label: &str) -> LawInternals {
+    law_entry(label).map_or(LawInternals::None, |entry| entry.internals)
+}
+
 /// Whether a law has an elastic interface.
 pub fn has_interface(label: &str) -> bool {
-    law_parameters(label).any(|parameter| parameter == LawParameter::TangentialStiffness)
+    law_internals(label) == LawInternals::Interface
 }
 
 /// Positions of the sliding of an interface along t and s among the internal variables of a contact in Vloc_Rloc files,
@@ -367,12 +387,10 @@ pub const INTERFACE_INTERNALS: usize = 7;
 /// Position of the reference gap among the internal variables of a contact in Vloc_Rloc files, where LMGC90 has it; `None` for
 /// laws without a reference gap.
 pub fn reference_gap_position(label: &str) -> Option<usize> {
-    match label {
-        "IQS_CLB_g0" => Some(0),
-        // The internal variable 0 of this law is the size of the contact.
-        "GAP_SGR_CLB_g0" => Some(1),
-        "ELASTIC_REPELL_CLB_g0" => Some(0),
-        _ => None,
+    match law_internals(label) {
+        LawInternals::ReferenceGap => Some(0),
+        LawInternals::SizeAndReferenceGap => Some(1),
+        LawInternals::None | LawInternals::Size | LawInternals::Interface => None,
     }
 }
 
@@ -418,6 +436,14 @@ impl From<InterfaceFault> for ParameterFault {
     }
 }
 
+impl std::fmt::Display for InterfaceFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        ParameterFault::from(self.clone()).fmt(f)
+    }
+}
+
+impl std::error::Error for InterfaceFault {}
+
 /// Error of a law that the programs do not compute, or that does not have `count` parameters.
 fn law_error(label: &str, count: usize) -> LawError {
     let (found, expected) = match (law_entry(label), refusal_reason(label)) {
@@ -454,6 +480,16 @@ macro_rules! zero {
     };
 }
 
+/// Internal variables of a law; none if its row has no `internals`.
+macro_rules! internals {
+    () => {
+        LawInternals::None
+    };
+    ($internals:ident) => {
+        LawInternals::$internals
+    };
+}
+
 macro_rules! contact_laws {
     (computed { $($(#[doc = $help:literal])+ $law:ident $label:literal {
         lines: [$([$($field:ident: $parameter:ident),* $(; $unused:ident)?]),*],
@@ -461,6 +497,7 @@ macro_rules! contact_laws {
         $(, cohesion: $cohesion:expr)?
         $(, rolling: $rolling:expr)?
         $(, remembers: $memory:ident)?
+        $(, internals: $internals:ident)?
         $(, interface: $interface:expr)?
     })+ } exchanged { $($other:literal [$([$($other_parameter:ident),*]),*];)+ }) => {
         /// Contact law with the values of its parameters, in SI units. A scene gives it by the name of the table, as
@@ -476,12 +513,14 @@ macro_rules! contact_laws {
                 label: $label,
                 lines: &[$(&[$(LawParameter::$parameter,)* $(LawParameter::$unused)?]),*],
                 computed: true,
+                internals: internals!($($internals)?),
                 description: concat!($($help),+).trim_ascii(),
             },)+
             $(LawEntry {
                 label: $other,
                 lines: &[$(&[$(LawParameter::$other_parameter),*]),*],
                 computed: false,
+                internals: LawInternals::None,
                 description: "",
             },)+
         ];
@@ -538,8 +577,9 @@ macro_rules! contact_laws {
 }
 
 // A row: lines of TACT_BEHAV.DAT, `field: parameter` where the field has the name of the parameter, behind `;` one that is
-// not used; then the friction, cohesion and rolling friction, made of the fields; memory of its own (`remembers`), and the
-// elastic interface, made of the fields, next to which the contact acts (`interface`).
+// not used; then the friction, cohesion and rolling friction, made of the fields; memory of its own (`remembers`), the
+// internal variables in Vloc_Rloc files (`internals`), and the elastic interface, made of the fields, next to which the contact
+// acts (`interface`).
 contact_laws! {
     computed {
         /// inelastic quasi-shock with Coulomb friction
@@ -703,19 +743,22 @@ contact_laws! {
         /// Signorini's condition on the gap: removes a penetration in one step
         GapSgrClb "GAP_SGR_CLB" {
             lines: [[friction: Friction]],
-            friction: FrictionPair::equal(friction)
+            friction: FrictionPair::equal(friction),
+            internals: Size
         }
         /// as `IQS_CLB`, with gaps counted from those at the start of the run or at an event `Bond`
         IqsClbG0 "IQS_CLB_g0" {
             lines: [[friction: Friction]],
             friction: FrictionPair::equal(friction),
-            remembers: ReferenceGap
+            remembers: ReferenceGap,
+            internals: ReferenceGap
         }
         /// as `GAP_SGR_CLB`, with gaps counted from those at the start of the run or at an event `Bond`
         GapSgrClbG0 "GAP_SGR_CLB_g0" {
             lines: [[friction: Friction]],
             friction: FrictionPair::equal(friction),
-            remembers: ReferenceGap
+            remembers: ReferenceGap,
+            internals: SizeAndReferenceGap
         }
         /// linear spring on the overlap at the end of the step
         ElasticRepellClb "ELASTIC_REPELL_CLB" {
@@ -726,7 +769,8 @@ contact_laws! {
         ElasticRepellClbG0 "ELASTIC_REPELL_CLB_g0" {
             lines: [[stiffness: Stiffness], [friction: Friction]],
             friction: FrictionPair::equal(friction),
-            remembers: ReferenceGap
+            remembers: ReferenceGap,
+            internals: ReferenceGap
         }
         /// linear spring and damper on overlaps
         ViscoElasticRepellClb "VISCO_ELASTIC_REPELL_CLB" {
@@ -768,6 +812,7 @@ contact_laws! {
             ],
             friction: FrictionPair { static_friction, dynamic_friction },
             remembers: Damage,
+            internals: Interface,
             interface: LawInterface {
                 normal_stiffness,
                 tangential_stiffness,
@@ -785,6 +830,7 @@ contact_laws! {
             ],
             friction: FrictionPair { static_friction, dynamic_friction },
             remembers: Damage,
+            internals: Interface,
             interface: LawInterface {
                 normal_stiffness,
                 tangential_stiffness,
@@ -802,6 +848,7 @@ contact_laws! {
             ],
             friction: FrictionPair { static_friction, dynamic_friction },
             remembers: Damage,
+            internals: Interface,
             interface: LawInterface {
                 normal_stiffness,
                 tangential_stiffness,
@@ -817,6 +864,7 @@ contact_laws! {
             ],
             friction: FrictionPair { static_friction, dynamic_friction },
             remembers: Damage,
+            internals: Interface,
             interface: LawInterface {
                 normal_stiffness,
                 tangential_stiffness,
@@ -826,7 +874,8 @@ contact_laws! {
         /// Signorini's condition on the velocity
         VelSgrClb "VEL_SGR_CLB" {
             lines: [[friction: Friction]],
-            friction: FrictionPair::equal(friction)
+            friction: FrictionPair::equal(friction),
+            internals: Size
         }
     }
     exchanged {
@@ -915,7 +964,7 @@ impl LawModel {
         if let Some(LawCohesion::Pair(pair)) = self.cohesion() { Some(pair) } else { None }
     }
 
-    /// The same law with another cohesive stress (Pa) or Hamaker constant (J), its first parameter, if it has cohesion per pair.
+    /// Law with another cohesive stress (Pa) or Hamaker constant (J), its first parameter, if it has cohesion per pair.
     pub fn with_pair_value(&self, value: f64) -> Option<LawModel> {
         self.pair_cohesion()?;
         let values: Vec<f64> = [value].into_iter().chain(self.values().into_iter().skip(1)).collect();

@@ -108,6 +108,9 @@ fn internal_variables_are_those_of_laws_with_an_interface_or_a_reference_gap() {
         assert_eq!(has_interface(entry.label), model.interface().is_some(), "{}", entry.label);
         let has_reference_gap = model.memory().contains(&ContactMemory::ReferenceGap);
         assert_eq!(reference_gap_position(entry.label).is_some(), has_reference_gap, "{}", entry.label);
+        let has_size = ["GAP_SGR_CLB", "VEL_SGR_CLB", "GAP_SGR_CLB_g0"].contains(&entry.label);
+        let names_size = matches!(entry.internals, LawInternals::Size | LawInternals::SizeAndReferenceGap);
+        assert_eq!(names_size, has_size, "{}", entry.label);
     }
 }
 

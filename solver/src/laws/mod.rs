@@ -1,18 +1,20 @@
 //! Kernel: contact laws. The local solver knows one problem, û = W r̂ + b̂ with Signorini's condition
-//! and Coulomb's cone on (û, r̂). A law supplies the shifts û = u + shift and r = r̂ + c n:
+//! and Coulomb's cone on (û, r̂). A law supplies the shifts û = u + shift and r = r̂ + c n. h is the
+//! length of the step and T the time to the next contact configuration: T = h except in steps that begin with unforeseen
+//! velocities ([`LawInput::closing_time`]).
 //!
 //! | law | normal shift | tangential shift | c, N s | friction |
 //! |---|---|---|---|---|
-//! | IQS_CLB, inelastic quasi-shock | max(0, g/h) | 0 | 0 | mu |
-//! | IQS_DS_CLB | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
-//! | GAP_SGR_CLB, Signorini on the gap | g/h | 0 | 0 | mu |
-//! | IQS_CLB_g0, with the reference gap g_0 | max(0, (g - g_0)/h) | 0 | 0 | mu |
-//! | GAP_SGR_CLB_g0, with the reference gap g_0 | (g - g_0)/h | 0 | 0 | mu |
-//! | ELASTIC_REPELL_CLB and ELASTIC_REPELL_CLB_g0, g less g_0, with the compliance 1/(k h²) | g/h | 0 | 0 | mu |
-//! | VISCO_ELASTIC_REPELL_CLB, if g <= 0, with the compliance 1/(k h² + η h) | k g/(k h + η) | 0 | 0 | mu |
+//! | IQS_CLB, inelastic quasi-shock | max(0, g/T) | 0 | 0 | mu |
+//! | IQS_DS_CLB | max(0, g/T) | 0 | 0 | mu_d after sliding, else mu_s |
+//! | GAP_SGR_CLB, Signorini on the gap | g/T | 0 | 0 | mu |
+//! | IQS_CLB_g0, with the reference gap g_0 | max(0, (g - g_0)/T) | 0 | 0 | mu |
+//! | GAP_SGR_CLB_g0, with the reference gap g_0 | (g - g_0)/T | 0 | 0 | mu |
+//! | ELASTIC_REPELL_CLB and ELASTIC_REPELL_CLB_g0, g less g_0, with the compliance 1/(k h T) | g/T | 0 | 0 | mu |
+//! | VISCO_ELASTIC_REPELL_CLB, if g <= 0, with the compliance 1/(h (k T + η)) | k g/(k T + η) | 0 | 0 | mu |
 //! | ELASTIC_WIRE, ELASTIC_ROD, VOIGT_WIRE, VOIGT_ROD, between points, see [`StrainSpring`] | - | - | - | none |
 //! | COUPLED_DOF: u = 0 for any r | 0 | 0 | 0 | none |
-//! | IQS_MAL_CZM, IQS_EXPO_CZM, IQS_TH_CZM, IQS_MAC_CZM: r less the impulse of the interface, see `interface` | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
+//! | IQS_MAL_CZM, IQS_EXPO_CZM, IQS_TH_CZM, IQS_MAC_CZM: r less the impulse of the interface, see `interface` | max(0, g/T) | 0 | 0 | mu_d after sliding, else mu_s |
 //! | VEL_SGR_CLB, Signorini on the velocity, if g <= 1e-9 R | 0 | 0 | 0 | mu |
 //! | RST_CLB, restitution, if g <= 1e-9 R, or if e_n > 0 and u_n⁻ and the free velocities close g | e_n u_n⁻ | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
 //! | RST_CLB with e_n > 0 otherwise, if at rest or closed by the free velocities | g/T | 0 | 0 | mu |
@@ -20,20 +22,19 @@
 //! | VEL_SGR_CLB, RST_CLB with e_n = 0 otherwise | g/T | 0 | 0 | mu |
 //! | RST_DS_CLB | the same | the same | 0 | mu_d after sliding, else mu_s |
 //! | RST_WET_CLB, cohesive force f while g <= range | the same | the same | -h f | the same |
-//! | IQS_CLB_RGR, if g >= g_tol | max(0, g/h) | 0 | 0 | mu |
+//! | IQS_CLB_RGR, if g >= g_tol | max(0, g/T) | 0 | 0 | mu |
 //! | IQS_CLB_RGR otherwise | 0 | 0 | 2 (g_tol - g)/(W_nn h τ²), τ = T/(2π h) | mu |
-//! | IQS_WET_DS_CLB, cohesive force f while g <= range | max(0, g/h) | 0 | -h f | mu_d after sliding, else mu_s |
-//! | xQS_WET_DS_CLB, the same while the contact is wet | max(0, g/h) | 0 | -h f | the same |
-//! | IQS_COH_DS_CLB, IQS_VDW_DS_CLB, with the share f of the contact in the attraction of the pair | max(0, g/h) | 0 | -h f | the same |
+//! | IQS_WET_DS_CLB, cohesive force f while g <= range | max(0, g/T) | 0 | -h f | mu_d after sliding, else mu_s |
+//! | xQS_WET_DS_CLB, the same while the contact is wet | max(0, g/T) | 0 | -h f | the same |
+//! | IQS_COH_DS_CLB, IQS_VDW_DS_CLB, with the share f of the contact in the attraction of the pair | max(0, g/T) | 0 | -h f | the same |
 //! | RST_COH_DS_CLB, RST_VDW_DS_CLB, the same | as RST_DS_CLB | as RST_DS_CLB | -h f | the same |
 //! | IQS_MOHR_DS_CLB while bonded over the area S | 0 | 0 | -h c_n S | c_t/c_n |
-//! | the same without a bond | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
+//! | the same without a bond | max(0, g/T) | 0 | 0 | mu_d after sliding, else mu_s |
 //!
-//! T is the time to the next contact configuration. It is h except in steps that begin with unforeseen velocities
-//! ([`LawInput::closing_time`]). VEL_SGR_CLB and RST_CLB act on touching contacts. A pair that the free velocities would
-//! close within the step is thrown back at once, or brought to touch where the law does not throw back or u_n⁻ does not close
-//! it; a pair at rest is kept in touch. So bodies at rest do not sink into their support. If other contacts push together a
-//! pair that throws back, it overlaps by the distance d at most, so that restitution acts in the next step.
+//! VEL_SGR_CLB and RST_CLB act on touching contacts. A pair that the free velocities would close within the step is thrown
+//! back at once, or brought to touch where the law does not throw back or u_n⁻ does not close it; a pair at rest is kept in
+//! touch. So bodies at rest do not sink into their support. If other contacts push together a pair that throws back, it
+//! overlaps by the distance d at most, so that restitution acts in the next step.
 //!
 //! u⁻ is the relative velocity at the step's start. Friction acts on r̂_n = r_n + h f: a cohesive
 //! contact slides at mu (r_n/h + f). Names, parameters, friction and cohesion are in [`cd_formats::law_table`].
@@ -660,7 +661,7 @@ impl ContactLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cd_formats::law_table::{ContactLoad, LAW_TABLE};
+    use cd_formats::law_table::{ContactLoad, LAW_TABLE, has_interface, is_law_of_points};
 
     fn new_law(label: &str, parameters: &[f64]) -> ContactLaw {
         ContactLaw::new(&LawModel::from_values(label, parameters).unwrap())
@@ -826,6 +827,8 @@ mod tests {
             let values: Vec<f64> = (1..).take(entry.parameters().count()).map(|k| 0.25 * f64::from(k)).collect();
             let model = LawModel::from_values(entry.label, &values).unwrap();
             let (law, memory) = (ContactLaw::new(&model), model.memory());
+            assert_eq!(law.strain_spring().is_some(), is_law_of_points(entry.label), "{}", entry.label);
+            assert_eq!(law.interface.is_some(), has_interface(entry.label), "{}", entry.label);
             let bonds = memory.iter().any(|kind| [ContactMemory::LiquidBridge, ContactMemory::Bond].contains(kind));
             assert_eq!(law.can_bond(), bonds, "{}", entry.label);
             assert_eq!(law.has_two_frictions(), memory.contains(&ContactMemory::Sliding), "{}", entry.label);

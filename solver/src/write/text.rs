@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic::{self, folder_entries};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::error::Faults;
-use cd_formats::law_table::{
-    INTERFACE_INTERNALS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, has_interface, reference_gap_position,
-};
+use cd_formats::law_table::{INTERFACE_INTERNALS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, LawInternals, law_internals};
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
 use super::text_inputs::INPUT_COPIES;
@@ -177,7 +175,7 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
                 Some(link) => vec![link.rest_length],
                 None => {
                     let kind = &scene.law_names[contact.law as usize].kind;
-                    law_internals(kind, &state.law_memory(ContactId::new(k)), contact)
+                    internal_values(kind, &state.law_memory(ContactId::new(k)), contact)
                 }
             },
         }
@@ -186,21 +184,20 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
 }
 
 /// Internal variables of a contact with a law of a kind, in LMGC90's order; unused ones are 0.
-fn law_internals(kind: &str, memory: &LawMemory, contact: &Contact) -> Vec<f64> {
-    let mut internals = Vec::new();
-    if has_interface(kind) {
-        internals.resize(INTERFACE_INTERNALS, 0.0);
-        internals[INTERFACE_SOUNDNESS] = memory.soundness;
-        let frame = contact.frame();
-        // The tangent s of LMGC90 has the opposite direction.
-        let sliding = [frame[1].dot(&memory.sliding), -frame[2].dot(&memory.sliding)];
-        INTERFACE_SLIDING.into_iter().zip(sliding).for_each(|(k, value)| internals[k] = value);
-    } else if let Some(position) = reference_gap_position(kind) {
-        internals.resize(position, 0.0);
-        internals.push(memory.reference_gap);
-    } else if ["GAP_SGR_CLB", "VEL_SGR_CLB"].contains(&kind) {
-        // The size of an element of a deformable body, which LMGC90 reads for rigid ones, too.
-        internals.push(0.0);
+fn internal_values(kind: &str, memory: &LawMemory, contact: &Contact) -> Vec<f64> {
+    match law_internals(kind) {
+        LawInternals::None => Vec::new(),
+        LawInternals::Size => vec![0.0],
+        LawInternals::ReferenceGap => vec![memory.reference_gap],
+        LawInternals::SizeAndReferenceGap => vec![0.0, memory.reference_gap],
+        LawInternals::Interface => {
+            let mut internals = vec![0.0; INTERFACE_INTERNALS];
+            internals[INTERFACE_SOUNDNESS] = memory.soundness;
+            let frame = contact.frame();
+            // The tangent s of LMGC90 has the opposite direction.
+            let sliding = [frame[1].dot(&memory.sliding), -frame[2].dot(&memory.sliding)];
+            INTERFACE_SLIDING.into_iter().zip(sliding).for_each(|(k, value)| internals[k] = value);
+            internals
+        }
     }
-    internals
 }
