@@ -155,7 +155,7 @@ impl Bodies {
         Some(numbers.into_iter().position(|found| found == Ok(number))? + 1)
     }
 
-    /// Line of the material of a body of the file `path`; that of the body if it cannot be found.
+    /// Line of the material of a body of the file `path`; the line of the body if the material cannot be found.
     pub fn line_of_material(path: &Path, body: &Body) -> usize {
         let Ok(text) = AsciiText::read_file(path) else { return body.line };
         let line = text.lines().skip(body.line).find(|line| line.keyword() == "PLAIN").map(|line| line.number);
@@ -209,7 +209,7 @@ fn read_bodies(scan: &mut LineScanner, bodies_before: usize) -> Vec<Body> {
 }
 
 /// Reads the record after `$bdyty` on the line `begin`; `None` after a fault that leaves the scan inside the record.
-/// `position`: that of the body in the file, from 1.
+/// `position`: number of the body in the file, from 1.
 fn read_body(scan: &mut LineScanner, begin: usize, position: u64) -> Option<Body> {
     let line = scan.expect_line("expected RBDY3 and the number of the body", TextLine::is_data)?;
     if !scan.expect_rigid_body(line, 2) {

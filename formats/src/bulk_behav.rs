@@ -111,7 +111,7 @@ impl BulkBehav {
     }
 }
 
-/// Whether a line without a keyword is that of a material.
+/// Whether a line without a keyword belongs to a material.
 fn is_material(line: TextLine) -> bool {
     line.is_data() && !line.is_continuation() && line.columns(9, 38).trim() == "RIGID"
 }

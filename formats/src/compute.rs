@@ -321,7 +321,7 @@ macro_rules! options {
                 names
             }
 
-            /// Options that are given here, and those of `other` for the rest.
+            /// Options that are given here, and the options of `other` for the rest.
             pub fn or(&self, other: &ComputeFlags) -> ComputeFlags {
                 ComputeFlags { $($name: self.$name.clone().or_else(|| other.$name.clone()),)+ }
             }

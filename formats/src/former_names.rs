@@ -61,7 +61,7 @@ pub fn former_field(holder: &str, name: &str) -> Option<&'static FormerName> {
     current_name(&FORMER_FIELDS, holder, name)
 }
 
-/// Row of a former name of a value; `path` is that of the value.
+/// Row of a former name of a value; `path` is the path of the value.
 pub fn former_value(path: &str, name: &str) -> Option<&'static FormerName> {
     current_name(&FORMER_VALUES, path, name)
 }

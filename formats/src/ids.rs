@@ -1,4 +1,4 @@
-//! Indices with types, so that those of different lists are not confused.
+//! Indices with types, so that indices into different lists are not confused.
 
 /// Defines index types: a number from 0, four bytes wide.
 ///

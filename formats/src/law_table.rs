@@ -293,7 +293,7 @@ pub enum ContactMemory {
     Bond,
     /// Angular impulse of rolling and spinning friction, for the warm start.
     Moment,
-    /// Gap from which the law counts: that of the start.
+    /// Gap from which the law counts: the gap at the start.
     ReferenceGap,
     /// Damage of the interface, and the sliding of the contact.
     Damage,
@@ -394,7 +394,7 @@ pub fn reference_gap_position(label: &str) -> Option<usize> {
     }
 }
 
-/// Names of the laws that the programs compute with, as a text; those of points `PT3Dx` come last, since each is rejected
+/// Names of the laws that the programs compute with, as a text; laws of points `PT3Dx` come last, since each is rejected
 /// where the others act.
 pub fn computed_list() -> String {
     let (point_laws, others): (Vec<&str>, Vec<&str>) = computed_labels().partition(|label| is_law_of_points(label));

@@ -238,7 +238,7 @@ impl KeplerOrbit {
     }
 }
 
-/// Eccentricity below which a state is taken as on a circle: that of its rounding.
+/// Eccentricity below which a state is taken as on a circle: rounding causes as much.
 const CIRCULAR_ECCENTRICITY: f64 = 1e-14;
 
 /// Time since the periapsis at the point with these coordinates along the axes of the orbit, s.

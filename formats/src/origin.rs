@@ -32,7 +32,7 @@ pub enum Command {
     FromOutbox { case: String, changes: Option<String> },
 }
 
-/// Folders, relative to that of DATBOX, in which a scene is tracked, and below which other files are. Files elsewhere are
+/// Folders, relative to the folder of DATBOX, in which a scene is tracked, and below which other files are. Files elsewhere are
 /// not tracked, since they may be moved separately.
 const SCENE_FOLDERS: [&str; 3] = ["", "..", "../.."];
 

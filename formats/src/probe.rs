@@ -153,7 +153,7 @@ pub const PROBE_COLUMNS: [(&str, &str, &str); 28] = [
     ("passed_energy", "J", "kinetic, with that of rotation"),
 ];
 
-/// Whether a file name is that of the file of a probe.
+/// Whether a probe writes a file of this name.
 pub fn is_probe_file(name: &str) -> bool {
     name.strip_prefix("probe-").and_then(|rest| rest.strip_suffix(".csv")).is_some_and(is_file_name)
 }

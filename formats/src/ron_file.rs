@@ -70,7 +70,7 @@ impl CurrentText {
 
     /// Position in bytes in the original text of the position `at` in this text.
     pub fn original_offset(&self, at: usize) -> usize {
-        // Bytes that this text has in place of those of the original, up to the current use.
+        // Bytes of this text, and bytes of the original that they replace, up to the current use.
         let (mut inserted, mut removed) = (0, 0);
         for former in &self.uses {
             // Begin and end of the current name in this text.

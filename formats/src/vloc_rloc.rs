@@ -202,7 +202,7 @@ const WIDE_COLUMNS: PairColumns = PairColumns {
 
 /// Largest number that fits into five columns.
 const MAX_FIVE_DIGITS: usize = 99_999;
-/// Last column that the titles of [`LONG_COLUMNS`] use; those of [`WIDE_COLUMNS`] use more.
+/// Last column that the titles of [`LONG_COLUMNS`] use; the titles of [`WIDE_COLUMNS`] use more.
 const MAX_LONG_WIDTH: usize = 80;
 
 /// Index of an axis, n t s, in the arrays of a record.

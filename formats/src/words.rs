@@ -25,7 +25,7 @@ pub(crate) fn is_foreign_row(sides: [[&str; 2]; 2]) -> bool {
     sides.iter().any(is_foreign) && sides.iter().all(|side| is_foreign(side) || is_rigid(side))
 }
 
-/// Whether a word is that of a data line, with which a record may be damaged.
+/// Whether a word belongs to a data line, with which a record may be damaged.
 pub(crate) fn is_data_word(word: &str) -> bool {
     ["RBDY3", "PLAIN", "NO6xx", "NO3xx", "POLYF", "vlocy", "force", "localframe"].contains(&word)
         || CONTACTOR_TYPES.contains(&word)

@@ -220,7 +220,7 @@ impl Arguments {
         }
     }
 
-    /// Errors if folders are not those of cases.
+    /// Errors if folders are not folders of cases.
     fn check_folders(&self) -> Result<(), Faults> {
         let (dirs, part) = match &self.command {
             Some(Command::Compare { dirs, .. } | Command::Study { dirs, .. } | Command::AccuracyStudy { dirs, .. }) => {

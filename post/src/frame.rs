@@ -236,7 +236,7 @@ impl Contact {
 impl Frame {
     /// Reads a snapshot and splits it into grains, walls and contacts.
     ///
-    /// Errors: those of [`Snapshot::read`], each body with a mass, moment of inertia or length that is not positive, each law
+    /// Errors: the errors of [`Snapshot::read`], each body with a mass, moment of inertia or length that is not positive, each law
     /// that is not in the table of laws, and with polyhedra or fields of polyhedra those of [`ShapeCache`].
     pub fn read(path: &Path, shapes: &ShapeCache) -> Result<Frame, Faults> {
         let snapshot = Snapshot::read(path)?;

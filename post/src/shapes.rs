@@ -121,7 +121,7 @@ struct CaseShapes {
 }
 
 impl CaseShapes {
-    /// Reads BODIES.DAT, whose bodies must be those of the snapshot.
+    /// Reads BODIES.DAT, which must have the bodies of the snapshot.
     fn read(file: &Path, computed: ComputedSnapshot) -> Result<CaseShapes, Faults> {
         let records = Bodies::read(file)?;
         computed.expect_bodies(file, &records)?;
@@ -206,8 +206,8 @@ fn datbox_of(path: &Path) -> PathBuf {
     path.parent().and_then(Path::parent).unwrap_or(Path::new("")).join("DATBOX")
 }
 
-/// Polyhedra of a body as in cd-solve. Coordinates of a single polyhedron are relative to its centre of mass. Those of
-/// several are relative to the common centre of mass, in principal axes unless I1 I2 I3 are given.
+/// Polyhedra of a body as in cd-solve. Coordinates of a single polyhedron are relative to its centre of mass, of
+/// several polyhedra to the common centre of mass, in principal axes unless I1 I2 I3 are given.
 pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
     let is_single = body.contactors.len() == 1;
     let is_solid = |shape: &ShapeRecord| match shape {
@@ -232,7 +232,7 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
         match &contactor.shape {
             ShapeRecord::Cylinder { half_height, radius, hollow } => {
                 solid.hollow = hollow.then_some(Hollow { radius: *radius, half_height: *half_height });
-                // The frame of a single cylinder is that of its body.
+                // A single cylinder has the frame of its body.
                 let frame = contactor.local_frame.as_ref().filter(|_| !is_single);
                 let rotation = frame.map_or(Matrix3::identity(), |frame| Matrix3::from_fn(|i, j| frame.axes[j][i]));
                 let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());

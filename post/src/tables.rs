@@ -141,7 +141,7 @@ const FORMER_NAMES: [(&str, &str); 3] = [("nu_sphere", "nu"), ("pressure_sphere"
 /// Columns of TIMER.csv with the times of the stages of a step, s, except writing.
 pub const TIMED_STAGES: [&str; 5] = ["gravity", "detection", "assembly", "solve", "integration"];
 
-/// Errors if the series of a case does not belong to its snapshots but to those of an earlier run; `end`: the last
+/// Errors if the series of a case does not belong to its snapshots but to the snapshots of an earlier run; `end`: the last
 /// snapshot.
 pub fn check_series_of_run(case: &Path, series: &Columns, end: &SnapshotMeta) -> Result<(), Faults> {
     let last_value = |name: &str| series[name].last().copied().unwrap_or(f64::NAN);

@@ -438,7 +438,7 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
 /// Largest number of convex pieces of a grain. The decomposition uses 64 voxels along a side: more pieces would be dust.
 const MAX_PIECES: u32 = 1024;
 
-/// Checks the size of a model; `path` is that of the model.
+/// Checks the size of a model; `path` is the path of the model in the scene.
 fn check_scale(report: &mut FaultReport, path: &str, scale: &ModelScale) {
     let (name, x, expected) = match *scale {
         ModelScale::Factor(x) => ("Factor", x, "a number > 0"),

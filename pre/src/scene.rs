@@ -480,7 +480,7 @@ fn default_axis() -> [f64; 3] {
     [0.0, 0.0, 1.0]
 }
 
-/// Velocity, force or moment as a function of time t, s; its unit is that of the field.
+/// Velocity, force or moment as a function of time t, s, in the unit of the field.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum TimeFunction {
@@ -513,7 +513,7 @@ impl Default for TimeFunction {
 }
 
 impl Law {
-    /// Replaces the cohesive stress or Hamaker constant by that of the bulk strength, if one is given. Both are checked.
+    /// Replaces the cohesive stress or Hamaker constant by the value from the bulk strength, if there is one. Both are checked.
     pub fn apply_bulk_strength(&mut self) {
         let (Some(bulk), Some(pair)) = (self.bulk_strength, self.kind.pair_cohesion()) else { return };
         let diameter = bulk.diameter.unwrap_or(1.0);

@@ -97,7 +97,7 @@ impl SizeDistribution {
     /// Grains that `make_grain` makes from sampled radii, m, rounded to the digits of the files.
     ///
     /// A `List` gives its radii in a random order, or in its own with `in_order`; any other distribution uses one random
-    /// number a grain. `volume`, m^3, is that of a grain.
+    /// number a grain. `volume`: volume of a grain, m^3.
     pub fn sample_radii<T, E>(
         &self,
         target: SampleTarget,

@@ -116,7 +116,7 @@ const WRITTEN_MARK: &str = " Written by cd-pre study.";
 const FILE_VALUE_PATHS: [&str; 3] = ["grains.N.shape.file", "grains.N.placement.envelope.file", "bodies.N.case"];
 
 /// Writes the scene or the changes of each case of the study `file`, with the overrides `settings`, below `output`. Also
-/// writes the table `NAME.csv` of the parameters and the rules `NAME.mk` for make, NAME being that of the file.
+/// writes the table `NAME.csv` of the parameters and the rules `NAME.mk` for make, NAME being the name of the file.
 ///
 /// Files with the right content are not rewritten, except the rules. Errors: all faults of the study and of its cases;
 /// nothing is written then.
@@ -176,7 +176,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
     files.push((output.join(file.with_extension("csv").file_name().unwrap_or_default()), table(&cases)));
     files.retain(|(path, text)| !has_text(path, text));
     let written = files.iter().filter(|(path, _)| path.extension().is_some_and(|ending| ending == "ron")).count();
-    // Written last, as make compares its time with that of the study.
+    // Written last, as make compares its time with the time of the study.
     let rules = output.join(file.with_extension("mk").file_name().unwrap_or_default());
     files.push((rules.clone(), rules_for_make(file, &rules, &study, &cases)));
     atomic::write_all(files.iter().map(|(path, text)| (path.clone(), text.as_bytes())))?;
@@ -264,7 +264,7 @@ fn check_parameter_names(group: &Group, group_path: &str, axes: &[Vec<StudyColum
     }
 }
 
-/// Requires that the folders of a case are valid and that its own is that of none of the `other_cases`.
+/// Requires that the folders of a case are valid and that none of the `other_cases` has the same folder.
 fn check_case_names(case: &Case, other_cases: &[Case], group_path: &str, report: &mut FaultReport) {
     for (field, name) in [("name", Some(&case.name)), ("from", case.from.as_ref())] {
         let Some(name) = name else { continue };
@@ -347,7 +347,7 @@ fn placeholders(pattern: &str) -> impl Iterator<Item = &str> {
     pattern.split('{').skip(1).map(|rest| rest.split('}').next().unwrap_or(rest))
 }
 
-/// Whether a name is that of a subfolder that make and shells accept unquoted.
+/// Whether a name is the name of a subfolder that make and shells accept unquoted.
 fn is_plain_subfolder(name: &str) -> bool {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "._+-/".contains(letter);
     let is_subfolder = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
@@ -406,7 +406,7 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
     let settings: Vec<String> = case.settings.iter().map(|setting| setting.text.clone()).collect();
     let mut faults = Faults::default();
     if case.from.is_some() && ValueLocations::from_text(original).text("compute").is_none() {
-        // New options would start from defaults, whereas `from-outbox --set` changes those of the continued run.
+        // New options would start from defaults, whereas `from-outbox --set` changes the options of the continued run.
         for setting in settings.iter().filter(|setting| setting.trim_start().starts_with("compute.")) {
             faults.push(setting_fault(setting, "the base has no options of the run", "expected 'compute' as a whole"));
         }
@@ -449,7 +449,7 @@ fn rebase_file_paths(text: &str, base: &Path, folder: &Path) -> Result<String, F
         for n in items {
             let Some(value) = locations.text(&format!("{list}.{n}.{rest}")) else { continue };
             let file = Path::new(value.trim_matches('"'));
-            // Path out of the folder of the case, if it lies below that of the base.
+            // Path out of the folder of the case, if it lies below the folder of the base.
             let up: Option<PathBuf> =
                 folder.strip_prefix(base_folder).ok().map(|below| below.iter().map(|_| "..").collect());
             let path = match up {

@@ -12,7 +12,7 @@ use crate::state::State;
 
 /// Returns the case that this rank has read if all ranks have read the same.
 ///
-/// Errors: the faults of this rank; if it has none, those of the first rank that has some, or a fault that names the
+/// Errors: the faults of this rank; if it has none, the faults of the first rank that has some, or a fault that names the
 /// first rank with other input than rank 0. Only rank 0 prints them. Faults of rank 0 alone, such as a locked folder,
 /// are faults of all ranks.
 pub fn agreed_case<T, E: Display + From<Faults>>(

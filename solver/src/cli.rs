@@ -82,7 +82,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     }
 }
 
-/// Runs the program as one of the ranks. Files and messages are those of rank 0.
+/// Runs the program as one of the ranks. Only rank 0 writes files and messages.
 fn run_on_rank(communicator: &'static dyn Communicator, args: &[OsString]) -> i32 {
     if communicator.size() > 1 {
         activity::stop_by_agreement();
@@ -103,7 +103,7 @@ fn run_on_rank(communicator: &'static dyn Communicator, args: &[OsString]) -> i3
     former_names_in_flags(args).iter().for_each(print_warning);
     let prepared =
         agreement::agreed_case(communicator, prepare_case(&arguments, communicator), |case| (&case.scene, &case.state));
-    // Faults of reading are exchanged by `agreed_case`, so that all ranks end; those of a run are known to this rank alone.
+    // Faults of reading are exchanged by `agreed_case`, so that all ranks end; faults of a run are known to this rank alone.
     let has_begun = prepared.is_ok();
     match prepared.and_then(|case| advance_case(&arguments, case, communicator)) {
         Ok(summary) => {
@@ -156,7 +156,7 @@ fn former_names_in_flags(args: &[OsString]) -> Vec<String> {
 struct PreparedCase {
     scene: Scene,
     state: State,
-    /// Whether `state` is that of a snapshot.
+    /// Whether `state` has been read from a snapshot.
     resumed: bool,
     /// Threads that have read it, and their number as given.
     reading_pool: (rayon::ThreadPool, usize),
@@ -212,7 +212,7 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
     Ok(PreparedCase { scene, state, resumed, reading_pool: (reading_pool, reading_threads), _lock: lock })
 }
 
-/// Replaces the state by that of the last snapshot, and reports the options that have changed since; returns whether there
+/// Replaces the state by the state of the last snapshot, and reports the options that have changed since; returns whether there
 /// is a snapshot. Without one, a case with other results is rejected.
 fn resume_case(case: &Path, flags: &ComputeFlags, scene: &mut Scene, state: &mut State) -> Result<bool, Faults> {
     let outbox = write::outbox_path(case);

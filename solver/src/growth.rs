@@ -16,7 +16,7 @@ pub struct BodyFlow {
     pub mass: f64,
     /// kg m/s
     pub momentum: Vec3,
-    /// Kinetic energy with that of rotation, J.
+    /// Kinetic energy of translation and rotation, J.
     pub energy: f64,
 }
 

@@ -307,7 +307,7 @@ static STOP_FLAG: LazyLock<&Arc<AtomicBool>> = LazyLock::new(|| {
     stop
 });
 
-/// Converts rejected files to files that could not be written any more: those of completed steps remain.
+/// Converts rejected files to files that could not be written any more: the files of completed steps remain.
 fn as_unwritten(failure: RunFailure) -> RunFailure {
     if let RunFailure::Files(faults) = failure { RunFailure::Unwritten(faults) } else { failure }
 }

@@ -90,7 +90,7 @@ cd_formats::index_types! {
 #[derive(Debug, Clone)]
 pub struct BodyPart {
     pub body: BodyId,
-    /// Number of the part: its index among those of its body.
+    /// Number of the part: its index among the parts of its body.
     pub number: u16,
     /// Index of its contactor in BODIES.DAT, from 0, of which it may be one of several convex pieces.
     pub contactor: u16,
@@ -113,7 +113,7 @@ pub struct PointLink {
     pub bodies: [BodyId; 2],
     /// Points in the frames of the bodies, m.
     pub offsets: [Vec3; 2],
-    /// Numbers of the points, which follow those of the parts of their bodies.
+    /// Numbers of the points, which follow the numbers of the parts of their bodies.
     pub part_numbers: (u16, u16),
     /// Distance of the points in BODIES.DAT, m: the length without strain.
     pub rest_length: f64,
@@ -377,7 +377,7 @@ impl ContactorCurvature {
     }
 }
 
-/// Effective radius R, 1/R = 1/R_a + 1/R_b, of two curvatures, m; that of two flat walls is `flat_radius`.
+/// Effective radius R, 1/R = 1/R_a + 1/R_b, of two curvatures, m; two flat walls have the radius `flat_radius`.
 #[inline(always)]
 pub fn radius_of_curvatures([a, b]: [ContactorCurvature; 2], flat_radius: impl Fn() -> f64) -> f64 {
     let sum = a.next_to(&b) + b.next_to(&a);
@@ -433,7 +433,7 @@ pub struct Scene {
     pub field_shapes: FieldShapes,
     /// Step and time of the state in DATBOX.
     pub start: StepTime,
-    /// Step and time from which steps of `dt` are counted: those of the start, unless `dt` has changed at a resume.
+    /// Step and time from which steps of `dt` are counted: start of the run, unless `dt` has changed at a resume.
     pub counted_from: StepTime,
     /// Events of the options ordered by time; repeated ones occur once per repetition.
     pub events: Vec<Event>,
@@ -652,7 +652,7 @@ impl Scene {
     }
 
     /// Curvature of a contactor: next to a sphere, as in LMGC90, plates and cylinders are flat. Otherwise a polyhedron, and a
-    /// plate or cylinder that is not a wall, has that of the sphere of its body's volume; walls are flat.
+    /// plate or cylinder that is not a wall, has the curvature of the sphere of its body's volume; walls are flat.
     pub fn part_curvature(&self, part: &BodyPart) -> ContactorCurvature {
         let body = &self.bodies[part.body.index()];
         match part.geometry {
@@ -717,8 +717,8 @@ impl Scene {
         !BARE && (!self.parts.is_empty() || self.roster.as_ref().is_some_and(|roster| !roster.parts.is_empty()))
     }
 
-    /// Whether there are contacts that need full blocks, as those of points. The block of a sphere with a sphere, or with any body
-    /// whose motion is all imposed, is diagonal.
+    /// Whether there are contacts that need full blocks, as contacts of points do. The block of a sphere with a sphere, or
+    /// with any body whose motion is all imposed, is diagonal.
     pub fn needs_blocks(&self) -> bool {
         let not_diagonal = |body: &RigidBody| body.is_driven_in_part() || (!body.is_sphere() && !body.driven);
         !BARE && (!self.links.is_empty() || self.bodies.iter().any(not_diagonal))

@@ -241,7 +241,7 @@ impl OutputInterval {
     /// Adds the sums of a step, which follow each other in `lists`, ordered by bodies; two bodies may have several contacts.
     pub fn add_exchanges(&mut self, lists: &[Vec<ContactExchange>]) {
         let lists: Vec<&[ContactExchange]> = lists.iter().filter(|list| !list.is_empty()).map(Vec::as_slice).collect();
-        // A task adds to one chunk of the known pairs; its bodies end before those of the next chunk.
+        // A task adds to one chunk of the known pairs; its bodies end before the bodies of the next chunk.
         let mut chunk_ends: Vec<[BodyId; 2]> =
             self.exchanges.chunks(PAIRS_PER_TASK).skip(1).map(|chunk| chunk[0].bodies).collect();
         chunk_ends.push([BodyId(u32::MAX); 2]);
@@ -268,7 +268,7 @@ impl OutputInterval {
 /// Pairs of bodies per task.
 const PAIRS_PER_TASK: usize = 1024;
 
-/// Adds `exchanges` to those of known pairs, both ordered by bodies; returns the sums of other pairs.
+/// Adds `exchanges` to the exchanges of known pairs, both ordered by bodies; returns the sums of other pairs.
 fn add_to_pairs<'a>(
     known: &mut [ContactExchange],
     exchanges: impl Iterator<Item = &'a ContactExchange>,
@@ -408,7 +408,7 @@ impl State {
         }
     }
 
-    /// Whether every number of the contacts is finite; those of contacts without force change nothing, but are written.
+    /// Whether every number of the contacts is finite; numbers of contacts without force change nothing, but are written.
     pub fn contacts_are_finite(&self) -> bool {
         self.contacts.iter().all(|solved| {
             let SolvedContact { contact, impulse, moment, velocity, .. } = solved;

@@ -20,7 +20,7 @@ impl Body {
     /// `avrd` and inertia filled in. Written to BODIES.DAT it is read with the same axes whatever program reads it.
     ///
     /// A hollow cylinder among other contactors has no place for a frame in the file: such a body is returned as it is.
-    /// Errors: those of [`Body::mass_properties`].
+    /// Errors: the errors of [`Body::mass_properties`].
     ///
     /// ```
     /// use cd_formats::bodies::{Body, Contactor, ShapeRecord};
@@ -73,7 +73,7 @@ impl Contactor {
             ShapeRecord::Polyhedron { vertices, .. } => {
                 vertices.iter_mut().for_each(|vertex| *vertex = centred_point(*vertex));
             }
-            // The frame of the body is that of its only plate or cylinder.
+            // The body has the frame of its only plate or cylinder.
             ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } if is_single => local_frame = None,
             ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {
                 let fixed = LocalFrame { axes: Matrix3::identity().into(), offset: [0.0; 3] };

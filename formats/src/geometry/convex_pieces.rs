@@ -2,7 +2,7 @@
 //!
 //! A convex cell around the solid is halved by the plane of a face that other faces are in front of, and each half again,
 //! until no face of a cell is in front of another. Within such a cell the solid is convex: the cell behind all of its
-//! faces. Planes are those of faces, so the pieces of an L, a U or a T are exact.
+//! faces. Planes of cuts are planes of faces, so the pieces of an L, a U or a T are exact.
 
 use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
@@ -22,7 +22,7 @@ pub const MAX_CONVEX_PIECES: usize = 32;
 const MAX_SPLIT_COMPARISONS: u64 = 40_000_000;
 /// Largest number of planes that are tried for a cut; at least two are tried.
 const MAX_TRIED_PLANES: usize = 24;
-/// Number of comparisons beyond which fewer planes are tried for a cut: those of 500 faces in as many planes.
+/// Number of comparisons beyond which fewer planes are tried for a cut: 500 faces in as many planes take this number.
 const MAX_CUT_COMPARISONS: usize = MAX_TRIED_PLANES * 500 * 500;
 /// Depth of dents over the size of a surface up to which they are attributed to the rounding of its coordinates, and not split.
 const MIN_REFLEX_DEPTH: f64 = 1e-4;

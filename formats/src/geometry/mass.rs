@@ -183,7 +183,7 @@ impl Body {
         Ok(CheckedBody { pieces, whole, inertial })
     }
 
-    /// Mass properties of all contactors together. Errors: those of any contactor.
+    /// Mass properties of all contactors together. Errors: the faults of the contactors.
     pub fn mass_properties(&self) -> Result<MassProperties, SurfaceFaults> {
         let contactor_properties = self.contactors.iter().map(Contactor::mass_properties);
         Ok(MassProperties::composite(&contactor_properties.collect::<Result<Vec<_>, _>>()?))
@@ -209,9 +209,10 @@ impl Body {
         (!has_own_axes && !has_inertia).then(|| whole.about(self.centre_of_mass_offset(whole)).lmgc90_frame())
     }
 
-    /// Mass properties at a density (kg/m^3); `whole` are the mass properties of all contactors together at density 1. Given values of `avrd` and
-    /// `I1 I2 I3` are used, except for the moments of a single sphere, plate or cylinder, about its own axes, and the mass
-    /// of a sphere. Moments that are not given are those of the contactors about the centre of mass, with their own volumes.
+    /// Mass properties at a density (kg/m^3); `whole` are the mass properties of all contactors together at density 1.
+    /// Given values of `avrd` and `I1 I2 I3` are used, except for the moments of a single sphere, plate or cylinder, about
+    /// its own axes, and the mass of a sphere. Moments that are not given are those of the contactors about the centre of
+    /// mass, with their own volumes.
     pub fn inertial_properties(&self, whole: &MassProperties, density: f64) -> InertialProperties {
         let single = if let [single] = self.contactors.as_slice() { Some(single) } else { None };
         let simple = single.filter(|contactor| !matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));

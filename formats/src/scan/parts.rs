@@ -63,7 +63,7 @@ impl AsciiText<'_> {
 /// about the form of the file.
 ///
 /// `read` gets a scanner at the start of a part and the number of records before it. A text with a fault is read again as
-/// one part, so that its faults are those of one scanner.
+/// one part, so that one scanner finds its faults.
 ///
 /// Errors: all faults of the text.
 pub fn read_records<T: Send>(
@@ -154,7 +154,7 @@ fn joined_parts<T>(path: &Path, parts: Vec<(T, LenientForms)>) -> (Vec<T>, Vec<S
     (values, forms.notices(&path.file_name().unwrap_or_default().to_string_lossy()))
 }
 
-/// Appends the text of all records, one after the other; `write` appends that of a record, with its index.
+/// Appends the text of all records, one after the other; `write` appends the text of a record, with its index.
 pub fn put_records<T: Sync>(out: &mut String, records: &[T], write: impl Fn(&mut String, usize, &T) + Sync) {
     let put_task = |out: &mut String, (task, records): (usize, &[T])| {
         for (k, record) in records.iter().enumerate() {

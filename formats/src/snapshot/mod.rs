@@ -118,7 +118,7 @@ pub struct SnapshotMeta {
     pub time: f64,
     /// Length of the last step, s; before the first step, the length of the first.
     pub h: f64,
-    /// Step and time (s) from which steps of one length lead to `time`, unless they are those of DATBOX.
+    /// Step and time (s) from which steps of one length lead to `time`, unless they are step and time of DATBOX.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub counted_from: Option<(u64, f64)>,
     /// Time of the snapshot before or of the start, from which the arrays of the interval count, s.
@@ -407,7 +407,7 @@ macro_rules! arrays {
                 $(self.$name.append(&mut other.$name);)+
             }
 
-            /// Adds the arrays to an archive; `rows`: those of a part, else all.
+            /// Adds the arrays to an archive; `rows`: the rows of a part, else all.
             fn write(&self, archive: &mut NpzWriter<impl Write + Seek>, rows: Option<&Range<usize>>) -> zip::result::ZipResult<()> {
                 $({
                     let selected = rows.map_or(&self.$name[..], |rows| &self.$name[rows.clone()]);

@@ -32,8 +32,8 @@ pub(super) struct PartRows {
     pub interval: Range<usize>,
 }
 
-/// First body of each row of each group of arrays, in the order of the rows. Those of `contacts`, `turning`, `pairs` and
-/// `interval` do not decrease.
+/// First body of each row of each group of arrays, in the order of the rows. The first bodies of `contacts`, `turning`,
+/// `pairs` and `interval` do not decrease.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct FirstBodies<'a> {
     pub contacts: &'a [[u32; 2]],

@@ -301,8 +301,8 @@ fn read_table(path: &Path) -> Result<Vec<RunErrors>, Faults> {
     faults.into_result(runs)
 }
 
-/// Root mean square of each error over the realisations, and mean of the seconds; value and order of the runs are those of
-/// the first realisation.
+/// Root mean square of each error over the realisations, and mean of the seconds; value and order of the runs are taken
+/// from the first realisation.
 fn average_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<RunErrors>, Faults> {
     let mut faults = Faults::default();
     let mismatch_fault = |folder: &Path, found: String| {

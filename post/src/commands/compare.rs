@@ -70,7 +70,7 @@ pub struct ComparisonOptions<'a> {
     /// Path below the POSTPRO of each case: series.csv, a table of `cd-post state` (in a folder `state-NNNNNN`, or `state`
     /// for the last of each) or of `cd-post track`, or the file of a probe.
     pub table: &'a Path,
-    /// Columns to compare; if empty, those of the plots.
+    /// Columns to compare; if empty, the columns of the plots.
     pub columns: &'a [String],
     /// Column of the horizontal axis; without it time, or the table's first column.
     pub against: Option<&'a str>,

@@ -22,7 +22,7 @@ use crate::write::series::{csv_text, name_field};
 const STEP_STAGES: [(&str, &[&str]); 3] =
     [("gravity", &["gravity"]), ("detection", &["detection"]), ("contacts", &["assembly", "solve"])];
 
-/// Columns of runs.csv in addition to those of series.csv: name, unit, meaning.
+/// Columns of runs.csv in addition to the columns of series.csv: name, unit, meaning.
 pub const COLUMNS: [(&str, &str, &str); 10] = [
     (
         "pressure_homogeneous",
@@ -73,7 +73,7 @@ struct StudyCases {
     values: Vec<Vec<String>>,
 }
 
-/// Whether a path is that of a table of `cd-pre study` and not of a case.
+/// Whether a path leads to a table of `cd-pre study` and not to a case.
 pub fn is_study_table(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending == "csv") && path.is_file()
 }
@@ -114,7 +114,7 @@ impl StudyCases {
     }
 
     /// Reads a table of `cd-pre study`: the columns `case` and `from`, then one for each parameter. Folders of cases are
-    /// relative to that of the table.
+    /// relative to the folder of the table.
     fn read(path: &Path) -> Result<StudyCases, Faults> {
         let text = atomic::read_text(path)?;
         let mut lines = text.lines();

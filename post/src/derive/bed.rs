@@ -132,7 +132,7 @@ impl Bed {
 
     /// `count` layers of equal thickness from the floor to `top` (m) above it, its highest point or beyond.
     ///
-    /// Stresses and velocities are those of each grain, each with the share of its volume that lies in the layer.
+    /// Each grain adds its stress and velocity with the share of its volume that lies in the layer.
     pub fn layers(&self, frame: &Frame, count: usize, top: f64) -> Vec<Layer> {
         let (stresses, neighbours) = (grain_stresses(frame), neighbour_counts(frame));
         let members = || self.grains.iter().map(|&i| (i, &frame.grains[i]));

@@ -22,7 +22,7 @@ pub struct Fragment {
 
 /// Groups of touching grains: the largest remnant, then the others by falling mass, equal ones by their first grain.
 ///
-/// The largest remnant is that of [`largest_remnant`].
+/// [`largest_remnant`] chooses the largest remnant.
 ///
 /// Two grains are in one group if a chain of touching grains links them ([`TOUCHING_GAP`]). The gap of spheres is
 /// |x_i - x_j| - R_i - R_j at the snapshot's time, with x_j of the nearest image. The gap of other grains is the smallest of their

@@ -190,7 +190,7 @@ impl GravityTree {
     }
 }
 
-/// The points of one leaf and those of another. Their distances are most of the time of a sum; with vectors of four
+/// The points of one leaf and the points of another. Their distances are most of the time of a sum; with vectors of four
 /// they take a quarter.
 struct LeafPair<'a> {
     points: &'a [(Vec3, f64)],

@@ -1,6 +1,6 @@
 //! Kinds of regions.
 
-/// Kind of a region; the number is that of the column `region`.
+/// Kind of a region; the column `region` has this number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum RegionKind {

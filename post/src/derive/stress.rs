@@ -54,7 +54,7 @@ pub struct StressInvariants {
 }
 
 impl StressInvariants {
-    /// Invariants of a stress. In triaxial compression (sigma_1 > sigma_2 = sigma_3) the friction angle is that of Mohr and Coulomb:
+    /// Invariants of a stress. In triaxial compression (sigma_1 > sigma_2 = sigma_3) the friction angle is Mohr-Coulomb's:
     /// sin(phi) = (sigma_1 - sigma_3) / (sigma_1 + sigma_3). Source: Drucker & Prager (1952).
     pub fn new(stress: &Mat3) -> StressInvariants {
         let symmetric = 0.5 * (stress + stress.transpose());

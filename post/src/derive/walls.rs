@@ -189,7 +189,7 @@ fn wall_faces(frame: &Frame, wall: WallId, grains: &[GrainId]) -> Vec<(Vec3, Vec
     }
 }
 
-/// Area of the section of some grains across a direction, as that of an even filling with the same variances.
+/// Area of the section of some grains across a direction: area of an even filling with the same variances.
 struct GrainSection(Mat3);
 
 impl GrainSection {

@@ -94,7 +94,7 @@ impl AttributeValue {
     }
 }
 
-/// Dataspace message of version 2; without a shape that of one value.
+/// Dataspace message of version 2; without a shape, the message of one value.
 fn dataspace(shape: Option<&[u64]>) -> Vec<u8> {
     let sizes = shape.unwrap_or_default();
     let mut message = vec![2, sizes.len() as u8, 0, u8::from(shape.is_some())];

@@ -105,7 +105,7 @@ impl SeriesPlot {
 
     /// Figure of a series.
     pub fn to_figure(&self, rows: &[Row]) -> Figure {
-        // Columns without values, such as those of a bed in a scene without one, are not in the legend.
+        // Columns without values, such as columns of a bed in a scene without one, are not in the legend.
         let is_shown =
             |curve: &Curve| curve.name == self.curves[0].1 || curve.points.iter().any(|(_, y)| y.is_finite());
         let curves = self.curves.iter().map(|(name, label)| Curve::line(label, column_points(rows, name)));

@@ -76,7 +76,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let parts = select_parts(&request.changes, &sources, &mut report);
     reject_faults(&mut report)?;
     let mut options = request.next_options(file, &sources[0].options, &mut report)?;
-    // The options of the changes name files of the folder of the changes, those of the case files in its DATBOX.
+    // The options of the changes name files in the folder of the changes; the options of the case name files in its DATBOX.
     let surface_folder =
         if request.changes.compute.is_some() { folder.to_path_buf() } else { sources[0].case.join("DATBOX") };
     let surfaces = field_surfaces::take_surfaces(&mut options, &surface_folder);
@@ -133,7 +133,7 @@ struct ChangeRequest {
     changes: Changes,
     /// Text of the file with the settings applied.
     text: String,
-    /// Settings of options, which apply to those of the first case if the changes have no options.
+    /// Settings of options, which apply to the options of the first case if the changes have no options.
     option_settings: Vec<String>,
 }
 
@@ -152,7 +152,7 @@ impl ChangeRequest {
         Ok(ChangeRequest { changes, text, option_settings })
     }
 
-    /// Whether options differ from those of the first case.
+    /// Whether options differ from the options of the first case.
     fn sets_options(&self) -> bool {
         self.changes.compute.is_some() || !self.option_settings.is_empty()
     }
@@ -162,7 +162,7 @@ impl ChangeRequest {
         self.changes.keep_time && self.changes.compute.is_none()
     }
 
-    /// Options of the next run: those of the changes, or those of the first case with the settings.
+    /// Options of the next run: the options of the changes, or of the first case with the settings.
     fn next_options(&self, file: &Path, case_options: &Compute, report: &mut FaultReport) -> Result<Compute, Faults> {
         if let Some(options) = &self.changes.compute {
             return Ok(options.clone());
@@ -185,8 +185,8 @@ fn parse_changes(file: &Path, text: &str, settings: &[String]) -> Result<(Change
     Ok((parse_with_settings(file, &text, settings, "changes")?, text))
 }
 
-/// Reads the cases from which bodies are selected, with the densities of the changes. `folder`: that of the changes;
-/// `dir`: that of the next run.
+/// Reads the cases from which bodies are selected, with the densities of the changes. `folder`: folder of the
+/// changes; `dir`: folder of the next run.
 fn read_sources(
     request: &ChangeRequest,
     case: &Path,
@@ -395,7 +395,7 @@ impl NewBodies {
     }
 }
 
-/// Bodies in the order of their new numbers: those of each part, then the new ones.
+/// Bodies in the order of their new numbers: the bodies of each part, then the new ones.
 fn body_records(parts: &[SourcePart], new: &NewBodies) -> Bodies {
     let new = write::bodies_file(&new.scene, &new.population).0;
     Bodies(parts.iter().flat_map(|part| part.records.iter().cloned()).chain(new).collect())
@@ -409,7 +409,7 @@ struct DatboxContent<'a> {
     options: &'a Compute,
 }
 
-/// Files of DATBOX. `keep_time`: whether step and time continue those of the first part.
+/// Files of DATBOX. `keep_time`: whether step and time continue from the first part.
 fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content: DatboxContent) -> Vec<File> {
     let DatboxContent { records, tables, driven, options } = content;
     let mut start = Snapshot { meta: parts[0].source.snapshot.meta.clone(), ..Snapshot::default() };

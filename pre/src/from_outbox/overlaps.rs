@@ -186,7 +186,7 @@ struct BodyOverlap {
     depth: f64,
 }
 
-/// Bodies of the new DATBOX at their positions: those of the parts, then the new grains and walls.
+/// Bodies of the new DATBOX at their positions: the bodies of the parts, then the new grains and walls.
 pub struct PlacedBodies<'a> {
     parts: &'a [SourcePart<'a>],
     new: &'a Population,
@@ -305,7 +305,7 @@ impl<'a> PlacedBodies<'a> {
         record.contactors.iter().filter(|contactor| !is_plate_or_cylinder(contactor)).map(reach).reduce(f64::max)
     }
 
-    /// Overlaps of bodies of different parts beyond rounding, those of periodic images included. `balls`: bodies with their
+    /// Overlaps of bodies of different parts beyond rounding, overlaps with periodic images included. `balls`: bodies with their
     /// [`Self::reach`], the largest first.
     fn overlaps(&self, balls: &[(usize, f64)], options: &Compute) -> Vec<BodyOverlap> {
         let mut found = Vec::new();

@@ -166,7 +166,7 @@ impl SourceCase {
     }
 
     /// Differences between the run and the files of its DATBOX, a line each; of options, only those that the next run has,
-    /// too. `next_options` are the options of the next run, if they follow from those of this one.
+    /// too. `next_options` are the options of the next run, if they follow from the options of this run.
     pub fn run_notes(&self, next_options: Option<&Compute>) -> String {
         let values = self.options.option_values();
         let next_values = next_options.map(Compute::option_values).unwrap_or_default();
@@ -481,8 +481,8 @@ fn law_index(law: &LawName, laws: &mut Vec<LawName>) -> u8 {
 }
 
 impl SourcePart<'_> {
-    /// Appends the state to `start`, that of the parts before. The first body becomes the body `first_body` (from 0); impulses
-    /// are converted to the step length of the whole.
+    /// Appends the state to `start`, the state of the parts before. The first body becomes the body `first_body` (from 0);
+    /// impulses are converted to the step length of the whole.
     pub fn append_to(&self, start: &mut Snapshot, first_body: usize) {
         let mut bodies = self.state.bodies.clone();
         bodies.body_id = (first_body as u64 + 1..).take(self.source_bodies.len()).collect();

@@ -1,4 +1,4 @@
-//! Materials, laws and visibility table of a new DATBOX: those of the cases that bodies come from and of the changes, merged.
+//! Materials, laws and visibility table of a new DATBOX, merged from the cases that bodies come from and the changes.
 
 use std::collections::BTreeSet;
 
@@ -106,7 +106,7 @@ fn merge_materials(changes: &Changes, parts: &[SourcePart], records: &Bodies, re
     BulkBehav { gravity: parts[0].source.bulk.gravity, materials: merged }
 }
 
-/// Laws of the cases, replaced by those of the changes. Different laws of one name are faults.
+/// Laws of the cases, replaced by laws of the changes. Different laws of one name are faults.
 fn merge_laws(changes: &Changes, parts: &[SourcePart], report: &mut FaultReport) -> Vec<LawRecord> {
     let mut merged: Vec<LawRecord> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
@@ -396,7 +396,7 @@ impl<'a> GroupColours<'a> {
 }
 
 /// Requires a law or a `None` for colours that were never together in one case, so that no bodies pass through each other
-/// by mistake. The first `part_count` of the groups are those of the cases; `known_pairs`: colours, in alphabetical order, for
+/// by mistake. The first `part_count` of the groups belong to the cases; `known_pairs`: colours, in alphabetical order, for
 /// which there is a law or a `None`.
 fn expect_all_pairs(
     groups: &[GroupColours],

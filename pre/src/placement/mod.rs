@@ -74,7 +74,7 @@ impl PlacementError {
 
 /// Sizes, shapes and positions of the grains of one (checked) group of grains, the `group`-th of the scene.
 ///
-/// `region` is that of the envelope, if there is one. Polyhedra are placed as their bounding balls. Grains in an envelope
+/// `region` is the region of the envelope, if there is one. Polyhedra are placed as their bounding balls. Grains in an envelope
 /// are returned in Z-order, so that neighbours in space have near numbers.
 ///
 /// Errors: grains that do not fit into the envelope, no grain or too many, a degenerate shape, no envelope.

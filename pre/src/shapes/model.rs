@@ -28,7 +28,7 @@ const VOXEL_RESOLUTION: u32 = 64;
 /// Smallest volume of a piece over the whole; smaller pieces are left out as slivers.
 const MIN_PIECE_VOLUME: f64 = 1e-6;
 
-/// Reads the surface of a file and scales it. Errors: those of [`read::read_surface`].
+/// Reads the surface of a file and scales it. Errors: the errors of [`read::read_surface`].
 pub fn read_surface(folder: &Path, file: &str, scale: ModelScale) -> Result<RepairedSurface, Faults> {
     let path = folder.join(file);
     let read = read::read_surface(&path)?;

@@ -70,7 +70,7 @@ impl PrincipalSolid {
         Ok(PrincipalSolid { pieces, volume: properties.volume, moments, reach, shift, axes })
     }
 
-    /// Convex solid. Errors: those of [`PrincipalSolid::new`].
+    /// Convex solid. Errors: the errors of [`PrincipalSolid::new`].
     pub fn from_convex(surface: &Surface) -> Result<PrincipalSolid, hull::HullError> {
         PrincipalSolid::new(surface, std::slice::from_ref(surface))
     }

@@ -108,8 +108,8 @@ pub(super) struct LastLoad {
 enum FaceKind<'a> {
     /// Contacts of the same two contactors along one normal.
     Single,
-    /// Contacts that may belong to several adjacent contactors. `last_loads`: those of the last step, if its
-    /// contacts are not those of this step, else empty.
+    /// Contacts that may belong to several adjacent contactors. `last_loads`: loads of the last step, if it
+    /// had other contacts than this step, else empty.
     Joined { last_loads: &'a [PointLoad] },
 }
 

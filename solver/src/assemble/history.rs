@@ -1,4 +1,4 @@
-//! Data that contacts inherit from those of the last step: initial impulses, friction history, bonds.
+//! Data that contacts inherit from the contacts of the last step: initial impulses, friction history, bonds.
 
 use std::cmp::Ordering;
 use std::ops::Range;

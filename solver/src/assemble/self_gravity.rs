@@ -74,7 +74,7 @@ pub(super) fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfigurat
     };
     let approximate =
         scene.gravity_refresh() > 1 || scene.gravity_solver().method_for(masses.len()) == SummationMethod::Fmm;
-    // The sample is that of points.
+    // The sample consists of points.
     let approximate = approximate && scene.attracting_radii().is_none();
     if approximate && state.is_diagnostic_step(q_c.step_multiple) {
         let constant = scene.options.gravity_constant;

@@ -49,7 +49,7 @@ pub fn listed_contacts(
     contacts
 }
 
-/// Listed contacts of surfaces; arguments and order are those of [`listed_contacts`].
+/// Listed contacts of surfaces; arguments and order as in [`listed_contacts`].
 fn surface_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -79,7 +79,7 @@ pub struct NarrowPhaseError {
     pub largest: f64,
 }
 
-/// Compares `contacts` with the result of the accurate narrow phase; the other arguments are those of [`listed_contacts`]
+/// Compares `contacts` with the result of the accurate narrow phase; the other arguments are as in [`listed_contacts`]
 /// that gave `contacts`. A pair that only one of the two lists counts with its overlap.
 pub fn narrow_phase_error(
     scene: &Scene,

@@ -373,7 +373,7 @@ fn pairs_by_candidate(pairs: &[VisiblePair], scene: &Scene, bodies: &[u32]) -> V
     grouped
 }
 
-/// Indices of the pairs in the order of their parts. The pairs are ordered by candidate, and those of a candidate by parts.
+/// Indices of the pairs in the order of their parts. The pairs are ordered by candidate, and pairs of one candidate by parts.
 fn part_order(pairs: &[VisiblePair], parts: usize) -> Vec<u32> {
     let first_part = |(parts, _): &VisiblePair| parts[0].0;
     let first: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(first_part).collect();

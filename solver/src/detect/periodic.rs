@@ -44,7 +44,7 @@ fn pairs_of_originals(found: Vec<[u32; 2]>, count: usize, originals: &[u32]) -> 
     pairs
 }
 
-/// Centres within the cell, then those of the images that may be near, and the original of each.
+/// Centres within the cell, then centres of the images that may be near, and the original of each.
 fn periodic_images(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> (Vec<Vec3>, Vec<u32>) {
     let wrap = |x: f64, period: Option<f64>| period.map_or(x, |period| x - period * (x / period).round());
     let mut centres: Vec<Vec3> =

@@ -61,7 +61,7 @@ struct BoxNode {
 /// Binary tree of boxes.
 struct BoxTree<'a> {
     balls: &'a [SweptBall],
-    /// Indices of the balls; those of a node are consecutive.
+    /// Indices of the balls; the balls of a node are consecutive.
     order: Vec<u32>,
     /// Nodes depth first, from the root.
     nodes: Vec<BoxNode>,

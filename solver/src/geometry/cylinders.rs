@@ -397,7 +397,7 @@ impl TwoCylinders<'_> {
             CylinderMeeting::SideOfB => (on_a, (CYLINDER_RIM, CYLINDER_SIDE)),
             CylinderMeeting::Rims => ((on_a + on_b) * 0.5, (CYLINDER_RIM, CYLINDER_RIM)),
             CylinderMeeting::Sides => {
-                // The point of A's axis nearest to that of B, seen along m.
+                // The point of A's axis nearest to B's axis, seen along m.
                 let (u, w) = (self.a.axis(), self.b.axis());
                 let across = w.cross(m);
                 let z = self.b.centre.dot(&across) / u.dot(&across);

@@ -13,7 +13,7 @@ use crate::math::{Vec3, local_frame};
 /// Columns of an outline: x, y and height of the corners, and the unit direction of the side from each to the next.
 const OUTLINE_COLUMNS: usize = 5;
 
-/// Adds the corners of the common part of two faces, those of `faces`, seen along `n` from A to B.
+/// Adds the corners of the common part of the two `faces`, seen along `n` from A to B.
 ///
 /// `tiny`: distance up to which a corner is on a side, m.
 pub(super) fn collect_common_corners(
@@ -44,7 +44,7 @@ struct FaceOutline<'a> {
     /// Vertices and edges of the face, in the shape's order.
     corners: &'a [FeatureIndex],
     sides: &'a [FeatureIndex],
-    /// Position of the body's centre relative to that of A, m.
+    /// Position of the body's centre relative to A's centre, m.
     centre: Vec3,
     /// Whether the face's normal is opposite to the viewing normal; then corners and sides are in reverse order.
     reversed: bool,

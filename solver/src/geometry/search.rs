@@ -378,7 +378,7 @@ fn is_best<L: F64Arithmetic>(
         return cos_cone >= 1.0;
     }
     let (sin_cone, sin_n) = ((1.0 - cos_cone * cos_cone).sqrt(), (1.0 - cos_n * cos_n).max(0.0).sqrt());
-    // The sum of the two angles is below half a turn, and below that of the disc.
+    // The sum of the two angles is below half a turn, and below the angle of the disc.
     sin_n * cos_cone + cos_n * sin_cone > 0.0 && cos_n * cos_cone - sin_n * sin_cone > cos_disc
 }
 

@@ -13,7 +13,7 @@ pub struct TreeCell {
     pub first: u32,
     /// Number of its bodies.
     pub count: u32,
-    /// Offset from this cell to that of its second half; 0 for a leaf. The first half is the next cell.
+    /// Offset from this cell to the cell of its second half; 0 for a leaf. The first half is the next cell.
     pub second: u32,
 }
 

@@ -25,7 +25,7 @@ use crate::state::{ContactKey, State, Velocities};
 pub struct ContactConfiguration {
     /// Positions, m.
     pub x: Vec<Vec3>,
-    /// Orientations; those of [`Scene::oriented`] bodies are predicted.
+    /// Orientations; orientations of [`Scene::oriented`] bodies are predicted.
     pub q: Vec<Quat>,
     /// Angular velocities of the step's start, predicted by free rotation, rad/s, world frame.
     pub w: Vec<Vec3>,

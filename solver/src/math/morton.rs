@@ -29,7 +29,7 @@ pub fn unsorted_keys(count: usize, approximate_order: &[u32]) -> Vec<MortonKey> 
     }
 }
 
-/// Indices of the points along the curve; a good `approximate_order`, such as that of the last step, saves time.
+/// Indices of the points along the curve; a good `approximate_order`, such as the order of the last step, saves time.
 pub fn morton_order(positions: &[Vec3], approximate_order: &[u32]) -> Vec<u32> {
     let mut keys = unsorted_keys(positions.len(), approximate_order);
     if !positions.is_empty() {

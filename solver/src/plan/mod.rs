@@ -110,7 +110,7 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     bounds
 }
 
-/// Height of the lowest wall against gravity, m: that of its upper side, or of the centre of polyhedra and solid
+/// Height of the lowest wall against gravity, m: the height of its upper side, or of the centre of polyhedra and solid
 /// cylinders; infinite without walls.
 fn floor_height(scene: &Scene, state: &State) -> f64 {
     let up = -state.gravity.normalize();
@@ -357,7 +357,7 @@ fn preset_lines(bounds: &[StepBound]) -> [PlanLine; Accuracy::ALL.len()] {
     })
 }
 
-/// Disk space of the files that a run of `dt_left` `dt` still writes, if its steps are like those of the trial.
+/// Disk space of the files that a run of `dt_left` `dt` still writes, if its steps are like the steps of the trial.
 fn disk_estimate(scene: &Scene, dt_left: u64, trial: &TrialRun) -> String {
     let options = &scene.options;
     let [row, snapshot] = trial.sizes;

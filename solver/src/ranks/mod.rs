@@ -42,7 +42,7 @@ pub trait Communicator: Sync {
     /// Number of ranks.
     fn size(&self) -> usize;
 
-    /// Sends `outgoing`, and fills `incoming`, whose lengths are those of the messages that the other ranks send.
+    /// Sends `outgoing`, and fills `incoming`, whose lengths are the lengths of the messages that the other ranks send.
     fn send_receive(&self, outgoing: &[RankMessage], incoming: &mut [RankMessage]);
 
     /// Returns the bytes of all ranks, one after the other, on every rank; `lengths` has the number of bytes of each rank.
@@ -126,7 +126,7 @@ pub fn all_gather_unsized(communicator: &dyn Communicator, own: &[u8]) -> Vec<Ve
     lengths.into_iter().map(&mut take_bytes).collect()
 }
 
-/// Returns a list of `count` items, on all ranks: each rank computes those of a range by `compute`. A list of fewer
+/// Returns a list of `count` items, on all ranks: each rank computes the items of a range by `compute`. A list of fewer
 /// than `min_count` items, which take less time than their exchange, is computed by every rank.
 pub fn divided_list<T: Pod>(count: usize, min_count: usize, compute: impl FnOnce(Range<usize>) -> Vec<T>) -> Vec<T> {
     let communicator = communicator();
@@ -176,7 +176,7 @@ pub struct RankTraffic {
     /// Messages to single ranks, and their bytes.
     pub messages: u64,
     pub message_bytes: u64,
-    /// Gathers of lists of known lengths, also those of self-gravity and residual, and the bytes that this rank gave.
+    /// Gathers of lists of known lengths, also for self-gravity and residual, and the bytes that this rank gave.
     pub gathers: u64,
     pub gathered_bytes: u64,
     /// Sweeps that were divided among the ranks.

@@ -24,7 +24,7 @@ impl MpiCommunicator {
         MpiCommunicator { rank: world.rank() as usize, size: world.size() as usize }
     }
 
-    /// Replaces the bytes, of the same length on all ranks, by those of the rank `root`.
+    /// Replaces the bytes, of the same length on all ranks, by the bytes of the rank `root`.
     fn broadcast_from(root: usize, bytes: &mut [u8]) {
         let world = SimpleCommunicator::world();
         let root = world.process_at_rank(root as i32);

@@ -464,7 +464,7 @@ pub fn check_probes(scene: &Scene, report: &mut FaultReport) {
 
 /// Warns of probable mistakes of units: densities of free bodies, friction of laws in use and friction set by events.
 ///
-/// The density 1 is that of scenes without units.
+/// Scenes without units have the density 1.
 pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, event_report: &mut FaultReport) {
     let mut questions = Faults::default();
     let file = datbox.join("BULK_BEHAV.DAT");
@@ -593,7 +593,7 @@ pub fn initial_contacts(
     (contacts, memories)
 }
 
-/// Rejects contacts of another step or time than that of DOF.INI.
+/// Rejects contacts of another step or time than DOF.INI has.
 fn check_head(file: &Path, history: &VlocRloc, scene: &Scene, faults: &mut Faults) {
     let h = scene.options.dt;
     let StepTime { step, time } = scene.start;
@@ -724,7 +724,7 @@ impl ContactReader<'_> {
             }
             _ => (UNKNOWN_FEATURE, number),
         };
-        // The file has the tangents of LMGC90, which differ from those of `local_frame`.
+        // The file has the tangents of LMGC90, which differ from the tangents of `local_frame`.
         let to_own_frame = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
         let memory =
             law_memory(&scene.law_names[rule.law as usize].kind, &record.internals, &record.frame.map(Vec3::from));

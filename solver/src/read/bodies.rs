@@ -545,7 +545,7 @@ pub struct InitialMotion {
     pub w: Vec<Vec3>,
 }
 
-/// Motion of the bodies by DOF.INI; imposed components are those of DRV_DOF.DAT.
+/// Motion of the bodies by DOF.INI, with imposed components by DRV_DOF.DAT.
 pub fn initial_motion(
     datbox: &Path,
     records: &Bodies,

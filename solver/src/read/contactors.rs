@@ -93,7 +93,8 @@ impl ContactorTable {
 pub enum ContactorNumbers {
     /// Counted in each body.
     InBody,
-    /// Counted over all bodies, as in files of earlier versions of LMGC90; with the number of contactors of all earlier bodies, for each body.
+    /// Counted over all bodies, as in files of earlier versions of LMGC90. For each body, the number of contactors of all
+    /// earlier bodies.
     OverAll(Vec<usize>),
 }
 
@@ -151,7 +152,7 @@ impl ContactorNumbers {
         }
     }
 
-    /// Whether the number of a side is that of its contactor in its body.
+    /// Whether the number of a side is the number of its contactor in its body.
     pub fn is_in_body(&self, records: &Bodies, side: &ContactSide) -> bool {
         ContactorNumbers::InBody.exact_index(records, side).is_some() && *self == ContactorNumbers::InBody
     }

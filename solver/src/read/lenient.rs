@@ -53,7 +53,7 @@ impl<'a> FolderReader<'a> {
         self.read_optional_file(name, read, None)
     }
 
-    /// Value of a file, or the default if there is none; `notice`: that of the default, if it is not expected.
+    /// Value of a file, or the default if there is none; `notice`: notice about the default, if it is not expected.
     pub fn read_optional_file<T: Default>(
         &mut self,
         name: &str,

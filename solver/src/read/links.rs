@@ -162,7 +162,7 @@ fn offset_in_body(scene: &Scene, point: &PointContactor) -> Vec3 {
     scene.axes[i].inverse_transform_vector(&(point.position - scene.reference[i]))
 }
 
-/// Number of a point, behind those of all parts of its body.
+/// Number of a point, behind the numbers of all parts of its body.
 fn point_number(scene: &Scene, point: &PointContactor) -> u16 {
     let parts = if scene.has_parts() { scene.parts_of(point.body).len() } else { 0 };
     u16::try_from(parts + point.contactor).unwrap_or(u16::MAX)

@@ -100,7 +100,7 @@ impl CostModel {
         max_sweeps.min(MOMENTUM_CYCLE * rounds.max(1))
     }
 
-    /// Largest cost of a subproblem: that of a round of sweeps over all contacts.
+    /// Largest cost of a subproblem: the cost of a round of sweeps over all contacts.
     pub fn subproblem_budget(&self, contacts: usize) -> f64 {
         MOMENTUM_CYCLE as f64 * self.contact_sweep_cost * contacts as f64
     }

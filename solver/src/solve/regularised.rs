@@ -3,7 +3,7 @@
 //! A spring of the law adds its compliance C to the normal unknown, û_n = u_n + shift + C r̂_n, so that the force at the end of
 //! the step is that of the gap at the end of the step, for any stiffness and length of the step. A coupled row has u = 0 for
 //! any impulse. A wire or rod has a spring, too, and pulls. An interface acts next to the contact: its impulse, with the
-//! damage of the start of the step, is linear in the velocity of the row. The sweeps are those of
+//! damage of the start of the step, is linear in the velocity of the row. The method is
 //! [`gauss_seidel`](super::gauss_seidel), one contact after the other: such rows are few, and all other scenes keep the
 //! sweeps in vectors, which know neither.
 //!

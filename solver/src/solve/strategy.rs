@@ -65,7 +65,7 @@ pub fn update_backoff(
     }
 }
 
-/// Solves by sweeps alone: those of problems with regularised rows, or [`solve_nlgs`].
+/// Solves by sweeps alone: by the sweeps for problems with regularised rows, or by [`solve_nlgs`].
 pub fn solve_by_sweeps(
     contact_problem: &ContactProblem,
     criteria: StoppingCriteria,
@@ -257,7 +257,7 @@ fn solve_with_subproblem_corrections(
     best
 }
 
-/// Impulses with those of a stagnating subproblem solved on the stored matrix; `None` if the residual is spread over all
+/// Impulses after a stagnating subproblem has been solved on the stored matrix; `None` if the residual is spread over all
 /// rows.
 fn solve_stalled_subproblem(
     contact_problem: &ContactProblem,

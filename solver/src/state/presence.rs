@@ -37,7 +37,7 @@ impl State {
         retain(&mut self.memories, &kept);
         retain(&mut self.pair_attractions, &kept);
         self.interval.exchanges.retain(|exchange| exchange.bodies.into_iter().all(is_present));
-        // Its rows are those of the free bodies before.
+        // Its rows belong to the free bodies before.
         self.attraction = None;
     }
 }

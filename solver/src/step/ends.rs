@@ -315,7 +315,7 @@ impl PostSolve<'_> {
         totals.contact_work += impulse.dot(&mean_velocity) + turning_work;
         totals.friction_work += impulse.y * mean_velocity.y + impulse.z * mean_velocity.z + turning_work;
         if !bodies[antagonist].driven {
-            // The impulse on the antagonist acts at its own position, not at that of the image.
+            // The impulse on the antagonist acts at its own position, not at the position of the image.
             totals.angular_momentum += contact.image.cross(&force);
         }
         let sides = [(candidate, antagonist, 1.0), (antagonist, candidate, -1.0)].into_iter().zip(arms);

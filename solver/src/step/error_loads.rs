@@ -33,7 +33,7 @@ const MIN_SPREAD: f64 = 1e-12;
 
 /// Bonds between two bodies.
 struct BondedPair {
-    /// Candidate and antagonist; all walls are one node, after those of the bodies.
+    /// Candidate and antagonist; all walls are one node, after the nodes of the bodies.
     nodes: [usize; 2],
     rows: Vec<usize>,
     /// Vectors from the centres of the two bodies to the centre of the bonds, m.
@@ -138,8 +138,8 @@ struct Branch {
     motion: Twist,
 }
 
-/// Largest impulse by which the velocity errors load one of the `bonded` rows in the next step, over its strength. Those that
-/// are `broken` carry nothing; both are sorted.
+/// Largest impulse by which the velocity errors load one of the `bonded` rows in the next step, over its strength. The
+/// `broken` rows carry nothing; both are sorted.
 pub fn largest_error_load(
     contact_problem: &ContactProblem,
     solution: &ContactSolution,
@@ -213,7 +213,7 @@ fn subtract_rigid_motion(contact_problem: &ContactProblem, tree: &mut [Branch]) 
     }
 }
 
-/// Largest load share of the pairs of a tree. `on_walls`: whether the first node is that of the walls.
+/// Largest load share of the pairs of a tree. `on_walls`: whether the first node stands for the walls.
 fn tree_load(
     contact_problem: &ContactProblem,
     solution: &ContactSolution,

@@ -264,7 +264,7 @@ impl ErrorEstimator {
         self.clock.accumulate(times);
     }
 
-    /// Returns the sources of error, each with its cost; `balance` is that of the state.
+    /// Returns the sources of error, each with its cost. `balance`: balance of the state.
     pub fn error_sources(&self, scene: &Scene, state: &State, balance: &BalanceErrors) -> Vec<ErrorSource> {
         let recent = second_half(&self.loaded.rows);
         let depth = mean_of(recent.iter().map(|row| row.penetration_mean));

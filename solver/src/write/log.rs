@@ -74,7 +74,7 @@ impl LogCell {
         }
     }
 
-    /// Combines the figure with that of a later step, which has this share of the length of both.
+    /// Combines the figure with the figure of a later step, which has this share of the length of both.
     fn add(&mut self, kind: ColumnKind, later: LogCell, share: f64) {
         *self = match (kind, *self, later) {
             (ColumnKind::Last, _, later) => later,

@@ -28,7 +28,7 @@ impl ProbeFiles {
     pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<Self, Faults> {
         let options = &scene.options;
         let open = |probe: &Probe| {
-            // Forces are means over the steps of a row, flows sums, other quantities those of its last step.
+            // Forces are means over the steps of a row, flows sums; other quantities are taken at its last step.
             let kind = match probe.quantity {
                 ProbeQuantity::Force { .. } => ColumnKind::Mean,
                 ProbeQuantity::Motion { .. } | ProbeQuantity::Energy { .. } => ColumnKind::Last,

@@ -98,7 +98,7 @@ impl RunStatistics {
 pub const INERT_REASON: &str = "along the normal of their contact the motion of both is imposed, so that it does not act; free one of \
      them along it, or remove the row between them";
 
-/// Returns the text of the summary; `balance` is that of the state.
+/// Returns the text of the summary. `balance`: balance of the state.
 pub fn summary_text(
     scene: &Scene,
     state: &State,

@@ -15,7 +15,7 @@ use cd_formats::tact_behav::TactBehav;
 
 const DRIVEN_COPY: &str = "DRV_DOF.OUT";
 
-/// Names in OUTBOX, apart from those of tables.
+/// Names in OUTBOX, apart from names of tables.
 pub const INPUT_COPIES: [&str; 5] = ["BODIES.OUT", "BULK_BEHAV.OUT", "TACT_BEHAV.OUT", DRIVEN_COPY, "COMPUTE.RON"];
 
 /// Writes BODIES.OUT, with centred bodies in the axes of DOF.OUT.k, BULK_BEHAV.OUT, TACT_BEHAV.OUT, DRV_DOF.OUT and the

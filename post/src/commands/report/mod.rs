@@ -116,7 +116,7 @@ fn escape_html(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
-/// Measurements of a run for its page; `rows` and `states` contain at least those of `last`.
+/// Measurements of a run for its page; `rows` and `states` contain at least the rows and states of `last`.
 struct PageContent<'a> {
     rows: &'a [Row],
     states: &'a [grains::PageState],

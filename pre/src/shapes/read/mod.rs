@@ -40,7 +40,7 @@ pub struct RepairedSurface {
 ///
 /// The ending selects the kind: `.obj`; `.stl`, text or binary; `.vtk` and `.vtp`, legacy or XML, whichever the file
 /// is. Points at the same position are one vertex; polygons are cut into triangles from their first corner. Vertices
-/// are numbered in the order in which the polygons name them. Repairs are those of `repair`; all are listed in
+/// are numbered in the order in which the polygons name them. `repair` makes the repairs; all are listed in
 /// [`RepairedSurface::repairs`].
 ///
 /// Errors: a file that cannot be read, and every fault of the surface.

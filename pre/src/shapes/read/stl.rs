@@ -190,7 +190,7 @@ fn read_facet(words: &mut WordReader, line: usize, mesh: &mut PolygonMesh) -> Re
         for (k, x) in point.iter_mut().enumerate() {
             let number = words.next_word().ok_or_else(end_error)?;
             *x = coordinate(&number.text).map_err(|error| {
-                // Too few numbers: the next word is that of the next line.
+                // Too few numbers: the next word belongs to the next line.
                 let is_on_next_line = number.line > word.line;
                 let found = if is_on_next_line {
                     format!("a vertex of {}", count_text(k, "number"))

@@ -1,4 +1,5 @@
-//! Contactors on flush contactors: contacts with the edges and sides between these.
+//! Contactors on flush contactors: finds contacts with the edges and sides between these; A, B, C and inner contacts as in
+//! [`super`].
 
 use std::ops::Range;
 
@@ -287,7 +288,7 @@ struct RewrittenList<'a> {
 }
 
 impl RewrittenList<'_> {
-    /// Keeps the unread items before a range of the original list, and drops those of the range.
+    /// Keeps the unread items before a range of the original list, and drops the items of the range.
     fn drop_range(&mut self, range: Range<usize>) {
         let start = range.start + self.inserted;
         self.contacts.copy_within(self.unread..start, self.written);

@@ -1,4 +1,4 @@
-//! Convex shapes, with only the data of the flush-joint test.
+//! Convex shapes, with only the data of the flush-joint test of [`super::inner`].
 
 use crate::geometry::PosedPolyhedron;
 use crate::math::{Quat, Vec3};

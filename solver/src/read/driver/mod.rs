@@ -265,7 +265,7 @@ impl<'a> DriverReader<'a> {
         self.set_option(call, "output_every", value, |options, n| options.output_every = Some(n));
     }
 
-    /// Takes the interval of pictures as that of the output, if no call sets it.
+    /// Takes the interval of pictures as the interval of the output, if no call sets it.
     fn read_pictures(&mut self) {
         if let Some(call) = self.pictures.filter(|_| !self.set_options.contains_key("output_every")) {
             self.read_output(call, 0);

@@ -128,7 +128,7 @@ impl ScriptValue {
 /// Value, or the part of the expression that is not known.
 pub type Evaluation = Result<ScriptValue, String>;
 
-/// Values of the variables, by their names; those of attributes as `self.dt`.
+/// Values of the variables, by their names; values of attributes by names as `self.dt`.
 pub type Variables = BTreeMap<String, Evaluation>;
 
 /// Deepest nesting of brackets and signs that is read: each level takes stack.
@@ -561,7 +561,7 @@ fn call_function(name: &str, arguments: &[ScriptValue]) -> Option<Evaluation> {
             let order = |a: &(f64, &ScriptValue), b: &(f64, &ScriptValue)| (sign * a.0).total_cmp(&(sign * b.0));
             numbers?.into_iter().zip(arguments).min_by(order).map(|(_, value)| value.clone())
         }
-        // Progress bars and the like: as many items as those of their argument.
+        // Progress bars and the like have as many items as their argument.
         ("tqdm" | "enumerate" | "reversed" | "sorted", [ScriptValue::Range(count), ..]) => {
             Some(ScriptValue::Range(*count))
         }

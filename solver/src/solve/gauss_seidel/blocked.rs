@@ -179,7 +179,7 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
         impulses.par_iter_mut().zip(&self.slots).with_min_len(PAR_MIN_LEN).for_each(copy);
     }
 
-    /// Copies moments into `moments`; `group_moments` returns those of a group with their indices.
+    /// Copies moments into `moments`; `group_moments` returns the moments of a group with their indices.
     pub fn read_back_moments<'a, I: Iterator<Item = (u32, [f64; 3])>>(
         &'a self,
         moments: &mut [Vec3],

@@ -155,7 +155,7 @@ impl BodyPartition {
         let is_large = |&curve_index: &u32| {
             reached[curve_index as usize].load(Ordering::Relaxed).count_ones() > MAX_REACHED_BLOCKS
         };
-        // Constraints inside a block, then those of its borders with later blocks, then those swept last.
+        // Constraints inside a block, then constraints of its borders with later blocks, then constraints that are swept last.
         let group = |(pair, &[a, b]): (&[u32; 2], &[u32; 2])| match a.min(b) {
             NO_INDEX => 2 * count as u32 + 1,
             block if a == b => block,

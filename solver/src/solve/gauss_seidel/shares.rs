@@ -149,7 +149,7 @@ impl SweepShare {
     }
 
     /// Replaces the sums of the tasks that other ranks sweep, and stops all ranks if one of them was requested to stop.
-    /// `blocks` and `borders`: sums of all tasks, of which those of this rank are set.
+    /// `blocks` and `borders`: sums of all tasks, of which this rank has set its own.
     pub fn gather_sums<T: LaneFloat>(&self, blocks: &mut [&mut SweepSums<T>], borders: &mut [&mut SweepSums<T>]) {
         count_divided_sweep();
         let own_rank = self.communicator.rank();
@@ -183,7 +183,7 @@ impl SweepShare {
         }
     }
 
-    /// Border tasks whose sums and impulses a rank reports to the others: those of which it is the first participant.
+    /// Border tasks whose sums and impulses a rank reports to the others: the border tasks of which it is the first participant.
     pub fn reported_borders(&self, rank: usize) -> impl Iterator<Item = usize> + '_ {
         let is_first = move |(_, participants): &(usize, &Vec<u32>)| participants.first() == Some(&(rank as u32));
         self.participants.iter().enumerate().filter(is_first).map(|(border, _)| border)
@@ -302,7 +302,7 @@ impl<'a> BorderDivision<'a> {
         self.owners[self.partition.position(body).0 as usize]
     }
 
-    /// Bodies that the ranks send each other before they sweep these tasks: those of each task, from the rank that sweeps
+    /// Bodies that the ranks send each other before they sweep these tasks: the bodies of each task, from the rank that sweeps
     /// the block of the body to the other ranks that sweep the task.
     fn sent_bodies(&self, tasks: Range<usize>) -> impl Iterator<Item = SentBody> {
         let shared = tasks.filter(|&task| self.participants[task].len() > 1);

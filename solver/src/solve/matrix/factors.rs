@@ -281,7 +281,7 @@ fn subtract_multiple(x: &mut [f64], lower: &[f64], u: f64) {
     x.iter_mut().zip(lower).for_each(|(x, l)| *x = (-l).mul_add(u, *x));
 }
 
-/// Columns of L, the first of which is that of row `from`, as many as there are `pivots`.
+/// Columns of L, the first of which belongs to row `from`, as many as there are `pivots`.
 struct ColumnPanel<'a> {
     columns: &'a [f64],
     stride: usize,

@@ -9,7 +9,7 @@
 //!
 //! From within the cones, Newton's method follows x o y = tau n down to tau = 0, in the scaling of Nesterov and Todd, in
 //! which x and y are one point: T x = T^-1 y = l. So no contact has to be guessed open, sticking or sliding, which misleads
-//! other methods if much is undetermined. Predictor and corrector are those of Mehrotra.
+//! other methods if much is undetermined. Predictor and corrector are Mehrotra's.
 //!
 //! Sources: V. Acary, F. Cadoux, C. Lemaréchal, J. Malick, Z. angew. Math. Mech. 91 (2011) 155-175 (the problem on cones); L.
 //! Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010) (scaling, predictor, steps). Treating |y_T| as

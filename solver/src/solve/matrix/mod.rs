@@ -1,6 +1,6 @@
 //! The contact problem of one step in stored form: u = W r + q with W in 3x3 blocks.
 //!
-//! For problems given as a matrix: small hyperstatic ones for which sweeps converge slowly, and those of other programs.
+//! For problems given as a matrix: small hyperstatic ones for which sweeps converge slowly, and problems of other programs.
 //! Local order: normal, two tangents.
 //!
 //! | module | contents |

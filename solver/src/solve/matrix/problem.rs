@@ -23,7 +23,7 @@ pub struct MatrixProblem {
 /// Reason why numbers are no [`MatrixProblem`].
 #[derive(Debug, Clone, PartialEq)]
 pub enum MatrixProblemError {
-    /// The number of frictions is not that of contacts.
+    /// The number of frictions differs from the number of contacts.
     FrictionCount { frictions: usize, contacts: usize },
     /// A block of a contact out of range, or with a number that is not finite or too large.
     Block { row: usize, column: usize, contacts: usize, w: MatrixBlock },
@@ -132,7 +132,7 @@ impl MatrixProblem {
     }
 }
 
-/// Assumed blocks of W per contact: those of itself and of the other contacts of two grains with five each.
+/// Assumed blocks of W per contact: its own block, and blocks with the other contacts of two grains with five each.
 const BLOCKS_PER_CONTACT: usize = 9;
 
 /// Cost of one Newton step of a problem with this number of contacts of grains: about 1e-9 s on one core. It is computed, not

@@ -121,7 +121,7 @@ pub fn delassus_block_of_row(problem: &ContactProblem, block_data: &BlockData, k
     [0, 1, 2, 3, 4, 5].map(|k| w[k] + lever_part[k])
 }
 
-/// Product of two numbers minus that of two others.
+/// Product of two numbers minus the product of two others.
 #[inline(always)]
 fn difference_of_products<L: Arithmetic>(l: L, a: [L::V; 2], b: [L::V; 2]) -> L::V {
     l.neg_mul_add(b[0], b[1], l.mul(a[0], a[1]))

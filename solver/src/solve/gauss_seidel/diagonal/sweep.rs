@@ -242,7 +242,7 @@ fn apply_change<L: Arithmetic, B: PackedBody<T = L::T>>(
 fn solve_rolling<L: Arithmetic>(l: L, lines: &mut [[L::T; 8]], chunk: &mut BatchChunk<L::T>, from: usize) {
     let BatchChunk { batches, previous, rolls, curvatures, beta, .. } = chunk;
     let beta = l.splat(*beta);
-    // The new impulses are stored in place of those of the sweep before.
+    // The new impulses replace the impulses of the sweep before.
     for (((batch, r), rolls), curvatures) in batches.iter().zip(&**previous).zip(&mut **rolls).zip(*curvatures) {
         let (a, b) = pair!(from, batch);
         let (mut line_a, mut line_b) = (l.gather_lines(lines, a), l.gather_lines(lines, b));
