@@ -11,6 +11,32 @@ const ONE_WORD_TYPES: f64 = 0.25;
 /// Largest share of function names of one word: `new`, `parse`, `write` and operators are a fifth.
 const ONE_WORD_FUNCTIONS: f64 = 0.30;
 
+/// Prepositions, adverbs, participles and adjectives that do not name the value of a closure.
+const NAMELESS_WORDS: &str = "\
+    above across added after again against all along alone apart at before behind below beside between beyond \
+    broken by chosen current down due every evaluated far farther farthest finer finite first fitted for found \
+    from held idle imposed in inside joined known last listed lower lowest measured moved moving named near next \
+    numbered of on other others out over own present reduced rotated scaled shifted sorted stored through to \
+    toward towards until with within";
+
+/// Words that CONTRIBUTING.md retires and that have no other use here; `place`, `way` and `quench` have.
+const RETIRED_WORDS: [&str; 14] = [
+    "tell",
+    "tells",
+    "told",
+    "looked at",
+    "ask for",
+    "asks for",
+    "asked for",
+    "stands in",
+    "go on",
+    "goes on",
+    "beside",
+    "knot",
+    "knots",
+    "room",
+];
+
 /// Largest share of doc comments with a headless beginning.
 const HEADLESS: f64 = 0.02;
 
@@ -87,6 +113,24 @@ fn has_name_as_word(text: &str) -> bool {
         .any(|three| is_word(three[0]) && is_name(three[1]) && ["of", "at", "the", "all", "most"].contains(&three[2]))
 }
 
+/// Names of the closures of all crates.
+fn closure_names() -> Vec<String> {
+    let name = |line: &String| {
+        let rest = line.trim_start().strip_prefix("let ")?;
+        let (name, value) = rest.trim_start_matches("mut ").split_once(" = ")?;
+        value.trim_start_matches("move ").starts_with('|').then(|| name.to_string())
+    };
+    lines().iter().filter_map(name).collect()
+}
+
+/// First of the retired words in a text.
+fn retired_word(text: &str) -> Option<&'static str> {
+    let words =
+        text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ");
+    let words = format!(" {} ", words.to_lowercase());
+    RETIRED_WORDS.into_iter().find(|word| words.contains(&format!(" {word} ")))
+}
+
 /// Names that follow one of the keywords, sorted; each as often as it is defined.
 fn defined_names(lines: &[String], keywords: &[&str]) -> Vec<String> {
     let name = |line: &String| {
@@ -139,6 +183,27 @@ fn functions_have_two_words_unless_they_are_verbs_of_rust() {
     let names = defined_names(&lines(), &["fn"]);
     let found = share(&names, |name| !name.contains('_'));
     assert!(names.len() > 1500 && found <= ONE_WORD_FUNCTIONS, "{:.0} % of {} functions", 100.0 * found, names.len());
+}
+
+#[test]
+fn closures_are_named_by_their_values() {
+    let names = closure_names();
+    let is_nameless = |name: &&String| NAMELESS_WORDS.split_whitespace().any(|word| word == *name);
+    let nameless: Vec<&String> = names.iter().filter(is_nameless).collect();
+    assert!(names.len() > 1000 && nameless.is_empty(), "{nameless:?} of {} closures", names.len());
+}
+
+#[test]
+fn comments_and_messages_have_no_retired_words() {
+    assert_eq!(retired_word("/// Reads the files beside the scene"), Some("beside"));
+    assert_eq!(retired_word("/// Goes on, asked-for values"), Some("asked for"));
+    assert_eq!(retired_word("/// Memory besides the bond; a roommate"), None);
+    for (file, text) in sources() {
+        for (number, line) in (1..).zip(text.lines()) {
+            let word = prose(line).iter().find_map(|text| retired_word(text));
+            assert!(word.is_none(), "{}:{number}: {word:?}: {line}", file.display());
+        }
+    }
 }
 
 #[test]

@@ -191,6 +191,20 @@ fn the_step_in_the_docs_is_that_of_the_source() {
     assert!(quote.contains("pub fn step(") && source.contains(quote), "docs/development/architecture.md: {quote}");
 }
 
+/// `docs/development/architecture.md` names the function that computes the values of a row, and the one that blanks them.
+#[test]
+fn functions_named_for_a_new_observable_do_what_the_docs_say() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let read = |path: &str| fs::read_to_string(root.join(path)).unwrap();
+    let docs = read("docs/development/architecture.md").split_whitespace().collect::<Vec<_>>().join(" ");
+    let source = read("post/src/derive/mod.rs");
+    for (before, expected) in [("its value in `Row::", "= Row {"), ("also set to NaN in `Row::", "f64::NAN")] {
+        let name = docs.split_once(before).unwrap().1.split('`').next().unwrap();
+        let (_, body) = source.split_once(&format!("fn {name}(")).unwrap();
+        assert!(body.split("\n    }\n").next().unwrap().contains(expected), "docs/development/architecture.md: {name}");
+    }
+}
+
 #[test]
 fn programs_import_formats_and_never_each_other() {
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
