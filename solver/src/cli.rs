@@ -245,11 +245,7 @@ fn advance_case(
         let planned_ranks = arguments.ranks.map(|ranks| ranks as usize);
         let plan = || plan::plan_text(&scene, &state, planned_ranks);
         // The trial steps of a plan end after some time, which differs between ranks, so that they cannot make them together.
-        return if communicator.rank() == 0 {
-            Ok(pool_without_ranks()?.install(plan))
-        } else {
-            Ok(String::new())
-        };
+        return if communicator.rank() == 0 { Ok(pool_without_ranks()?.install(plan)) } else { Ok(String::new()) };
     }
     let pool = match communicator.size() {
         1 => pool_without_ranks()?,

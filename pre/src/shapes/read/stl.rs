@@ -70,7 +70,7 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
     if is_count_unset {
         mesh.notes.push(format!("read {} where 0 are announced", count_text(count, "triangle")));
     } else {
-        mesh.add_note("ignored", rest.len(), "byte", " after the last triangle");
+        mesh.note_ignored(rest.len(), "byte", " after the last triangle");
     }
     Ok(mesh)
 }
@@ -89,7 +89,7 @@ fn read_triangles(bytes: &[u8], big_endian: bool) -> PolygonMesh {
     if big_endian {
         mesh.notes.push("read as big-endian, which STL files should not be".into());
     }
-    mesh.add_note("ignored", wrong_normals, "normal", " without numbers");
+    mesh.note_ignored(wrong_normals, "normal", " without numbers");
     mesh
 }
 
@@ -245,7 +245,8 @@ impl WordReader<'_> {
     fn skip_line(&mut self) {
         let rest = self.current.as_slice();
         let is_facet = |words: &[&str]| {
-            let is = |k: usize, word: &str| words.get(k).is_some_and(|known: &&str| known.eq_ignore_ascii_case(word));
+            let is_word =
+                |k: usize, word: &str| words.get(k).is_some_and(|known: &&str| known.eq_ignore_ascii_case(word));
             let numbers = words.get(2..5).is_some_and(|normal| normal.iter().all(|word| parse_real(word).is_some()));
             is_word(0, "facet") && is_word(1, "normal") && numbers && is_word(5, "outer") && is_word(6, "loop")
         };
