@@ -16,6 +16,10 @@ const CLOSING_ROUNDING: f64 = 1e-9;
 /// Relative change of an approach speed since the last step that is attributed to the digits of text files.
 const SPEED_DIGITS: f64 = 1e-6;
 
+/// Error of a relative velocity that LMGC90's solution leaves, over the largest relative velocity in the file: its usual
+/// tolerance is 1.666e-4, and velocities of its files differ from those of the bodies by up to 4e-5.
+const FILE_RESIDUAL: f64 = 2e-4;
+
 /// Whether velocities differ from those at the end of the last step and are not bounded by it.
 pub fn velocities_are_unbounded(scene: &Scene, state: &State, applied: &AppliedEvents) -> bool {
     state.step == scene.start.step || applied.velocities_changed || state.bodies_entered
@@ -40,6 +44,7 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
     let start = predict_configuration(scene, state, 0);
     let start = ContactConfiguration { lookahead: h + time_before, ..start };
     let contacts = detect::listed_contacts(scene, &start, state.velocities(), &mut state.detection_cache.clone());
+    let file = FileStep::new(scene, state);
     let is_closing = |contact: &Contact| {
         let u = contact.normal.dot(&relative_velocity(contact, &start.x, Velocities { v: &state.v, w: &start.w }));
         let radius = scene.effective_radius(
@@ -47,39 +52,68 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
             (contact.antagonist, contact.part_numbers.1),
         );
         let find_old = || state.contacts.binary_search_by_key(&contact.key(), |old| old.contact.key());
-        let bounded = || {
-            !longer
-                && match find_old() {
-                    Ok(k) => u >= state.contacts[k].velocity.x - SPEED_DIGITS * u.abs(),
-                    Err(_) => bounded_by_file(state, &start, contact, u, time_before),
-                }
+        let bounded = || match find_old() {
+            _ if longer => false,
+            Ok(k) if state.step > scene.start.step => u >= state.contacts[k].velocity.x - SPEED_DIGITS * u.abs(),
+            _ => file.as_ref().is_some_and(|file| file.bounds(contact)),
         };
         -time_before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !bounded()
     };
     contacts.iter().any(is_closing)
 }
 
-/// Whether a contact between polyhedra, cylinders or plates that a file lists, without their features, bounds the approach
-/// speed u (m/s, < 0) of a contact: the nearest in the file between the two contactors does not close more slowly.
-///
-/// The file has velocities in the contact configuration of its last step, from which the bodies have turned by up to
-/// ω `time_before`, so that points at the distance r move by ω² r `time_before` faster.
-fn bounded_by_file(state: &State, start: &ContactConfiguration, contact: &Contact, u: f64, time_before: f64) -> bool {
-    let pair = |c: &Contact| (c.candidate, c.antagonist, c.part_numbers);
-    let first = state.contacts.partition_point(|old| pair(&old.contact) < pair(contact));
-    let of_same_pair = state.contacts[first..].iter().take_while(|old| pair(&old.contact) == pair(contact));
-    let without_features = of_same_pair.filter(|old| old.contact.features.0 == UNKNOWN_FEATURE);
-    let distance = |old: &SolvedContact| (old.contact.point - contact.point).norm_squared();
-    let Some(nearest) = without_features.min_by(|a, b| distance(a).total_cmp(&distance(b))) else { return false };
-    let centripetal_acceleration = |body: BodyId| {
-        let i = body.index();
-        start.w[i].norm_squared() * (contact.point - start.x[i]).norm()
-    };
-    let velocities = Velocities { v: &state.v, w: &start.w };
-    let rounding = SPEED_DIGITS * relative_velocity(contact, &start.x, velocities).norm();
-    u >= nearest.velocity.x
-        - rounding
-        - time_before * (centripetal_acceleration(contact.candidate) + centripetal_acceleration(contact.antagonist))
+/// Contacts of a file, and the bodies in the contact configuration of its last step.
+struct FileStep<'a> {
+    scene: &'a Scene,
+    state: &'a State,
+    /// Positions in that contact configuration, x - θ h V, m.
+    x: Vec<Vec3>,
+    /// Time from that contact configuration to the end of the step, θ h, s.
+    time_after: f64,
+    /// Error of velocities that the solution of the step has left, m/s.
+    residual: f64,
+}
+
+impl<'a> FileStep<'a> {
+    /// Step of the file from which the run starts; `None` if the file lists no contact.
+    fn new(scene: &'a Scene, state: &'a State) -> Option<Self> {
+        let fastest = state.contacts.iter().map(|old| old.velocity.norm()).reduce(f64::max)?;
+        let time_after = scene.options.theta * state.h;
+        let x = state.x.iter().zip(&state.v).map(|(x, v)| x - v * time_after).collect();
+        Some(FileStep { scene, state, x, time_after, residual: FILE_RESIDUAL * fastest })
+    }
+
+    /// Whether the step has bounded the approach of a pair: the file lists contacts of it, and the velocities of the bodies
+    /// are those with which the step ended. Points of polyhedra that the file does not list, since the bodies have turned or
+    /// since LMGC90 chooses others, move with the same bodies.
+    fn bounds(&self, contact: &Contact) -> bool {
+        let pair = |c: &Contact| (c.candidate, c.antagonist, c.part_numbers);
+        let contacts = &self.state.contacts;
+        let first = contacts.partition_point(|old| pair(&old.contact) < pair(contact));
+        let of_pair = contacts[first..].iter().take_while(|old| pair(&old.contact) == pair(contact));
+        let is_of_file = |old: &&SolvedContact| {
+            self.state.step == self.scene.start.step || old.contact.features.0 == UNKNOWN_FEATURE
+        };
+        let mut of_file = of_pair.filter(is_of_file).peekable();
+        of_file.peek().is_some() && of_file.all(|old| self.has_velocity(old))
+    }
+
+    /// Whether the bodies have the normal velocity that the file lists for a contact, in its frame and at its point.
+    ///
+    /// Differences are the rounding of velocities, positions and points, the residual of the solution, and, for the rotation
+    /// of a free body from there to the end of the step, at most ω² `time_after`: |J₂ - J₁| ≤ J₃ for all bodies.
+    fn has_velocity(&self, old: &SolvedContact) -> bool {
+        let FileStep { scene, state, ref x, time_after, residual } = *self;
+        let Contact { candidate, antagonist, point, .. } = old.contact;
+        let image = scene.nearest_image_shift(&point, &x[antagonist.index()]);
+        let velocities = Velocities { v: &state.v, w: &state.w };
+        let u = old.contact.normal.dot(&relative_velocity(&Contact { image, ..old.contact }, x, velocities));
+        let difference_limit = |body: BodyId| {
+            let (v, w, x) = (&state.v[body.index()], state.w[body.index()].norm(), &x[body.index()]);
+            SPEED_DIGITS * (v.norm() + w * (x.norm() + point.norm())) + w * w * (point - x).norm() * time_after
+        };
+        (u - old.velocity.x).abs() <= residual + difference_limit(candidate) + difference_limit(antagonist)
+    }
 }
 
 /// Work that the choice of θ = 1 adds in a step that is taken with it, compared with the scene's θ, J: the bodies'

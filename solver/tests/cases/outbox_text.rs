@@ -122,6 +122,64 @@ fn an_outbox_is_a_datbox() {
     assert!(!half.path().join("OUTBOX/DOF.OUT.4").exists());
 }
 
+/// A ball on a plate that turns under it, or a box that tumbles on a floor, and far from both a sphere that falls freely.
+fn turning_and_falling(tumbles: bool) -> (Case, usize) {
+    let mut case = Case::new();
+    case.gravity = [0.0, 0.0, -9.81];
+    case.law_of_all("IQS_CLB", &[0.3]);
+    let far = case.sphere(0.1, [0.0, 5.0, 3.0]);
+    if tumbles {
+        case.floor();
+        // On a vertex, which lies √3/10 below the centre.
+        let axes = [[2.0, 1.0, -2.0], [1.0, 2.0, 2.0], [2.0, -2.0, 1.0]].map(|axis: [f64; 3]| axis.map(|c| c / 3.0));
+        let body = case.block([0.1; 3], [0.0, 0.0, 0.5 / 3.0], axes);
+        case.launch(body, [0.3, 0.2, 0.0], [3.0, -2.0, 1.0]);
+    } else {
+        let plate = case.plate([2.0, 2.0, 0.1], [0.0, 0.0, -0.1], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        case.drive_along(plate, 4, Evolution::constant(-0.3));
+        case.sphere(0.1, [0.3, 0.0, 0.1]);
+    }
+    (case.options.dt, case.options.text, case.options.output_every) = (1e-3, true, 1);
+    (case, far)
+}
+
+/// At a restart from each of the first outputs the velocities are those that a step has bounded: no body notices it.
+#[test]
+fn a_restart_from_text_has_no_step_of_unforeseen_velocities() {
+    for tumbles in [false, true] {
+        let (mut case, far) = turning_and_falling(tumbles);
+        case.run(40);
+        let outbox = case.path().join("OUTBOX");
+        for k in [3, 7, 12, 20, 33, 38] {
+            let half = continued(&outbox, &format!("OUT.{k}"));
+            assert_eq!(solve(half.path().into(), &["--steps=1"]), 0);
+            let [ours, whole] = [half.path().join("OUTBOX/DOF.OUT.1"), outbox.join(format!("DOF.OUT.{}", k + 1))];
+            let height = |path: &Path| Dof::read(path).unwrap().bodies[far].displacement[2];
+            // With θ = 1 the sphere falls by g h²/2 = 4.9e-6 m more; displacements below 0.01 m have nine digits.
+            let difference = height(&ours) - height(&whole);
+            assert!(difference.abs() < 1e-8, "tumbles: {tumbles}, {k}: {difference}");
+        }
+    }
+}
+
+/// Velocities that an edited DOF.INI gives differ from those of the contacts in Vloc_Rloc.INI: no step has bounded them.
+#[test]
+fn edited_velocities_are_unforeseen() {
+    let (mut case, far) = turning_and_falling(false);
+    case.run(10);
+    let half = continued(&case.path().join("OUTBOX"), "OUT.10");
+    let path = half.path().join("DATBOX/DOF.INI");
+    let mut dof = Dof::read(&path).unwrap();
+    let ball = dof.bodies.len() - 1;
+    dof.bodies[ball].velocity[2] -= 0.01;
+    fs::write(&path, dof.to_text()).unwrap();
+    assert_eq!(solve(half.path().into(), &["--steps=1"]), 0);
+    let end = Dof::read(&half.path().join("OUTBOX/DOF.OUT.1")).unwrap();
+    let fallen = end.bodies[far].displacement[2] - dof.bodies[far].displacement[2];
+    // x⁺ = x + h V⁺; eight digits.
+    assert!((fallen - 1e-3 * end.bodies[far].velocity[2]).abs() < 1e-8, "{fallen}");
+}
+
 #[test]
 fn tables_of_imposed_motion_are_copied() {
     let mut case = Case::new();
