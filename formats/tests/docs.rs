@@ -297,5 +297,5 @@ fn what_is_shown_is_accepted() {
             shown += 1;
         }
     }
-    assert_eq!(shown, 8);
+    assert_eq!(shown, 9);
 }

@@ -726,8 +726,9 @@ impl ContactReader<'_> {
         };
         // The file has the tangents of LMGC90, which differ from the tangents of `local_frame`.
         let to_own_frame = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
-        let memory =
-            law_memory(&scene.law_names[rule.law as usize].kind, &record.internals, &record.frame.map(Vec3::from));
+        // The sliding is that of the candidate, too.
+        let tangents = [frame[1] * sign, frame[2] * sign];
+        let memory = law_memory(&scene.law_names[rule.law as usize].kind, &record.internals, tangents);
         let solved = SolvedContact {
             contact: Contact {
                 candidate: BodyId::new(candidate.body),
@@ -783,12 +784,13 @@ impl ContactReader<'_> {
     }
 }
 
-/// Memory of a law of a kind, from the internal variables of a contact of Vloc_Rloc.INI, with its frame.
-fn law_memory(kind: &str, internals: &[f64], frame: &[Vec3; 3]) -> LawMemory {
+/// Memory of a law of a kind, from the internal variables of a contact of Vloc_Rloc.INI, with its tangents t, s, reversed
+/// where the sides are swapped.
+fn law_memory(kind: &str, internals: &[f64], [t, s]: [Vec3; 2]) -> LawMemory {
     let value = |k: usize| internals.get(k).copied().unwrap_or(0.0);
     if has_interface(kind) {
         // The tangent s of LMGC90 has the opposite direction.
-        let sliding = frame[1] * value(INTERFACE_SLIDING[0]) - frame[2] * value(INTERFACE_SLIDING[1]);
+        let sliding = t * value(INTERFACE_SLIDING[0]) - s * value(INTERFACE_SLIDING[1]);
         return LawMemory { soundness: value(INTERFACE_SOUNDNESS), sliding, ..LawMemory::default() };
     }
     LawMemory { reference_gap: reference_gap_position(kind).map_or(0.0, value), ..LawMemory::default() }

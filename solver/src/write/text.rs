@@ -12,7 +12,7 @@ use super::text_inputs::INPUT_COPIES;
 use crate::laws::Cohesion;
 use crate::math::{Twist, Vec3};
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
-use crate::state::{Contact, ContactId, ContactStatus, LawMemory, SolvedContact, State};
+use crate::state::{ContactId, ContactStatus, LawMemory, SolvedContact, State};
 
 const DOF_PREFIX: &str = "DOF.OUT.";
 const CONTACTS_PREFIX: &str = "Vloc_Rloc.OUT.";
@@ -149,7 +149,7 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
         let link = scene.find_link([contact.candidate, contact.antagonist], contact.part_numbers);
         let candidate = side(contact.candidate, contact.part_numbers.0);
         let antagonist = side(contact.antagonist, contact.part_numbers.1);
-        ContactRecord {
+        let record = ContactRecord {
             line: 0,
             kind: contact_kind(&candidate.contactor, &antagonist.contactor).into(),
             candidate,
@@ -175,16 +175,48 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
                 Some(link) => vec![link.rest_length],
                 None => {
                     let kind = &scene.law_names[contact.law as usize].kind;
-                    internal_values(kind, &state.law_memory(ContactId::new(k)), contact)
+                    internal_values(kind, &state.law_memory(ContactId::new(k)))
                 }
             },
-        }
+        };
+        let is_interface =
+            link.is_none() && law_internals(&scene.law_names[contact.law as usize].kind) == LawInternals::Interface;
+        if is_interface { with_lmgc90_sliding(record, &state.law_memory(ContactId::new(k)).sliding) } else { record }
     };
     VlocRloc { step: state.step, time: state.time, contacts: state.contacts.iter().enumerate().map(record).collect() }
 }
 
-/// Internal variables of a contact with a law of a kind, in LMGC90's order; unused ones are 0.
-fn internal_values(kind: &str, memory: &LawMemory, contact: &Contact) -> Vec<f64> {
+/// The record of an interface with the pair in the order of LMGC90 and the frame that it computes, along which it takes
+/// the sliding: at a restart it reads numbers, and no directions. `sliding`: of the candidate before, m.
+fn with_lmgc90_sliding(mut record: ContactRecord, sliding: &Vec3) -> ContactRecord {
+    let [n, t, s] = record.frame.map(Vec3::from);
+    let to_world = |[a, b, c]: [f64; 3]| n * a + t * b + s * c;
+    let is_swapped = record.candidate.contactor == record.antagonist.contactor
+        && (record.antagonist.body, record.antagonist.number) < (record.candidate.body, record.candidate.number);
+    let sign = if is_swapped { -1.0 } else { 1.0 };
+    let (force, velocity) = (to_world(record.force) * sign, to_world(record.velocity) * sign);
+    if is_swapped {
+        std::mem::swap(&mut record.candidate, &mut record.antagonist);
+    }
+    let n = n * sign;
+    let tangent = match record.kind.as_str() {
+        "SPSPx" => Vec3::new(-n.y * n.z, -n.x * n.z, 2.0 * n.x * n.y),
+        "PRPRx" => Vec3::new(0.0, -n.z, n.y),
+        _ => t,
+    };
+    let t = tangent.try_normalize(0.0).unwrap_or(t);
+    let frame = [n, t, n.cross(&t)];
+    let along = |v: Vec3| frame.map(|axis| axis.dot(&v));
+    (record.force, record.velocity, record.frame) = (along(force), along(velocity), frame.map(Into::into));
+    let [_, along_t, along_s] = along(sliding * sign);
+    // The tangent s of LMGC90 has the opposite direction.
+    INTERFACE_SLIDING.into_iter().zip([along_t, -along_s]).for_each(|(k, value)| record.internals[k] = value);
+    record
+}
+
+/// Internal variables of a contact with a law of a kind, in LMGC90's order, without the sliding of an interface; unused ones
+/// are 0.
+fn internal_values(kind: &str, memory: &LawMemory) -> Vec<f64> {
     match law_internals(kind) {
         LawInternals::None => Vec::new(),
         LawInternals::Size => vec![0.0],
@@ -193,10 +225,6 @@ fn internal_values(kind: &str, memory: &LawMemory, contact: &Contact) -> Vec<f64
         LawInternals::Interface => {
             let mut internals = vec![0.0; INTERFACE_INTERNALS];
             internals[INTERFACE_SOUNDNESS] = memory.soundness;
-            let frame = contact.frame();
-            // The tangent s of LMGC90 has the opposite direction.
-            let sliding = [frame[1].dot(&memory.sliding), -frame[2].dot(&memory.sliding)];
-            INTERFACE_SLIDING.into_iter().zip(sliding).for_each(|(k, value)| internals[k] = value);
             internals
         }
     }

@@ -237,3 +237,39 @@ fn damage_survives_a_resume_and_a_restart_from_text() {
         assert!((again - before).abs() < 1e-3, "{kind}: {again} {before}");
     }
 }
+
+/// The sliding of an interface on a fixed block that is the first body: files have it along LMGC90's tangents, with the
+/// first body as the candidate, where the program has the free one.
+#[test]
+fn sliding_keeps_its_direction_through_files() {
+    let [(kind, parameters), ..] = interfaces();
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut case = Case::new();
+    case.law_of_all(kind, &parameters);
+    case.tact.visibility.iter_mut().for_each(|row| row.alert = 0.0625);
+    case.gravity = [0.0, 0.0, -1.0];
+    let base = case.block([1.0, 1.0, 0.5], [0.0, 0.0, -0.5], axes);
+    case.drive(base, [0.0; 6].map(cd_formats::drv_dof::Evolution::constant));
+    let block = case.block([0.25; 3], [0.0, 0.0, 0.25], axes);
+    case.launch(block, [0.02, 0.01, 0.0], [0.0; 3]);
+    (case.options.dt, case.options.text) = (1.0 / 16384.0, true);
+    case.run(20);
+    let sliding = case.last().laws.as_ref().unwrap().contact_sliding.clone();
+    let middle = case.first_text_states();
+    let records = cd_formats::vloc_rloc::VlocRloc::read(&case.path().join("OUTBOX/Vloc_Rloc.LAST")).unwrap().contacts;
+    for record in &records {
+        assert_eq!((record.candidate.body, record.antagonist.body), (base, block));
+        // t = (0, -n3, n2) and s = t x n, as LMGC90 computes them; the first body slides backwards.
+        near(record.frame[1], [0.0, 1.0, 0.0], 1e-12);
+        assert!(record.internals[1] < 0.0 && (record.internals[3] / record.internals[1]).abs() > 1.9, "{record:?}");
+    }
+    let unbroken = case.run(40);
+    let restarted = case.run_from_text(&middle, 20);
+    near(restarted.x(block), unbroken.x(block), 1e-9);
+    let again = restarted.laws.as_ref().unwrap().contact_sliding.clone();
+    let before = unbroken.laws.as_ref().unwrap().contact_sliding.clone();
+    assert_eq!(again.len(), before.len());
+    assert!(!sliding.is_empty());
+    // Seven digits of sliding.
+    again.iter().zip(&before).for_each(|(a, b)| near(*a, *b, 1e-9));
+}
