@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{AsciiText, LineScanner, RealText, TextLine, format_e14, format_long14, put_text};
+use crate::scan::{AsciiText, LenientForm, LineScanner, RealText, TextLine, format_e14, format_long14, put_text};
 
 /// Content of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -62,7 +62,11 @@ impl BulkBehav {
                     };
                     let name = scan.read_name5(line, 2, "name");
                     scan.set_object(format!("material {name}"));
-                    scan.read_name(line, (9, 38), "law");
+                    if scan.read_name(line, (9, 38), "law") == "DISCRETE" {
+                        scan.add_form(LenientForm::SpringMaterial, line.number);
+                        while scan.next_line_if(TextLine::is_continuation).is_some() {}
+                        continue;
+                    }
                     let density = scan.read_positive(line, 46, "density Umas");
                     if !name.is_empty() && materials.iter().any(|known| known.name == name) {
                         scan.add_fault(line.number, format!("'{name}' is defined twice"), "expected each name once");
@@ -118,3 +122,24 @@ fn is_material(line: TextLine) -> bool {
 
 /// First columns of the components of gravity.
 const GRAVITY_COLUMNS: [usize; 3] = [25, 46, 67];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn materials_of_springs_are_skipped() {
+        let text = "$gravy
+                   grv1= 0.0000000E+00  grv2= 0.0000000E+00  grv3=-9.8100000E+00
+$behav  lawty
+ ressr  DISCRETE                        m1  = 0.0000000D+00  m2  = 0.0000000D+00  m3  = 0.0000000D+00
+                                        k1  = 0.0000000D+00  k2  = 0.0000000D+00  k3  = 0.0000000D+00
+$behav  lawty
+ ROCKx  RIGID                           Umas= 1.0000000E+03
+";
+        let text = AsciiText::new(text.as_bytes());
+        let (bulk, notices) = BulkBehav::parse_with_notices(Path::new("BULK_BEHAV.DAT"), &text).unwrap();
+        assert_eq!(bulk.materials, [Material { name: "ROCKx".into(), density: 1000.0 }]);
+        assert_eq!(notices.len(), 1, "{notices:?}");
+    }
+}

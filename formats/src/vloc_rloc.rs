@@ -6,10 +6,13 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use nalgebra::{Matrix3, Vector3};
+
 use crate::error::Faults;
 use crate::ron_text::known_names;
 use crate::scan::{
-    AsciiText, GRID_COLUMNS, LineScanner, TextLine, format_d14, format_integer, put_grid, put_steps, put_text,
+    AsciiText, FRAME_TOLERANCE, GRID_COLUMNS, LenientForm, LineScanner, TextLine, format_d14, format_integer,
+    frame_defect, put_grid, put_steps, put_text,
 };
 
 /// Contents of a file: the contacts at one instant.
@@ -362,9 +365,34 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
     };
     kind.convert_s_axis(&mut contact);
     if kind.rows.contains('t') {
+        if CYLINDER_KINDS.contains(&kind.name) && make_orthonormal(&mut contact) {
+            scan.add_form(LenientForm::SkewAxes, line);
+        }
         scan.check_orthonormal(line, "n, t, s", &contact.frame);
     }
     Some(contact)
+}
+
+/// Kinds of contacts whose t and s LMGC90 writes as axes that are not orthogonal to n.
+const CYLINDER_KINDS: [&str; 2] = ["SPCDx", "SPDCx"];
+
+/// Turns t and s into the plane normal to n, if n is a unit vector and they are not in it, and takes force and velocity with
+/// them. Returns whether it has changed the axes.
+///
+/// The force is the sum of its components times the axes of the file; components of the velocity are its projections on these.
+fn make_orthonormal(contact: &mut ContactRecord) -> bool {
+    let rows = Matrix3::from_fn(|i, j| contact.frame[i][j]);
+    let [n, t, _] = contact.frame.map(Vector3::from);
+    let Some(to_world) = rows.try_inverse() else { return false };
+    let in_plane = (t - n * n.dot(&t)).try_normalize(FRAME_TOLERANCE);
+    let is_unit = (n.norm_squared() - 1.0).abs() <= FRAME_TOLERANCE;
+    let Some(t) = in_plane.filter(|_| is_unit && frame_defect(&contact.frame) > FRAME_TOLERANCE) else { return false };
+    let (force, velocity) = (rows.tr_mul(&Vector3::from(contact.force)), to_world * Vector3::from(contact.velocity));
+    let axes = [n, t, n.cross(&t)];
+    contact.force = axes.map(|axis| axis.dot(&force));
+    contact.velocity = axes.map(|axis| axis.dot(&velocity));
+    contact.frame = axes.map(Into::into);
+    true
 }
 
 /// Reads one side of a pair, which faults name `side_name`; `None` after a fault.
@@ -514,4 +542,53 @@ fn put_pair(out: &mut String, columns: &PairColumns, words: &PairWords) {
     put_side(out, &columns.antagonist, &words.antagonist);
     put_text(out, columns.status, words.status);
     out.push('\n');
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Contact of a sphere and a cylinder as LMGC90 writes it.
+    const SPHERE_ON_CYLINDER: &str = "\
+$steps       20              time= 0.2000000D-01
+
+$icdan  SPCDx        1
+ cdbdy  numbr  cdtac  numbr  CDVER  behav  anbdy  numbr  antac  numbr  sttus
+ RBDY3      2  SPHER      1         iqsc0  RBDY3      1  CYLND      1  stick      1
+                             rls/H 0.1201711D+00  rlt/H-0.1181704D+01  rln/H 0.4099774D+02
+                             vls = 0.1000000D+00  vlt = 0.2000000D+00  vln =-0.3000000D+00
+                             gTT = 0.0000000D+00
+                             t(1)= 0.9949207D+00  t(2)= 0.1006621D+00  t(3)= 0.0000000D+00
+                             n(1)= 0.1006621D+00  n(2)= 0.0000000D+00  n(3)= 0.9949207D+00
+                             s(1)=-0.1001508D+00  s(2)= 0.9898671D+00  s(3)= 0.1013287D-01
+                             coo1= 0.1006621D-01  coo2= 0.1000001D-01  coo3=-0.5079329D-03
+";
+
+    #[test]
+    fn skew_axes_of_spheres_on_cylinders_are_turned_about_the_normal() {
+        let read =
+            |text: &str| VlocRloc::parse_with_notices(Path::new("Vloc_Rloc.INI"), &AsciiText::new(text.as_bytes()));
+        let (file, notices) = read(SPHERE_ON_CYLINDER).unwrap();
+        assert_eq!(notices.len(), 1);
+        assert!(notices[0].contains("not orthogonal"), "{notices:?}");
+        let contact = &file.contacts[0];
+        assert!(frame_defect(&contact.frame) < 1e-6);
+        let [n, t, s] = contact.frame.map(Vector3::from);
+        let n_of_file = Vector3::new(0.1006621, 0.0, 0.9949207);
+        let (t_of_file, s_of_file) =
+            (Vector3::new(0.9949207, 0.1006621, 0.0), Vector3::new(-0.1001508, 0.9898671, 0.01013287));
+        assert!((n - n_of_file).norm() < 1e-12);
+        // The same force, and the same projections of the velocity on the axes of the file; n has eight digits.
+        let sum = |[a, b, c]: [f64; 3]| n * a + t * b + s * c;
+        let force = n_of_file * 40.99774 - t_of_file * 1.181704 + s_of_file * 0.1201711;
+        assert!((sum(contact.force) - force).norm() < 1e-5 * force.norm());
+        let velocity = sum(contact.velocity);
+        for (axis, value) in [(n_of_file, -0.3), (t_of_file, 0.2), (s_of_file, 0.1)] {
+            assert!((axis.dot(&velocity) - value).abs() < 1e-6, "{axis} {value}");
+        }
+        let spheres = SPHERE_ON_CYLINDER.replace("SPCDx", "SPSPx").replace("CYLND", "SPHER");
+        assert!(read(&spheres).unwrap_err().to_string().contains("orthonormal"));
+        let long = SPHERE_ON_CYLINDER.replace("n(3)= 0.9949207D+00", "n(3)= 0.9949207D+01");
+        assert!(read(&long).unwrap_err().to_string().contains("orthonormal"));
+    }
 }

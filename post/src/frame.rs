@@ -56,6 +56,7 @@ pub struct ImpulseExchange {
 /// A body that moves freely, in translation at least, or along two axes in a plane problem.
 #[derive(Debug, Clone)]
 pub struct Grain {
+    /// Number of the body in the snapshot and in BODIES.DAT.
     pub id: u64,
     /// Centre of mass at the snapshot's time, the end of the step, m; in a periodic scene, of the image in the cell about
     /// the origin.
@@ -120,6 +121,7 @@ impl Grain {
 /// A piston that moves freely along one axis under a load is a wall too: its force on the grains is an external load.
 #[derive(Debug, Clone)]
 pub struct Wall {
+    /// Number of the body in the snapshot and in BODIES.DAT.
     pub id: u64,
     pub x: Vec3,
     /// Velocity of a partly driven wall, m/s.

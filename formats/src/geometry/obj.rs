@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn a_surface_is_read_as_it_was_written() {
-        let vertices = [[0.1, 0.0, 0.0], [1.0, 1.0 / 3.0, 0.0], [0.0, 1e-7, 0.0], [0.0, 0.0, 1e21]];
+        let vertices = [[0.1, 0.0, 0.0], [1.0, 1.0 / 3.0, 0.0], [0.0, 1e-7, 0.0], [0.0, 0.0, 1.0 / 7.0]];
         let surface = Surface::new(&vertices, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("body.obj");

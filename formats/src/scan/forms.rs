@@ -25,6 +25,10 @@ pub enum LenientForm {
     UnusedVertex,
     /// Row for bodies or contactors of deformable bodies or of 2D.
     ForeignRow,
+    /// Material of springs, which no rigid body has.
+    SpringMaterial,
+    /// Axes t and s of a contact that are not orthogonal.
+    SkewAxes,
 }
 
 impl LenientForm {
@@ -63,6 +67,13 @@ impl LenientForm {
                 "{} of POLYR that no triangle has as a corner {are} dropped: {} inside of the body",
                 count_text(count, "vertex"),
                 if one { "it is" } else { "they are" }
+            ),
+            LenientForm::SpringMaterial => {
+                format!("{} of law DISCRETE {are} skipped", count_text(count, "material"))
+            }
+            LenientForm::SkewAxes => format!(
+                "the axes t and s of {} of spheres and cylinders are not orthogonal; they are turned about n",
+                count_text(count, "contact")
             ),
             LenientForm::ForeignRow => {
                 format!("{} for 2D or deformable bodies {are} skipped", count_text(count, "see row"))

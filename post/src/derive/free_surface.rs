@@ -277,16 +277,16 @@ impl UpperFace {
         let Some(solid) = grain.solid.as_deref() else { return Vec::new() };
         let corners: Vec<Vec3> = grain.vertices().map(|v| v - grain.x).collect();
         let rounding = 1e-9 * grain.bounding_radius();
-        let face = |corner: &Vec<u32>| {
-            let corner_height = |k: usize| corners[corner[k] as usize];
-            let normal: Vec3 = (2..corner.len())
-                .map(|k| (corner_height(k - 1) - corner_height(0)).cross(&(corner_height(k) - corner_height(0))))
+        let face = |face_corners: &Vec<u32>| {
+            let position = |k: usize| corners[face_corners[k] as usize];
+            let normal: Vec3 = (2..face_corners.len())
+                .map(|k| (position(k - 1) - position(0)).cross(&(position(k) - position(0))))
                 .sum();
             let rise = normal.dot(up);
             // A face on edge is below the rim of its neighbours.
             (rise > 1e-9 * normal.norm()).then(|| UpperFace {
-                corners: corner.iter().map(|&k| axes.map(|axis| corners[k as usize].dot(&axis))).collect(),
-                height: normal.dot(&corner_height(0)) / rise,
+                corners: face_corners.iter().map(|&k| axes.map(|axis| corners[k as usize].dot(&axis))).collect(),
+                height: normal.dot(&position(0)) / rise,
                 gradient: axes.map(|axis| -normal.dot(&axis) / rise),
                 centre_height: grain.x.dot(up),
                 rounding,

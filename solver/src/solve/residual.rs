@@ -126,9 +126,9 @@ pub struct Residual {
 pub struct AssociatedResidual {
     /// E by these laws.
     pub residual: f64,
-    /// rho mu |û_T|/|F(r_0)| of each evaluated row that has the associated law and an impulse, else 0: part in E, by
-    /// Coulomb's law, of the parting of a sliding contact.
-    pub partings: Vec<f64>,
+    /// rho mu |û_T|/|F(r_0)| of each evaluated row that has the associated law and an impulse, else 0: what the separation of a
+    /// sliding contact adds to E by Coulomb's law.
+    pub separations: Vec<f64>,
 }
 
 impl<'a> ResidualEvaluator<'a> {
@@ -388,21 +388,21 @@ impl<'a> ResidualEvaluator<'a> {
         let contact_parts = |&k: &ContactId| {
             let (row, r) = (&self.problem.rows[k.index()], &impulses[k.index()]);
             let u = self.problem.shifted_velocity(k.index(), &solver_bodies) * self.rho;
-            let parting = row.friction * (u - row.normal * row.normal.dot(&u)).norm();
-            let z = r - u - row.normal * if associated[k.index()] { 0.0 } else { parting };
+            let separation = row.friction * (u - row.normal * row.normal.dot(&u)).norm();
+            let z = r - u - row.normal * if associated[k.index()] { 0.0 } else { separation };
             let z_n = row.normal.dot(&z);
             let tangential = z - row.normal * z_n;
             let z_t = tangential.norm();
             let (p_n, p_t) = project_on_cone(Scalar, z_n, z_t, row.friction);
             let p = row.normal * p_n + if z_t > 0.0 { tangential * (p_t / z_t) } else { Vec3::zeros() };
-            let parts = associated[k.index()] && row.normal.dot(r) > 0.0;
-            ((r - p).norm_squared(), if parts { parting } else { 0.0 })
+            let separates = associated[k.index()] && row.normal.dot(r) > 0.0;
+            ((r - p).norm_squared(), if separates { separation } else { 0.0 })
         };
         let parts: Vec<(f64, f64)> = self.rows.par_iter().with_min_len(PAR_MIN_LEN).map(contact_parts).collect();
         let norm = self.initial_norm.max(self.floor);
         AssociatedResidual {
             residual: parts.iter().map(|(squared, _)| squared).sum::<f64>().sqrt() / norm,
-            partings: parts.iter().map(|(_, parting)| parting / norm).collect(),
+            separations: parts.iter().map(|(_, separation)| separation / norm).collect(),
         }
     }
 

@@ -41,6 +41,7 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
     if time_before == 0.0 || !(unbounded || longer || pushed) {
         return false;
     }
+    // A step of zero length: the positions at its start.
     let start = predict_configuration(scene, state, 0);
     let start = ContactConfiguration { lookahead: h + time_before, ..start };
     let contacts = detect::listed_contacts(scene, &start, state.velocities(), &mut state.detection_cache.clone());

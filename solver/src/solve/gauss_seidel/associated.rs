@@ -1,8 +1,9 @@
-//! Sweeps with the associated law of friction, in which a contact that slides at û_T parts at mu |û_T|.
+//! Sweeps with the associated law of friction, in which a contact that slides at û_T separates at mu |û_T|.
 //!
-//! The associated law, r̂ in the cone K, û in its dual cone and r̂·û = 0, makes the problem of all contacts convex, so that
-//! momentum needs no cap. A contact at rest, û = 0, obeys it as it obeys Coulomb's law: where all rest, the impulses solve
-//! both. Contacts that slide, found when the convex problem is solved, return to Coulomb's law. Impulses count by E alone.
+//! The associated law, r̂ in the cone K, û in its dual cone and r̂·û = 0, makes the problem of all contacts convex, so that the
+//! momentum of the sweeps (Nesterov's, see `momentum`) needs no cap. A contact at rest, û = 0, obeys it as it obeys Coulomb's
+//! law: where all rest, the impulses solve both. Contacts that slide, found when the convex problem is solved, return to
+//! Coulomb's law. The result is the impulses with the smallest E, the residual by Coulomb's law of `residual`.
 //!
 //! Source: V. Acary, F. Cadoux, C. Lemaréchal, J. Malick, ZAMM 91 (2011) 155-175 (convex problem next to Coulomb's).
 
@@ -24,13 +25,14 @@ use crate::state::ContactId;
 const MIN_CHECK_INTERVAL: u64 = 32;
 /// Ratio of a residual to the one before, or to the smallest, that counts as progress. Chosen.
 const PROGRESS_RATIO: f64 = 0.8;
-/// Number of sweeps without progress after which the sweeps end. Chosen: in piles at rest E falls by this ratio in 100 sweeps.
+/// Number of sweeps without progress after which the sweeps end. Chosen: in piles at rest E falls by [`PROGRESS_RATIO`] in
+/// 100 sweeps.
 const MAX_STALLED_SWEEPS: u64 = 256;
 /// Largest share of the contacts that may slide. Columns and boxes of spheres that come to rest converge with up to 3.5 % of
 /// sliding contacts; with 5 % and more, Coulomb's law on all contacts takes fewer sweeps.
 const MAX_SLIDING_SHARE: f64 = 0.05;
-/// Residual of the convex problem, over `tol`, at which its sliding contacts return to Coulomb's law, and residual that
-/// parting of the remaining ones may add to E, over `tol`. Chosen: both are below `tol` together.
+/// Residual of the convex problem, over `tol`, at which its sliding contacts return to Coulomb's law, and residual that the
+/// separation of the remaining ones may add to E, over `tol`. Chosen: both are below `tol` together.
 const SHARE_OF_TOLERANCE: f64 = 0.5;
 
 /// Impulses found by sweeps with the associated law.
@@ -39,6 +41,14 @@ pub struct AssociatedSolution {
     pub impulses: Option<Vec<Vec3>>,
     /// Number of sweeps.
     pub sweeps: u64,
+}
+
+/// Progress of the sweeps.
+struct Progress {
+    /// Sweep of the last fall of E or of the residual of the convex problem.
+    last_sweep: u64,
+    /// Smallest residual of the convex problem so far.
+    smallest_residual: f64,
 }
 
 /// Whether the sweeps apply: to spheres and plates with friction, without moments.
@@ -68,8 +78,7 @@ pub fn solve_associated(
     let mut motions = evaluator.body_motions(impulses);
     let mut best = (residual, None);
     let mut sweeps = 0;
-    // Sweep and value of the last smallest residual of the convex problem.
-    let mut progress = (0, f64::INFINITY);
+    let mut progress = Progress { last_sweep: 0, smallest_residual: f64::INFINITY };
     loop {
         let solver_bodies = &evaluator.solver_bodies(&motions);
         let source = PackSource {
@@ -81,8 +90,10 @@ pub fn solve_associated(
             associated: &associated,
         };
         // In single precision momentum without a cap adds up rounding: 1600 sweeps in place of 520 in a column of 10 000.
-        let mut packed = pack_problem(&source, false);
-        let mut momentum = SweepMomentum::new(false);
+        let is_single_precision = false;
+        let mut packed = pack_problem(&source, is_single_precision);
+        let has_cap = false;
+        let mut momentum = SweepMomentum::new(has_cap);
         let mut last = f64::INFINITY;
         loop {
             let end = max_sweeps.min(sweeps + MIN_CHECK_INTERVAL.max(sweeps / 8));
@@ -104,38 +115,38 @@ pub fn solve_associated(
             let falls = residual <= PROGRESS_RATIO * last;
             last = residual;
             if falls {
-                progress.0 = sweeps;
+                progress.last_sweep = sweeps;
                 continue;
             }
-            let parts = evaluator.associated_residual(&reactions.impulses, &motions, &associated);
-            if parts.residual <= PROGRESS_RATIO * progress.1 {
-                progress = (sweeps, parts.residual);
+            let convex = evaluator.associated_residual(&reactions.impulses, &motions, &associated);
+            if convex.residual <= PROGRESS_RATIO * progress.smallest_residual {
+                progress = Progress { last_sweep: sweeps, smallest_residual: convex.residual };
             }
-            let partings = largest_partings(parts.partings, share_of_tol.max(2.0 * parts.residual));
-            if (sliding + partings.len()) as f64 > MAX_SLIDING_SHARE * active.len() as f64
-                || sweeps > progress.0 + MAX_STALLED_SWEEPS
+            let separating = largest_separations(convex.separations, share_of_tol.max(2.0 * convex.residual));
+            if (sliding + separating.len()) as f64 > MAX_SLIDING_SHARE * active.len() as f64
+                || sweeps > progress.last_sweep + MAX_STALLED_SWEEPS
             {
                 return AssociatedSolution { impulses: best.1, sweeps };
             }
-            if parts.residual <= share_of_tol && !partings.is_empty() {
-                sliding += partings.len();
-                partings.iter().for_each(|&position| associated[active[position].index()] = false);
-                progress = (sweeps, f64::INFINITY);
+            if convex.residual <= share_of_tol && !separating.is_empty() {
+                sliding += separating.len();
+                separating.iter().for_each(|&position| associated[active[position].index()] = false);
+                progress = Progress { last_sweep: sweeps, smallest_residual: f64::INFINITY };
                 break;
             }
         }
     }
 }
 
-/// Positions of the smallest set of parts without which the norm of the others is at most `limit`.
-fn largest_partings(partings: Vec<f64>, limit: f64) -> Vec<usize> {
-    let mut parts: Vec<(usize, f64)> = partings.into_iter().enumerate().filter(|(_, part)| *part > 0.0).collect();
-    parts.sort_by(|(_, a), (_, b)| a.total_cmp(b));
+/// Positions of the contacts with the largest separations, without which the norm of the others is at most `limit`.
+fn largest_separations(separations: Vec<f64>, limit: f64) -> Vec<usize> {
+    let mut ordered: Vec<(usize, f64)> = separations.into_iter().enumerate().filter(|(_, size)| *size > 0.0).collect();
+    ordered.sort_by(|(_, a), (_, b)| a.total_cmp(b));
     let mut sum = 0.0;
-    let kept = parts.iter().take_while(|(_, part)| {
-        sum += part * part;
+    let small = ordered.iter().take_while(|(_, size)| {
+        sum += size * size;
         sum <= limit * limit
     });
-    let kept = kept.count();
-    parts.drain(kept..).map(|(position, _)| position).collect()
+    let small_count = small.count();
+    ordered.drain(small_count..).map(|(position, _)| position).collect()
 }

@@ -85,12 +85,12 @@ pub fn coulomb<L: Arithmetic>(
     triple!(k => l.mul_add(n[k], normal, tangential[k]))
 }
 
-/// Normal impulse of the associated law, r̂ in the cone, û in its dual cone, r̂·û = 0: a contact that slides at u_T parts at
-/// mu |u_T|.
+/// Normal impulse of the associated law, r̂ in the cone, û in its dual cone, r̂·û = 0: a contact that slides at u_T separates
+/// at mu |u_T|.
 ///
 /// * `stopping`: normal impulse r_n - û_n/w_n that would stop the contact, of any sign, N s.
 /// * `tangential`: tangential impulse that would stop it.
-/// * `w`: w_n and w_t, 1/kg; `friction`: mu; `share`: 1, or 0 for Signorini's condition without parting.
+/// * `w`: w_n and w_t, 1/kg; `friction`: mu; `share`: 1, or 0 for Signorini's condition without separation.
 ///
 /// The tangential part follows by [`coulomb`], as with [`signorini`]. With an excess of mu r_n under the stopping tangential
 /// impulse, r_n is raised by mu w_t/(w_n + mu² w_t) of that excess.
