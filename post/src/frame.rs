@@ -461,7 +461,8 @@ fn wall_of_row(bodies: &BodyArrays, row: usize, solid: Option<Arc<SolidShape>>) 
     Wall { id: bodies.body_id[row], x: bodies.body_x[row].into(), v, rotation: body_rotation(bodies, row), shape }
 }
 
-/// Numbers of a valid snapshot with which it cannot be measured, each as the object and the text found.
+/// Masses, moments of inertia and lengths that are not positive, with which no observable is defined, each as the
+/// object and the text found.
 fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
     let mut faults = Vec::new();
     for (row, is_wall) in wall_rows(bodies).into_iter().enumerate() {

@@ -16,8 +16,8 @@ impl Bodies {
 }
 
 impl Body {
-    /// Body with its position at the centre of mass, its contactors about it in the axes of its DOF file, and its
-    /// `avrd` and inertia filled in. Written to BODIES.DAT it is read with the same axes whatever program reads it.
+    /// Body with its position at the centre of mass, its contactors about it in the principal axes of DOF.INI, and
+    /// its `avrd` and inertia filled in. Written to BODIES.DAT it is read with the same axes whatever program reads it.
     ///
     /// A hollow cylinder among other contactors has no place for a frame in the file: such a body is returned as it is.
     /// Errors: the errors of [`Body::mass_properties`].

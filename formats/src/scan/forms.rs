@@ -1,10 +1,10 @@
-//! Deviations from the form of the files that are read as LMGC90 reads them, with a notice each.
+//! Deviations from the file formats that are accepted, as LMGC90 accepts them, with a notice each.
 
 use std::collections::BTreeMap;
 
 use crate::names::count_text;
 
-/// Form that deviates and has one reading only.
+/// Accepted deviation, whose meaning is unambiguous.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LenientForm {
     /// Line outside of all records.

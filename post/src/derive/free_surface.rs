@@ -29,15 +29,15 @@ const PATCH_SHARE: f64 = 1.0 / 3.0;
 /// Ratio of the root mean square of the gradients' deviations from their mean to noise, above which a surface may be no plane.
 const SIGNIFICANCE_FACTOR: f64 = 1.5;
 
-/// Threshold of the same deviations times the reach over the mean radius, above which a surface may not be a plane: at 12
-/// radii tan 6°, 1.7 times the largest value from undulations of eight level beds of 1000 and 3000 grains.
+/// Threshold of the root mean square of the gradients' deviations from their mean, times the reach over the mean radius, above
+/// which a surface may not be a plane: at 12 radii tan 6°, 1.7 times the largest value from undulations of eight level beds of 1000 and 3000 grains.
 const MAX_UNDULATION: f64 = 12.0 * 0.105;
 
 /// Distance from a leaning wall, in mean radii, up to which a column may stand on the side of the grains along it: between
 /// the grains at the wall those of the second layer are seen, whose centres are 1 + √3 radii from it.
 const SIDE_DEPTH: f64 = 3.0;
 
-/// Columns about verticals, a mean radius wide, row by row.
+/// Free surface of a bed, sampled by vertical columns a mean radius wide, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeSurface {
     /// Horizontal unit vectors; x and y if verticals are along z.
@@ -81,7 +81,7 @@ impl SurfaceColumn {
 }
 
 impl FreeSurface {
-    /// Returns the surface of all groups that a wall touches with force; None without such groups or without uniform
+    /// Returns the surface of all fragments that a wall touches with force; None without such fragments or without uniform
     /// gravity.
     ///
     /// The height of a column is the height of the highest point of a grain on its vertical. Columns under a wall that
@@ -151,7 +151,7 @@ impl FreeSurface {
         };
         if !planes.is_empty() {
             let noise = density * mean(&|p| p.variance);
-            // Parts of the surface with heights of their own.
+            // Number of patches of the surface whose heights are independent.
             let parts = (count / mean(&|p| p.effective_area)).max(1.0);
             surface.noise = noise.sqrt().atan();
             if !is_plane && let [median] = surface.slopes_below(&[0.5])[..] {

@@ -1,7 +1,8 @@
 //! Stress carried by the contacts.
 //!
 //! Positions are those of contact detection ([`Grain::x_contact`]): forces act there in the time-stepping scheme, so that
-//! the balance between both pressures holds to the solver's tolerance, not just to first order in the step.
+//! the balance between the pressure of the contacts and that of the virial (`Region::virial_pressure`) holds to the solver's
+//! tolerance, not just to first order in the step.
 
 use crate::derive::fabric::eigenvalues;
 use crate::frame::{Frame, Grain};

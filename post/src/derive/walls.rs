@@ -6,7 +6,7 @@ use crate::derive::fragments::Fragment;
 use crate::frame::{Frame, GrainId, Wall, WallId, WallShape};
 use crate::math::{Mat3, Vec3};
 
-/// The grains of all groups that a wall touches with force.
+/// Grains of all fragments that a wall touches with force.
 pub fn supported_grains(frame: &Frame, fragments: &[Fragment]) -> Vec<GrainId> {
     let mut touched = vec![false; frame.grains.len()];
     let walls = frame.active_contacts().filter(|contact| contact.grain_pair().is_none());
@@ -108,8 +108,8 @@ fn nearly_all(frame: &Frame, grains: &[GrainId], inside: impl Fn(&Vec3) -> bool)
     beyond as f64 <= MAX_ESCAPED_SHARE * grains.len() as f64
 }
 
-/// Planes of faces of walls that have the centres of nearly all `grains` before them, of plates, of convex polyhedra and of
-/// hollow cylinders around these centres, which have two ends.
+/// Planes of the wall faces that have nearly all centres of `grains` on their outer side: faces of plates and of convex
+/// polyhedra, and the two ends of hollow cylinders around the grains.
 ///
 /// Faces that lie flush make one plane, so it does not matter in how many parts a wall is given. Planes whose faces
 /// together are smaller than half of the grains' section are left out, as they cannot close a side. Whether a plane bounds
