@@ -216,7 +216,7 @@ pub const COMMANDS: &[ChipyCommand] = &[
     row(
         &["WriteLast*", "Write*", "*_Write*", "*_CleanWriteOutFlags", "AddDof2InBodies", "*_CleanOut*"],
         Implied,
-        "cd-solve writes OUTBOX, and the last state in any case",
+        "cd-solve writes the last snapshot in any case; DOF.LAST and Vloc_Rloc.LAST need `--text`, or a `WriteOut*` in the script",
     ),
     row(
         &[
