@@ -550,9 +550,9 @@ impl Scene {
             // Polyhedra are large: those that stay are moved.
             let mut before = std::mem::take(&mut self.parts).into_iter().peekable();
             self.part_starts.clear();
-            for i in 0..self.bodies.len() {
+            for (i, presence) in presence.iter().enumerate() {
                 self.part_starts.push(PartId::new(self.parts.len()));
-                let is_present = presence[i] == BodyPresence::Present;
+                let is_present = *presence == BodyPresence::Present;
                 let first = self.parts.len();
                 while let Some(part) = before.next_if(|part| part.body.index() == i) {
                     self.parts.extend(is_present.then_some(part));
