@@ -206,9 +206,9 @@ fn with_lmgc90_sliding(mut record: ContactRecord, sliding: &Vec3) -> ContactReco
     };
     let t = tangent.try_normalize(0.0).unwrap_or(t);
     let frame = [n, t, n.cross(&t)];
-    let along = |v: Vec3| frame.map(|axis| axis.dot(&v));
-    (record.force, record.velocity, record.frame) = (along(force), along(velocity), frame.map(Into::into));
-    let [_, along_t, along_s] = along(sliding * sign);
+    let components = |v: Vec3| frame.map(|axis| axis.dot(&v));
+    (record.force, record.velocity, record.frame) = (components(force), components(velocity), frame.map(Into::into));
+    let [_, along_t, along_s] = components(sliding * sign);
     // The tangent s of LMGC90 has the opposite direction.
     INTERFACE_SLIDING.into_iter().zip([along_t, -along_s]).for_each(|(k, value)| record.internals[k] = value);
     record
