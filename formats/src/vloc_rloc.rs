@@ -9,6 +9,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::error::Faults;
+use crate::law_table::{INTERFACE_INTERNALS, INTERFACE_SLIDING};
 use crate::ron_text::known_names;
 use crate::scan::{
     AsciiText, FRAME_TOLERANCE, GRID_COLUMNS, LenientForm, LineScanner, TextLine, format_d14, format_integer,
@@ -367,6 +368,11 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
     if kind.rows.contains('t') {
         if CYLINDER_KINDS.contains(&kind.name) && make_orthonormal(&mut contact) {
             scan.add_form(LenientForm::SkewAxes, line);
+            let has_slid = |k: usize| contact.internals.get(k).is_some_and(|slide| *slide != 0.0);
+            if contact.internals.len() == INTERFACE_INTERNALS && INTERFACE_SLIDING.into_iter().any(has_slid) {
+                let found = "an interface has slid along axes t and s that are not orthogonal";
+                scan.add_fault(line, found, "expected no sliding between a sphere and a cylinder: LMGC90 continues it");
+            }
         }
         scan.check_orthonormal(line, "n, t, s", &contact.frame);
     }
@@ -586,6 +592,10 @@ $icdan  SPCDx        1
         for (axis, value) in [(n_of_file, -0.3), (t_of_file, 0.2), (s_of_file, 0.1)] {
             assert!((axis.dot(&velocity) - value).abs() < 1e-6, "{axis} {value}");
         }
+        let internals =
+            |slide: &str| format!("{SPHERE_ON_CYLINDER}{}\n", ["  0.0000000D+00", slide].repeat(4)[..7].concat());
+        assert!(read(&internals("  0.0000000D+00")).is_ok());
+        assert!(read(&internals("  1.0000000D-03")).unwrap_err().to_string().contains("has slid"));
         let spheres = SPHERE_ON_CYLINDER.replace("SPCDx", "SPSPx").replace("CYLND", "SPHER");
         assert!(read(&spheres).unwrap_err().to_string().contains("orthonormal"));
         let long = SPHERE_ON_CYLINDER.replace("n(3)= 0.9949207D+00", "n(3)= 0.9949207D+01");
