@@ -72,7 +72,7 @@ impl Evolution {
     pub fn constant_until(&self, time: f64) -> f64 {
         match self {
             _ if self.is_constant() => f64::INFINITY,
-            // Of a function that changes only the ramp can end.
+            // Only the ramp of a function that changes can end.
             &Evolution::Harmonic { amplitude, omega, ramp_start, ramp_rate, .. } => {
                 let is_steady = amplitude == 0.0 || omega == 0.0;
                 let has_ramp_ended = ramp_rate > 0.0 && ramp_start + ramp_rate * time >= 1.0;

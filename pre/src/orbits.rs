@@ -35,7 +35,7 @@ impl AttractingMass {
         })
     }
 
-    /// Mass of a primary at rest. Errors: what is expected in its place.
+    /// Mass of a primary at rest. Errors: the expected value.
     fn of_primary(options: &Compute, number: usize, folder: &Path) -> Result<Self, String> {
         let field = number.checked_sub(1).and_then(|index| options.fields.get(index));
         let (mass, position) = match field {

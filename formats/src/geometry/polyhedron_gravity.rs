@@ -122,7 +122,7 @@ impl PolyhedronGravity {
             let from_centre = x - node.centre;
             let r = from_centre.norm();
             let ratio = node.radius / r;
-            // What the expansion leaves out, per area: (radius/r)^3/r, and higher powers.
+            // The expansion leaves out (radius/r)^3/r per area, and higher powers.
             let term = if ratio < 0.5 && ratio * ratio * ratio < budget * r * (1.0 - ratio) {
                 k = node.next;
                 node.moments.integrals(&from_centre, r)

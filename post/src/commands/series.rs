@@ -133,7 +133,7 @@ pub fn measure_series<T: Send>(
     let measurement = options.measurement_options();
     let mut rows = Vec::with_capacity(selected.len());
     let mut kept = Vec::new();
-    // Of each grain by its number: grains may enter and leave.
+    // Mass of each grain by its number, as grains may enter and leave.
     let mut masses: HashMap<u64, f64> = HashMap::new();
     let mut count: Option<usize> = None;
     let shapes = ShapeCache::default();

@@ -126,7 +126,7 @@ fn bodies_count_as_positive_along_the_normal_and_outwards() {
     // y = -8 + step/4 is within √(9 - 1.5²) = 2.598 from step 22 to 42; z = 0.5 - step/16 is beyond -3 from step 56.
     assert_eq!(numbers, [[22.0, -1.0], [43.0, 1.0], [56.0, 1.0]]);
     let sum = &rows(&case, "sum")[0];
-    // What enters and leaves with the same velocity cancels.
+    // Bodies that enter and leave with the same velocity cancel.
     near([sum[3], sum[6] / mass, sum[7] / mass], [1.0, 0.0, -2.0], 1e-12);
 }
 

@@ -76,7 +76,7 @@ impl PageState {
 fn with_grains(state: &PageState, grains: &[Grain]) -> PageState {
     let rows: Vec<Option<usize>> = grains.iter().map(|grain| state.ids.binary_search(&grain.id).ok()).collect();
     let value = |values: &Vec<f64>, row: &Option<usize>| {
-        // Of a grain that is not seen, one within the range of the others.
+        // A grain that is not seen has a value within the range of the others.
         row.or((!values.is_empty()).then_some(0)).map_or(0.0, |row| values[row])
     };
     let turning = grains.iter().any(|grain| grain.solid.is_some());

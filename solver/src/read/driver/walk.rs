@@ -58,7 +58,7 @@ pub struct ScriptCalls {
 pub struct RejectedUse {
     pub line: usize,
     pub name: String,
-    /// What is wrong with it, for the message after the name.
+    /// Fault of the use, for the message after the name.
     pub finding: &'static str,
 }
 
@@ -1185,7 +1185,7 @@ struct AddedTerm {
     expression: Vec<Lexeme>,
 }
 
-/// What a statement adds to the variable `name`: `k += 1`, `k -= 1`, `k = k + 1`.
+/// Term that a statement adds to the variable `name`: `k += 1`, `k -= 1`, `k = k + 1`.
 fn added_term(tokens: &[Lexeme], name: &str) -> Option<AddedTerm> {
     let (target, end) = dotted_name(tokens, 0);
     let rest = tokens.get(end..).filter(|_| target == name)?;
