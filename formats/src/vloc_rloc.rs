@@ -1,7 +1,8 @@
 //! `Vloc_Rloc.INI`, `Vloc_Rloc.OUT.k`: contacts at one instant, with their forces and velocities.
 //!
 //! Frames and components here are this project's: rows n, t, s with n x t = s. The files of LMGC90 have s = t x n (n x t
-//! for SPCDx and SPDCx); reader and writer reverse the sign of s and of its components.
+//! for SPCDx and SPDCx); reader and writer reverse the sign of s and of its components, the sliding of interfaces
+//! included.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -233,14 +234,52 @@ impl ContactKind {
         CONTACT_KINDS.iter().find(|kind| kind.name == name)
     }
 
-    /// Reverses s and its components, between the file's convention and ours.
+    /// Reverses s where the file's convention differs from ours, in either direction.
     fn convert_s_axis(&self, contact: &mut ContactRecord) {
         if self.reversed_s {
-            for x in contact.frame[2].iter_mut().chain([&mut contact.force[2], &mut contact.velocity[2]]) {
-                *x = -*x;
-            }
+            contact.reverse_s_axis();
         }
     }
+}
+
+impl ContactRecord {
+    /// Reverses s and all components along it.
+    fn reverse_s_axis(&mut self) {
+        self.frame[2] = self.frame[2].map(|x| -x);
+        (self.force[2], self.velocity[2]) = (-self.force[2], -self.velocity[2]);
+        if let Some([t, s]) = self.sliding() {
+            self.set_sliding([t, -s]);
+        }
+    }
+
+    /// Sliding of the candidate of an interface along t and s, m; `None` for other laws.
+    pub fn sliding(&self) -> Option<[f64; 2]> {
+        let is_interface = self.internals.len() == INTERFACE_INTERNALS;
+        is_interface.then(|| INTERFACE_SLIDING.map(|k| self.internals[k]))
+    }
+
+    /// Sets the sliding of the candidate of an interface along t and s, m.
+    pub fn set_sliding(&mut self, along_t_s: [f64; 2]) {
+        INTERFACE_SLIDING.into_iter().zip(along_t_s).for_each(|(k, value)| self.internals[k] = value);
+    }
+}
+
+/// Tangents t and s = n x t that LMGC90 computes for a contact of a kind and its unit normal; `None` for kinds in which they
+/// also depend on the bodies.
+///
+/// Tangents of spheres on cylinders, and of two spheres if a component of n is zero, are only orthogonal where n is along
+/// an axis; s is then no unit vector either. Verified with files of LMGC90 2025.
+pub fn lmgc90_tangents(kind: &str, n: [f64; 3]) -> Option<[[f64; 3]; 2]> {
+    let [x, y, z] = n;
+    let cyclic = Vector3::new(z, x, y);
+    let t = match kind {
+        "SPCDx" | "SPDCx" => cyclic,
+        "SPSPx" if n.contains(&0.0) => cyclic,
+        "SPSPx" => Vector3::new(-y * z, -x * z, 2.0 * x * y).normalize(),
+        "PRPRx" => Vector3::new(0.0, -z, y).try_normalize(0.0)?,
+        _ => return None,
+    };
+    Some([t.into(), Vector3::from(n).cross(&t).into()])
 }
 
 impl VlocRloc {
@@ -366,37 +405,54 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
     };
     kind.convert_s_axis(&mut contact);
     if kind.rows.contains('t') {
-        if CYLINDER_KINDS.contains(&kind.name) && make_orthonormal(&mut contact) {
+        if make_right_handed(&mut contact) {
+            scan.add_form(LenientForm::LeftHandedAxes, line);
+        }
+        if make_orthonormal(&mut contact) {
             scan.add_form(LenientForm::SkewAxes, line);
-            let has_slid = |k: usize| contact.internals.get(k).is_some_and(|slide| *slide != 0.0);
-            if contact.internals.len() == INTERFACE_INTERNALS && INTERFACE_SLIDING.into_iter().any(has_slid) {
-                let found = "an interface has slid along axes t and s that are not orthogonal";
-                scan.add_fault(line, found, "expected no sliding between a sphere and a cylinder: LMGC90 continues it");
-            }
         }
         scan.check_orthonormal(line, "n, t, s", &contact.frame);
     }
     Some(contact)
 }
 
-/// Kinds of contacts whose t and s LMGC90 writes as axes that are not orthogonal to n.
-const CYLINDER_KINDS: [&str; 2] = ["SPCDx", "SPDCx"];
+/// Reverses s of a contact on a plate whose axes are left-handed, as LMGC90 writes those on the side to which the plate's
+/// third axis does not point. Returns whether it has changed the axes.
+fn make_right_handed(contact: &mut ContactRecord) -> bool {
+    let [n, t, s] = contact.frame.map(Vector3::from);
+    let reversed = [n, t, -s].map(Into::into);
+    let is_left_handed = contact.antagonist.contactor == "PLANx" && frame_defect(&reversed) <= FRAME_TOLERANCE;
+    if is_left_handed {
+        contact.reverse_s_axis();
+    }
+    is_left_handed
+}
 
-/// Turns t and s into the plane normal to n, if n is a unit vector and they are not in it, and takes force and velocity with
-/// them. Returns whether it has changed the axes.
+/// Turns t and s into the plane normal to n, if they are the axes of LMGC90 that are not orthogonal, and takes force,
+/// velocity and sliding with them. Returns whether it has changed the axes.
 ///
-/// The force is the sum of its components times the axes of the file; components of the velocity are its projections on these.
+/// The force is the sum of its components times the axes of the file; components of velocity and sliding are their
+/// projections on these.
 fn make_orthonormal(contact: &mut ContactRecord) -> bool {
-    let rows = Matrix3::from_fn(|i, j| contact.frame[i][j]);
-    let [n, t, _] = contact.frame.map(Vector3::from);
-    let Some(to_world) = rows.try_inverse() else { return false };
-    let in_plane = (t - n * n.dot(&t)).try_normalize(FRAME_TOLERANCE);
+    let [n, t, s] = contact.frame.map(Vector3::from);
+    let Some([computed_t, computed_s]) = lmgc90_tangents(&contact.kind, n.into()) else { return false };
+    let is_computed =
+        (t - Vector3::from(computed_t)).amax().max((s - Vector3::from(computed_s)).amax()) <= FRAME_TOLERANCE;
     let is_unit = (n.norm_squared() - 1.0).abs() <= FRAME_TOLERANCE;
-    let Some(t) = in_plane.filter(|_| is_unit && frame_defect(&contact.frame) > FRAME_TOLERANCE) else { return false };
-    let (force, velocity) = (rows.tr_mul(&Vector3::from(contact.force)), to_world * Vector3::from(contact.velocity));
+    if !is_computed || !is_unit || frame_defect(&contact.frame) <= FRAME_TOLERANCE {
+        return false;
+    }
+    let rows = Matrix3::from_fn(|i, j| contact.frame[i][j]);
+    let in_plane = (t - n * n.dot(&t)).try_normalize(FRAME_TOLERANCE);
+    let (Some(to_world), Some(t)) = (rows.try_inverse(), in_plane) else { return false };
     let axes = [n, t, n.cross(&t)];
-    contact.force = axes.map(|axis| axis.dot(&force));
-    contact.velocity = axes.map(|axis| axis.dot(&velocity));
+    let components = |v: Vector3<f64>| axes.map(|axis| axis.dot(&v));
+    contact.force = components(rows.tr_mul(&Vector3::from(contact.force)));
+    contact.velocity = components(to_world * Vector3::from(contact.velocity));
+    if let Some([along_t, along_s]) = contact.sliding() {
+        let [_, t, s] = components(to_world * Vector3::new(0.0, along_t, along_s));
+        contact.set_sliding([t, s]);
+    }
     contact.frame = axes.map(Into::into);
     true
 }
@@ -592,13 +648,59 @@ $icdan  SPCDx        1
         for (axis, value) in [(n_of_file, -0.3), (t_of_file, 0.2), (s_of_file, 0.1)] {
             assert!((axis.dot(&velocity) - value).abs() < 1e-6, "{axis} {value}");
         }
-        let internals =
-            |slide: &str| format!("{SPHERE_ON_CYLINDER}{}\n", ["  0.0000000D+00", slide].repeat(4)[..7].concat());
-        assert!(read(&internals("  0.0000000D+00")).is_ok());
-        assert!(read(&internals("  1.0000000D-03")).unwrap_err().to_string().contains("has slid"));
+        // The sliding is given by its projections on t and s of the file, too.
+        let with_sliding = format!(
+            "{SPHERE_ON_CYLINDER}  0.0000000D+00  1.0000000D-03  0.0000000D+00  2.0000000D-03{}\n",
+            "  0.0000000D+00".repeat(3)
+        );
+        let contact = read(&with_sliding).unwrap().0.contacts.remove(0);
+        let [_, t, s] = contact.frame.map(Vector3::from);
+        let [along_t, along_s] = contact.sliding().unwrap();
+        let sliding = t * along_t + s * along_s;
+        for (axis, value) in [(t_of_file, 1e-3), (s_of_file, 2e-3)] {
+            assert!((axis.dot(&sliding) - value).abs() < 1e-9, "{axis} {value}");
+        }
+        // Two spheres have such axes only with a normal in a coordinate plane, and with s = t x n.
         let spheres = SPHERE_ON_CYLINDER.replace("SPCDx", "SPSPx").replace("CYLND", "SPHER");
         assert!(read(&spheres).unwrap_err().to_string().contains("orthonormal"));
+        let reversed = spheres.replace(
+            "s(1)=-0.1001508D+00  s(2)= 0.9898671D+00  s(3)= 0.1013287D-01",
+            "s(1)= 0.1001508D+00  s(2)=-0.9898671D+00  s(3)=-0.1013287D-01",
+        );
+        assert!(reversed != spheres && read(&reversed).unwrap().1[0].contains("not orthogonal"));
         let long = SPHERE_ON_CYLINDER.replace("n(3)= 0.9949207D+00", "n(3)= 0.9949207D+01");
         assert!(read(&long).unwrap_err().to_string().contains("orthonormal"));
+    }
+
+    #[test]
+    fn left_handed_axes_of_plates_are_made_right_handed() {
+        let on_plate = SPHERE_ON_CYLINDER.replace("SPCDx", "SPPLx").replace("CYLND", "PLANx");
+        let axes = |s: &str| {
+            on_plate
+                .replace("t(1)= 0.9949207D+00  t(2)= 0.1006621D+00", "t(1)=-0.1000000D+01  t(2)= 0.0000000D+00")
+                .replace(
+                    "n(1)= 0.1006621D+00  n(2)= 0.0000000D+00  n(3)= 0.9949207D+00",
+                    "n(1)= 0.0000000D+00  n(2)= 0.0000000D+00  n(3)=-0.1000000D+01",
+                )
+                .replace("s(1)=-0.1001508D+00  s(2)= 0.9898671D+00  s(3)= 0.1013287D-01", s)
+        };
+        let read =
+            |text: &str| VlocRloc::parse_with_notices(Path::new("Vloc_Rloc.INI"), &AsciiText::new(text.as_bytes()));
+        let (file, notices) = read(&axes("s(1)= 0.0000000D+00  s(2)= 0.1000000D+01  s(3)= 0.0000000D+00")).unwrap();
+        assert!(notices[0].contains("left-handed"), "{notices:?}");
+        let contact = &file.contacts[0];
+        assert_eq!(frame_defect(&contact.frame), 0.0);
+        // The same vectors: force and velocity along (s, t, n) of the file are (0.1201711, ...) and (0.1, ...).
+        assert_eq!(
+            (contact.force[2] * contact.frame[2][1], contact.velocity[2] * contact.frame[2][1]),
+            (0.1201711, 0.1)
+        );
+        let (right_handed, notices) =
+            read(&axes("s(1)= 0.0000000D+00  s(2)=-0.1000000D+01  s(3)= 0.0000000D+00")).unwrap();
+        assert!(notices.is_empty() && right_handed.contacts[0].force[2] == -0.1201711);
+        let spheres = axes("s(1)= 0.0000000D+00  s(2)= 0.1000000D+01  s(3)= 0.0000000D+00")
+            .replace("SPPLx", "SPSPx")
+            .replace("PLANx", "SPHER");
+        assert!(read(&spheres).unwrap_err().to_string().contains("orthonormal"));
     }
 }

@@ -29,6 +29,8 @@ pub enum LenientForm {
     SpringMaterial,
     /// Axes t and s of a contact that are not orthogonal.
     SkewAxes,
+    /// Axes of a contact on a plate that are left-handed.
+    LeftHandedAxes,
 }
 
 impl LenientForm {
@@ -72,9 +74,12 @@ impl LenientForm {
                 format!("{} of law DISCRETE {are} skipped", count_text(count, "material"))
             }
             LenientForm::SkewAxes => format!(
-                "the axes t and s of {} of spheres and cylinders are not orthogonal; they are turned about n",
+                "the axes t and s of {} of spheres are not orthogonal; they are turned about n",
                 count_text(count, "contact")
             ),
+            LenientForm::LeftHandedAxes => {
+                format!("the axes n, t, s of {} on plates are left-handed; s is reversed", count_text(count, "contact"))
+            }
             LenientForm::ForeignRow => {
                 format!("{} for 2D or deformable bodies {are} skipped", count_text(count, "see row"))
             }

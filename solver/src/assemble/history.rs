@@ -90,12 +90,47 @@ impl AssemblyContext<'_> {
     /// Only contacts that can act, now or before, count: the other listed contacts depend on the alert distance.
     pub(super) fn previous_contacts(&self, contacts: &[Contact]) -> Vec<Option<ContactId>> {
         let mut found = previous_by_key(&self.state.contacts, contacts);
+        self.find_previous_by_position(contacts, &mut found);
         let gone = self.lost_contacts(contacts, &found);
         let new = self.new_contacts(contacts, &found, &gone);
         for new in new.chunk_by(|&i, &k| contactor_pair(&contacts[i]) == contactor_pair(&contacts[k])) {
             self.transfer_history(new, &gone, contacts, &mut found);
         }
         found
+    }
+
+    /// Finds contacts of the last step that a text file has without features, so that their keys are unknown, by their
+    /// points: each is the history of one contact of the same two contactors, the nearest pairs first.
+    fn find_previous_by_position(&self, contacts: &[Contact], found: &mut [Option<ContactId>]) {
+        let before = &self.state.contacts;
+        let is_unknown = |old: &SolvedContact| old.contact.features.0 == UNKNOWN_FEATURE;
+        if !before.par_iter().with_min_len(CONTACTS_PER_TASK).any(is_unknown) {
+            return; // always, but in the first step
+        }
+        for old in before.chunk_by(|a, b| contactor_pair(&a.contact) == contactor_pair(&b.contact)) {
+            if !old.iter().any(is_unknown) {
+                continue;
+            }
+            let pair = contactor_pair(&old[0].contact);
+            let range = pair_range(before, pair, |old| &old.contact);
+            let heirs_of = |old: usize| {
+                let now = pair_range(contacts, pair, |contact| contact);
+                now.map(move |new| {
+                    let displacement = self.displacement_from(&before[old].contact, &contacts[new]);
+                    PossibleHeir { displacement, old, new }
+                })
+            };
+            let mut heirs: Vec<PossibleHeir> = range.filter(|&k| is_unknown(&before[k])).flat_map(heirs_of).collect();
+            heirs.sort_by(|a, b| a.displacement.total_cmp(&b.displacement));
+            let mut untaken: Vec<usize> = heirs.iter().map(|heir| heir.old).collect();
+            for PossibleHeir { displacement, old, new } in heirs {
+                let is_near = displacement <= self.max_displacement(&before[old]);
+                if is_near && found[new].is_none() && untaken.contains(&old) {
+                    found[new] = Some(ContactId::new(old));
+                    untaken.retain(|other| *other != old);
+                }
+            }
+        }
     }
 
     /// Whether a contact of the last step, by its index, had a bond, an impulse or another state that its law remembers.
@@ -195,6 +230,13 @@ impl AssemblyContext<'_> {
     /// contactors, m.
     fn displacement_from(&self, old: &Contact, contact: &Contact) -> f64 {
         (contact.point - self.q_c.x[old.candidate.index()] - self.carried_arm(old)).norm()
+    }
+
+    /// Largest displacement of a contact, m: the slip since the last step, and some for digits of files and accelerations.
+    fn max_displacement(&self, old: &SolvedContact) -> f64 {
+        // Corners are farther apart than this part of the radius, and acceleration and digits move points by much less.
+        const NEAR_POSITION: f64 = 0.1;
+        old.velocity.norm() * self.configuration_interval() + NEAR_POSITION * self.effective_radius(&old.contact)
     }
 
     /// Vector from the centre of the candidate to the point to which it has carried a contact of the last step, m.

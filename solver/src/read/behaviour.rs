@@ -789,8 +789,7 @@ impl ContactReader<'_> {
 fn law_memory(kind: &str, internals: &[f64], [t, s]: [Vec3; 2]) -> LawMemory {
     let value = |k: usize| internals.get(k).copied().unwrap_or(0.0);
     if has_interface(kind) {
-        // The tangent s of LMGC90 has the opposite direction.
-        let sliding = t * value(INTERFACE_SLIDING[0]) - s * value(INTERFACE_SLIDING[1]);
+        let sliding = t * value(INTERFACE_SLIDING[0]) + s * value(INTERFACE_SLIDING[1]);
         return LawMemory { soundness: value(INTERFACE_SOUNDNESS), sliding, ..LawMemory::default() };
     }
     LawMemory { reference_gap: reference_gap_position(kind).map_or(0.0, value), ..LawMemory::default() }

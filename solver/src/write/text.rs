@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic::{self, folder_entries};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::error::Faults;
-use cd_formats::law_table::{INTERFACE_INTERNALS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, LawInternals, law_internals};
-use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
+use cd_formats::law_table::{INTERFACE_INTERNALS, INTERFACE_SOUNDNESS, LawInternals, law_internals};
+use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc, lmgc90_tangents};
 
 use super::text_inputs::INPUT_COPIES;
 use crate::laws::Cohesion;
-use crate::math::{Twist, Vec3};
+use crate::math::{Mat3, Twist, Vec3};
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
-use crate::state::{ContactId, ContactStatus, LawMemory, SolvedContact, State};
+use crate::state::{Contact, ContactId, ContactStatus, LawMemory, SolvedContact, State};
 
 const DOF_PREFIX: &str = "DOF.OUT.";
 const CONTACTS_PREFIX: &str = "Vloc_Rloc.OUT.";
@@ -181,14 +181,32 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
         };
         let is_interface =
             link.is_none() && law_internals(&scene.law_names[contact.law as usize].kind) == LawInternals::Interface;
-        if is_interface { with_lmgc90_sliding(record, &state.law_memory(ContactId::new(k)).sliding) } else { record }
+        if !is_interface {
+            return record;
+        }
+        let plate_axes = plate_axes(scene, state, contact);
+        with_lmgc90_sliding(record, &state.law_memory(ContactId::new(k)).sliding, plate_axes)
     };
     VlocRloc { step: state.step, time: state.time, contacts: state.contacts.iter().enumerate().map(record).collect() }
 }
 
+/// First and third axis of a plate that is the antagonist of a contact.
+fn plate_axes(scene: &Scene, state: &State, contact: &Contact) -> Option<[Vec3; 2]> {
+    let body = contact.antagonist;
+    let axes = match scene.bodies[body.index()].shape {
+        BodyShape::Plane { .. } => state.q[body.index()],
+        BodyShape::Parts => {
+            let part = &scene.parts[scene.part_index(body, contact.part_numbers.1)?.index()];
+            matches!(part.geometry, ContactorShape::Plane { .. }).then(|| state.q[body.index()] * part.axes)?
+        }
+        BodyShape::Sphere { .. } => return None,
+    };
+    Some([axes * Vec3::x(), axes * Vec3::z()])
+}
+
 /// The record of an interface with the pair in the order of LMGC90 and the frame that it computes, along which it takes
 /// the sliding: at a restart it reads numbers, and no directions. `sliding`: of the candidate before, m.
-fn with_lmgc90_sliding(mut record: ContactRecord, sliding: &Vec3) -> ContactRecord {
+fn with_lmgc90_sliding(mut record: ContactRecord, sliding: &Vec3, plate_axes: Option<[Vec3; 2]>) -> ContactRecord {
     let [n, t, s] = record.frame.map(Vec3::from);
     let to_world = |[a, b, c]: [f64; 3]| n * a + t * b + s * c;
     let is_swapped = record.candidate.contactor == record.antagonist.contactor
@@ -199,18 +217,23 @@ fn with_lmgc90_sliding(mut record: ContactRecord, sliding: &Vec3) -> ContactReco
         std::mem::swap(&mut record.candidate, &mut record.antagonist);
     }
     let n = n * sign;
-    let tangent = match record.kind.as_str() {
-        "SPSPx" => Vec3::new(-n.y * n.z, -n.x * n.z, 2.0 * n.x * n.y),
-        "PRPRx" => Vec3::new(0.0, -n.z, n.y),
-        _ => t,
+    let [t, s] = match plate_axes {
+        // On the side to which its third axis does not point, all axes of the contact are reversed.
+        Some([first, third]) => {
+            let side = n.dot(&third).signum();
+            let t = (first - n * n.dot(&first)).normalize() * side;
+            [t, n.cross(&t) * side]
+        }
+        None => lmgc90_tangents(&record.kind, n.into()).map_or([t, n.cross(&t)], |tangents| tangents.map(Vec3::from)),
     };
-    let t = tangent.try_normalize(0.0).unwrap_or(t);
-    let frame = [n, t, n.cross(&t)];
-    let components = |v: Vec3| frame.map(|axis| axis.dot(&v));
-    (record.force, record.velocity, record.frame) = (components(force), components(velocity), frame.map(Into::into));
-    let [_, along_t, along_s] = components(sliding * sign);
-    // The tangent s of LMGC90 has the opposite direction.
-    INTERFACE_SLIDING.into_iter().zip([along_t, -along_s]).for_each(|(k, value)| record.internals[k] = value);
+    let rows = Mat3::from_rows(&[n.transpose(), t.transpose(), s.transpose()]);
+    // The force is the sum of its components times the axes, which may not be orthogonal.
+    let to_force_components = rows.transpose().try_inverse().unwrap_or(rows);
+    record.force = (to_force_components * force).into();
+    record.velocity = (rows * velocity).into();
+    record.frame = [n, t, s].map(Into::into);
+    let sliding = rows * sliding * sign;
+    record.set_sliding([sliding.y, sliding.z]);
     record
 }
 

@@ -140,3 +140,27 @@ fn a_keystone_rests_in_joints_that_are_wedges() {
     }
     assert_eq!(gaps.len(), 8);
 }
+
+/// Files of text do not name the corners in contact: those without force keep their reference gap, too, by their positions.
+#[test]
+fn corners_without_force_keep_their_reference_gap_through_text() {
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    for kind in KINDS {
+        let mut case = Case::new();
+        case.law_of_all(kind, &[0.3]);
+        case.tact.visibility.iter_mut().for_each(|row| row.alert = 0.0625);
+        case.gravity = [0.0, 0.0, -8.0];
+        case.options.dt = 1.0 / 1024.0;
+        case.options.text = true;
+        case.floor();
+        // It falls by 1/8 m, 1/16 m of it within the alert distance, and touches in step 181.
+        let block = case.block([0.25; 3], [0.0, 0.0, 0.375], axes);
+        case.launch(block, [0.25, 0.0, 0.0], [0.0; 3]);
+        assert!(case.run(150).contacts.contact_gap.iter().all(|gap| *gap > 0.01));
+        let middle = case.first_text_states();
+        let restarted = case.run_from_text(&middle, 50);
+        // Digits of the files.
+        equal(restarted.x(block).z, 0.25, 1e-7);
+        assert_eq!(restarted.laws.unwrap().contact_reference_gap, [0.0; 4]);
+    }
+}

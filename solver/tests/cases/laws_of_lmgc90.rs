@@ -2,10 +2,12 @@
 
 use std::f64::consts::{PI, TAU};
 
+use cd_formats::drv_dof::Evolution;
 use cd_formats::law_table::{LawInterface, LawModel};
 use cd_solve::laws::interface::{soundness, stiffness_share};
 
 use crate::case::{Case, Figures, near};
+use crate::guided::impose;
 
 /// Mass of a ball of radius 1/2 and density 1.
 const MASS: f64 = PI / 6.0;
@@ -249,7 +251,7 @@ fn sliding_keeps_its_direction_through_files() {
     case.tact.visibility.iter_mut().for_each(|row| row.alert = 0.0625);
     case.gravity = [0.0, 0.0, -1.0];
     let base = case.block([1.0, 1.0, 0.5], [0.0, 0.0, -0.5], axes);
-    case.drive(base, [0.0; 6].map(cd_formats::drv_dof::Evolution::constant));
+    case.drive(base, [0.0; 6].map(Evolution::constant));
     let block = case.block([0.25; 3], [0.0, 0.0, 0.25], axes);
     case.launch(block, [0.02, 0.01, 0.0], [0.0; 3]);
     (case.options.dt, case.options.text) = (1.0 / 16384.0, true);
@@ -272,4 +274,56 @@ fn sliding_keeps_its_direction_through_files() {
     assert!(!sliding.is_empty());
     // Seven digits of sliding.
     again.iter().zip(&before).for_each(|(a, b)| near(*a, *b, 1e-9));
+}
+
+/// Axes that LMGC90 computes are skew for two spheres whose normal has a component of zero, and left-handed on the side of a
+/// plate to which its third axis does not point: the sliding is written along them, and read as the same vector.
+#[test]
+fn sliding_is_kept_along_skew_and_left_handed_axes_of_files() {
+    let [(kind, parameters), ..] = interfaces();
+    let interface_case = || {
+        let mut case = Case::new();
+        case.law_of_all(kind, &parameters);
+        case.tact.visibility.iter_mut().for_each(|row| row.alert = 0.0625);
+        (case.options.dt, case.options.text) = (1.0 / 16384.0, true);
+        case
+    };
+    let mut spheres = interface_case();
+    spheres.sphere(0.5, [0.0; 3]);
+    spheres.sphere(0.5, [0.6, 0.8, 0.0]);
+    // Their normal keeps a component of exactly 0.
+    impose(&mut spheres, 1, 2, Evolution::constant(0.0));
+    let mut below_plate = interface_case();
+    // Turned by the angle of the triangle 3, 4, 5 about z.
+    below_plate.plate([2.0, 2.0, 0.5], [0.0, 0.0, 1.0], [[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]]);
+    below_plate.sphere(0.5, [0.0; 3]);
+    for (mut case, v, t, s) in [
+        (spheres, [0.008, -0.006, 0.0], [0.0, 0.6, 0.8], [0.8 * 0.8, -0.6 * 0.8, 0.6 * 0.6]),
+        (below_plate, [0.02, 0.01, 0.0], [-0.6, -0.8, 0.0], [0.8, -0.6, 0.0]),
+    ] {
+        case.drive(0, [0.0; 6].map(Evolution::constant));
+        case.launch(1, v, [0.0; 3]);
+        case.run(20);
+        let middle = case.first_text_states();
+        let records = cd_formats::vloc_rloc::VlocRloc::parse_with_notices(
+            std::path::Path::new("Vloc_Rloc.OUT.1"),
+            &cd_formats::scan::AsciiText::new(middle[1].as_bytes()),
+        );
+        assert_eq!(records.unwrap().1.len(), 1, "axes of LMGC90 are noticed");
+        let memory = case.last().laws.as_ref().unwrap().contact_sliding[0];
+        let along = |axis: [f64; 3]| axis.iter().zip(memory).map(|(a, b)| a * b).sum::<f64>();
+        let line = middle[1].lines().skip_while(|line| !line.starts_with("#")).nth(1).unwrap();
+        let internals: Vec<f64> =
+            line.split_whitespace().map(|word| word.replace('D', "E").parse::<f64>().unwrap()).collect();
+        for (found, expected) in [(internals[1], along(t)), (internals[3], along(s))] {
+            // The normal turns by 1e-5, and the file has seven digits.
+            assert!((found.abs() - expected.abs()).abs() < 1e-4 * expected.abs(), "{found} {expected}");
+            assert!(expected.abs() > 1e-9, "{expected}");
+        }
+        let unbroken = case.run(40);
+        let restarted = case.run_from_text(&middle, 20);
+        near(restarted.x(1), unbroken.x(1), 1e-9);
+        let sliding = |state: &cd_formats::snapshot::Snapshot| state.laws.as_ref().unwrap().contact_sliding[0];
+        near(sliding(&restarted), sliding(&unbroken), 1e-9);
+    }
 }
