@@ -51,7 +51,7 @@ function beyond(longer) { return $column["largest_fraction"] < 0.99 || $column["
     density_then[run] = $column["largest_mass"] / (4 / 3 * PI * size)
 }
 yielded[run] && !failed[run] { between[run]++; angle[run] += $column["friction_angle"] }
-# Stresses are over the region, the hull of the largest group; here over the ellipsoid.
+# Stresses are over the region, the hull of the largest fragment; here over the ellipsoid.
 !failed[run] {
     row = ++states[run]; share = $column["region_volume"] / (4 / 3 * PI * size)
     spin[run, row] = $column["largest_spin"]; root[run, row] = $column["sqrt_J2"] * share; trace[run, row] = 3 * $column["pressure"] * share

@@ -72,7 +72,7 @@
 //! | [`unchanged`] | whether the files of DATBOX still agree with a snapshot |
 //! | [`doubts`] | values that are probably mistakes of units |
 //! | [`messages`] | messages to people |
-//! | [`groups`], [`ids`], [`names`] | groups of connected items; typed indices; names in messages |
+//! | [`groups`], [`ids`], [`names`] | disjoint sets, the largest remnant of fragments; typed indices; names in messages |
 
 pub mod accuracy;
 pub mod atomic;

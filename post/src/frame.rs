@@ -48,7 +48,7 @@ pub struct SnapshotInterval {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImpulseExchange {
     /// Bodies, the candidate first.
-    pub sides: [BodyIndex; 2],
+    pub bodies: [ContactBody; 2],
     /// Sum of impulses times branches, J s; at a wall the branch of a grain ends at the point of contact.
     pub virial: f64,
 }
@@ -143,9 +143,9 @@ pub enum WallShape {
 
 index_types! {
     /// Index into [`Frame::grains`].
-    GrainId;
+    GrainId(u32);
     /// Index into [`Frame::walls`].
-    WallId;
+    WallId(u32);
 }
 
 impl Index<GrainId> for Vec<Grain> {
@@ -164,28 +164,28 @@ impl Index<WallId> for Vec<Wall> {
     }
 }
 
-/// One side of a contact.
+/// Body of a contact, a grain or a wall.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum BodyIndex {
+pub enum ContactBody {
     Grain(GrainId),
     Wall(WallId),
 }
 
-impl BodyIndex {
-    /// The grain, if this side is one.
+impl ContactBody {
+    /// The grain; `None` for a wall.
     pub fn grain_id(self) -> Option<GrainId> {
         match self {
-            BodyIndex::Grain(grain) => Some(grain),
-            BodyIndex::Wall(_) => None,
+            ContactBody::Grain(grain) => Some(grain),
+            ContactBody::Wall(_) => None,
         }
     }
 }
 
-/// A contact that was listed in the last step; at least one side is a grain.
+/// A contact that was listed in the last step; at least one of its bodies is a grain.
 #[derive(Debug, Clone)]
 pub struct Contact {
-    pub candidate: BodyIndex,
-    pub antagonist: BodyIndex,
+    pub candidate: ContactBody,
+    pub antagonist: ContactBody,
     /// Point of contact on the candidate, m.
     pub point: Vec3,
     /// Vector from the antagonist's position to the image of it that the candidate touches, m.
@@ -223,7 +223,7 @@ impl Contact {
     }
 
     /// Candidate and antagonist.
-    pub fn sides(&self) -> impl Iterator<Item = BodyIndex> {
+    pub fn bodies(&self) -> impl Iterator<Item = ContactBody> {
         [self.candidate, self.antagonist].into_iter()
     }
 
@@ -231,7 +231,7 @@ impl Contact {
     pub fn on_grains(&self) -> impl Iterator<Item = (GrainId, Vec3, Vec3)> {
         [(self.candidate, self.force, Vec3::zeros()), (self.antagonist, -self.force, self.image)]
             .into_iter()
-            .filter_map(|(side, force, image)| Some((side.grain_id()?, force, image)))
+            .filter_map(|(body, force, image)| Some((body.grain_id()?, force, image)))
     }
 }
 
@@ -274,19 +274,19 @@ impl Frame {
         let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let is_wall = wall_rows(&bodies);
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
-        let sides: Vec<BodyIndex> = solids
+        let contact_bodies: Vec<ContactBody> = solids
             .into_iter()
             .enumerate()
             .map(|(row, solid)| {
                 if !is_present[row] {
                     // No contact names it.
-                    BodyIndex::Grain(GrainId::new(grains.len()))
+                    ContactBody::Grain(GrainId::new(grains.len()))
                 } else if is_wall[row] {
                     walls.push(wall_of_row(&bodies, row, solid));
-                    BodyIndex::Wall(WallId::new(walls.len() - 1))
+                    ContactBody::Wall(WallId::new(walls.len() - 1))
                 } else {
                     grains.push(grain_of_row(&bodies, row, detection_time, solid, &cell));
-                    BodyIndex::Grain(GrainId::new(grains.len() - 1))
+                    ContactBody::Grain(GrainId::new(grains.len() - 1))
                 }
             })
             .collect();
@@ -297,13 +297,13 @@ impl Frame {
         let contacts = (0..contacts.contact_body.len())
             .filter_map(|row| {
                 let pair = contacts.contact_body[row].map(BodyId);
-                let [candidate, antagonist] = pair.map(|body| sides[body.index()]);
+                let [candidate, antagonist] = pair.map(|body| contact_bodies[body.index()]);
                 candidate.grain_id().or(antagonist.grain_id())?;
                 let [n, t, s] = contacts.contact_frame[row].map(Vec3::from);
                 let [f_n, f_t, f_s] = contacts.contact_force[row];
-                let position_and_shift = |side: BodyIndex| match side {
-                    BodyIndex::Grain(k) => (grains[k].x_contact, grains[k].cell_shift),
-                    BodyIndex::Wall(k) => (walls[k].x, Vec3::zeros()),
+                let position_and_shift = |body: ContactBody| match body {
+                    ContactBody::Grain(k) => (grains[k].x_contact, grains[k].cell_shift),
+                    ContactBody::Wall(k) => (walls[k].x, Vec3::zeros()),
                 };
                 let ((x, shift), (other, _)) = (position_and_shift(candidate), position_and_shift(antagonist));
                 let shared_area = shapes.as_ref().map_or(0.0, |shapes| shapes.contacts.contact_area[row]);
@@ -331,8 +331,8 @@ impl Frame {
         let interval = interval.unwrap_or_default();
         let exchanges = interval.interval_body.iter().zip(&interval.interval_virial);
         let exchanges = exchanges.filter_map(|(pair, &virial)| {
-            let sides = pair.map(|body| sides[BodyId(body).index()]);
-            sides.into_iter().any(|side| side.grain_id().is_some()).then_some(ImpulseExchange { sides, virial })
+            let bodies = pair.map(|body| contact_bodies[BodyId(body).index()]);
+            bodies.into_iter().any(|body| body.grain_id().is_some()).then_some(ImpulseExchange { bodies, virial })
         });
         let interval = SnapshotInterval {
             length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
@@ -508,9 +508,10 @@ mod tests {
         assert_eq!(frame.walls.iter().map(|w| w.id).collect::<Vec<_>>(), [1, 3, 4]);
         assert_eq!(frame.walls[1].shape, WallShape::Ball(0.5));
         // The one between two walls is left out.
-        let sides: Vec<(BodyIndex, BodyIndex)> = frame.contacts.iter().map(|c| (c.candidate, c.antagonist)).collect();
-        let (grain, walls) = (BodyIndex::Grain(GrainId(0)), [0, 1].map(|k| BodyIndex::Wall(WallId(k))));
-        assert_eq!(sides, [(grain, walls[0]), (walls[1], grain)]);
+        let pairs: Vec<(ContactBody, ContactBody)> =
+            frame.contacts.iter().map(|c| (c.candidate, c.antagonist)).collect();
+        let (grain, walls) = (ContactBody::Grain(GrainId(0)), [0, 1].map(|k| ContactBody::Wall(WallId(k))));
+        assert_eq!(pairs, [(grain, walls[0]), (walls[1], grain)]);
         // Force on the candidate is against the grain's own when that is the antagonist.
         assert_eq!(frame.contacts[1].on_grains().collect::<Vec<_>>(), [(GrainId(0), -Vec3::x(), Vec3::zeros())]);
     }

@@ -11,7 +11,7 @@ use crate::derive::energy::{external_fields, self_gravity_constant};
 use crate::derive::fragments::{Fragment, find_fragments};
 use crate::derive::surface::ball_attraction;
 use crate::derive::walls::supported_grains;
-use crate::frame::{BodyIndex, Frame, Grain, GrainId, PeriodicCell, Wall, WallShape};
+use crate::frame::{ContactBody, Frame, Grain, GrainId, PeriodicCell, Wall, WallShape};
 use crate::math::Vec3;
 use crate::shapes::ShapeCache;
 use crate::snapshots::select_snapshots;
@@ -202,12 +202,12 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
     let lowest_depth = |points: &mut dyn Iterator<Item = (Vec3, f64)>| {
         points.map(|(point, radius)| radius - point.dot(up)).fold(0.0, f64::max)
     };
-    let (side, x, v, reach) = if let Some(k) = frame.grain_ids().find(|&k| frame.grains[k].id == body) {
+    let (tracked, x, v, reach) = if let Some(k) = frame.grain_ids().find(|&k| frame.grains[k].id == body) {
         let grain = &frame.grains[k];
         let points = grain.vertices().map(|corner| (corner, 0.0)).chain(grain.balls());
         let reach = lowest_depth(&mut points.map(|(point, radius)| (point - grain.x, radius)));
         // In a periodic scene the path continues across images.
-        (BodyIndex::Grain(k), grain.x - grain.cell_shift, Some(grain.v), reach)
+        (ContactBody::Grain(k), grain.x - grain.cell_shift, Some(grain.v), reach)
     } else {
         let k = frame.wall_ids().find(|&k| frame.walls[k].id == body)?;
         let wall = &frame.walls[k];
@@ -220,22 +220,22 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
             }
             WallShape::Plate(half) => (0..3).map(|k| half[k] * (wall.rotation.inverse() * up)[k].abs()).sum(),
         };
-        (BodyIndex::Wall(k), wall.x, wall.v, reach)
+        (ContactBody::Wall(k), wall.x, wall.v, reach)
     };
     let (mut force, mut contacts) = (Vec3::zeros(), 0);
     for contact in frame.contacts.iter().filter(|contact| contact.active) {
-        if contact.candidate == side {
+        if contact.candidate == tracked {
             force += contact.force;
             contacts += 1;
-        } else if contact.antagonist == side {
+        } else if contact.antagonist == tracked {
             force -= contact.force;
             contacts += 1;
         }
     }
     // Walls are excluded: a wall with a force does not fall freely.
-    let free_fall = side.grain_id().and_then(|grain| free_fall(frame, grain));
+    let free_fall = tracked.grain_id().and_then(|grain| free_fall(frame, grain));
     let record_start = frame.meta.time - frame.interval.length;
-    let touched_since = frame.interval.exchanges.iter().any(|exchange| exchange.sides.contains(&side));
+    let touched_since = frame.interval.exchanges.iter().any(|exchange| exchange.bodies.contains(&tracked));
     Some(TrackedBody { time: frame.meta.time, x, v, reach, force, contacts, record_start, touched_since, free_fall })
 }
 
@@ -332,7 +332,7 @@ fn circle_points(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
     angles.map(|angle| centre + (across * angle.cos() + along * angle.sin()) * radius).collect()
 }
 
-/// Grains that form the surface, without the body: the groups of touching grains that a wall touches with force, and the
+/// Grains that form the surface, without the body: the fragments that a wall touches with force, and the
 /// largest remnant. All grains if none touch, or if no wall bears any and the largest remnant has less than half of the mass,
 /// as during free fall.
 fn ground_grains(frame: &Frame, body: u64) -> Vec<&Grain> {
@@ -341,8 +341,8 @@ fn ground_grains(frame: &Frame, body: u64) -> Vec<&Grain> {
         fragment.grains.iter().copied().filter(|&i| frame.grains[i].id != body).collect()
     };
     let mass = |grains: &[GrainId]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
-    let groups = fragments.iter().map(members_without_body).filter(|grains| grains.len() > 1);
-    let heaviest = groups.max_by(|a, b| mass(a).total_cmp(&mass(b))).unwrap_or_default();
+    let others = fragments.iter().map(members_without_body).filter(|grains| grains.len() > 1);
+    let heaviest = others.max_by(|a, b| mass(a).total_cmp(&mass(b))).unwrap_or_default();
     let mut is_supported = vec![false; frame.grains.len()];
     let supported = supported_grains(frame, &fragments);
     let all_others: Vec<GrainId> = frame.grain_ids().filter(|&i| frame.grains[i].id != body).collect();

@@ -7,7 +7,7 @@ use crate::derive::heights::{centre_of_mass, height_range, volume_below};
 use crate::derive::polytope::cut_polygon;
 use crate::derive::stress::{grain_stresses, pressure};
 use crate::derive::walls::{CylinderBore, WallPlane, supported_grains};
-use crate::frame::{BodyIndex, Frame, Grain, GrainId, PeriodicCell, SnapshotInterval, WallId};
+use crate::frame::{ContactBody, Frame, Grain, GrainId, PeriodicCell, SnapshotInterval, WallId};
 use crate::math::{Mat3, Vec3};
 
 /// Tolerance of cosines near 0 or 1 within which a wall counts as upright or level: a few roundings of an orientation from
@@ -37,7 +37,7 @@ pub struct Bed {
 }
 
 impl Bed {
-    /// Returns the bed of a frame; `fragments`: the frame's groups of touching grains. None without uniform gravity, if no
+    /// Returns the bed of a frame; `fragments`: all fragments of the frame. None without uniform gravity, if no
     /// wall is touched with force, if a side is open, and if the sides are not upright.
     ///
     /// Walls bound it as they do a region ([`GrainEnclosure`]): a heap that leaves half of the section free, or keeps away
@@ -56,8 +56,8 @@ impl Bed {
         let BedWalls { planes, bores } = GrainEnclosure::around(frame, grains.clone()).into_bed_walls()?;
         let mut supported_weight = vec![0.0; frame.walls.len()];
         for contact in frame.active_contacts() {
-            for side in [contact.candidate, contact.antagonist] {
-                if let BodyIndex::Wall(k) = side {
+            for body in contact.bodies() {
+                if let ContactBody::Wall(k) = body {
                     supported_weight[k.index()] +=
                         contact.on_grains().map(|(_, force, _)| force.dot(&against_gravity)).sum::<f64>();
                 }
@@ -80,7 +80,7 @@ impl Bed {
         let floor = floor.map_or_else(lowest_height, |floor| floor.offset);
         let area = section_area(&planes, &bores, &frame.cell(), &up, &centre_of_mass(members()), members())?;
         let is_between_walls =
-            |x: &Vec3| planes.iter().all(|p| p.is_before(x)) && bores.iter().all(|bore| bore.contains_point(x));
+            |x: &Vec3| planes.iter().all(|p| p.is_on_inner_side(x)) && bores.iter().all(|bore| bore.contains_point(x));
         grains.retain(|&i| is_between_walls(&frame.grains[i].x));
         let top = floor + highest_point(frame, &grains, &up, floor);
         let is_among_grains = |g: &Grain| (floor..=top).contains(&g.x.dot(&up)) && is_between_walls(&g.x);
@@ -179,8 +179,8 @@ impl Bed {
 /// (1/3) sum r.l / T of the contacts of some grains in the time T since the snapshot before, J; NaN without one.
 fn interval_moment(frame: &Frame, grains: &[GrainId]) -> f64 {
     let SnapshotInterval { length, exchanges } = &frame.interval;
-    let is_member = |side: &BodyIndex| side.grain_id().is_some_and(|grain| grains.binary_search(&grain).is_ok());
-    let virial: f64 = exchanges.iter().filter(|e| e.sides.iter().any(is_member)).map(|e| e.virial).sum();
+    let is_member = |body: &ContactBody| body.grain_id().is_some_and(|grain| grains.binary_search(&grain).is_ok());
+    let virial: f64 = exchanges.iter().filter(|e| e.bodies.iter().any(is_member)).map(|e| e.virial).sum();
     if *length > 0.0 { virial / length / 3.0 } else { f64::NAN }
 }
 

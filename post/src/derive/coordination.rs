@@ -6,7 +6,7 @@ use cd_formats::groups::DisjointSets;
 use cd_formats::snapshot::STATUS_NO_CONTACT;
 
 use crate::derive::fragments::TOUCHING_GAP;
-use crate::frame::{BodyIndex, Contact, Frame, GrainId, ImpulseExchange};
+use crate::frame::{Contact, ContactBody, Frame, GrainId, ImpulseExchange};
 use crate::math::Vec3;
 
 /// Means over some grains.
@@ -49,13 +49,17 @@ pub fn touching_contacts(frame: &Frame) -> impl Iterator<Item = &Contact> {
 /// The gap up to which the bodies of a contact touch, m.
 fn touching_distance(frame: &Frame, contact: &Contact) -> f64 {
     TOUCHING_GAP
-        * contact.sides().filter_map(BodyIndex::grain_id).map(|i| frame.grains[i].radius).fold(f64::INFINITY, f64::min)
+        * contact
+            .bodies()
+            .filter_map(ContactBody::grain_id)
+            .map(|i| frame.grains[i].radius)
+            .fold(f64::INFINITY, f64::min)
 }
 
 /// Two bodies that touch with force, in one or more points; at least one is a grain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TouchingPair {
-    pub sides: [BodyIndex; 2],
+    pub bodies: [ContactBody; 2],
     /// Points of contact that touch with force or whose gap is at most [`TOUCHING_GAP`] of the smaller radius.
     pub points: u32,
 }
@@ -69,7 +73,7 @@ impl TouchingPair {
     }
 
     fn grains(&self) -> impl Iterator<Item = GrainId> {
-        self.sides.into_iter().filter_map(BodyIndex::grain_id)
+        self.bodies.into_iter().filter_map(ContactBody::grain_id)
     }
 }
 
@@ -80,17 +84,17 @@ const FLUSH_STEP: f64 = 0.01;
 
 /// Maps each pair of a grain and a wall that lies flush with another wall under this grain to the first such pair, so
 /// that flush walls count as one surface.
-fn flush_pairs(frame: &Frame) -> HashMap<[BodyIndex; 2], [BodyIndex; 2]> {
+fn flush_pairs(frame: &Frame) -> HashMap<[ContactBody; 2], [ContactBody; 2]> {
     // Contacts of each grain with walls, with the normal towards the grain.
     let mut with_walls: BTreeMap<GrainId, Vec<(&Contact, Vec3)>> = BTreeMap::new();
     for contact in &frame.contacts {
         let sign = match (contact.candidate, contact.antagonist) {
-            (BodyIndex::Grain(_), BodyIndex::Wall(_)) => 1.0,
-            (BodyIndex::Wall(_), BodyIndex::Grain(_)) => -1.0,
+            (ContactBody::Grain(_), ContactBody::Wall(_)) => 1.0,
+            (ContactBody::Wall(_), ContactBody::Grain(_)) => -1.0,
             _ => continue,
         };
         if touches_with_force(contact) || contact.gap <= touching_distance(frame, contact) {
-            let grain = contact.sides().find_map(BodyIndex::grain_id);
+            let grain = contact.bodies().find_map(ContactBody::grain_id);
             grain.into_iter().for_each(|grain| {
                 with_walls.entry(grain).or_default().push((contact, sign * contact.normal));
             });
@@ -98,13 +102,13 @@ fn flush_pairs(frame: &Frame) -> HashMap<[BodyIndex; 2], [BodyIndex; 2]> {
     }
     let mut representative = HashMap::new();
     for (grain, contacts) in with_walls {
-        let mut pairs: Vec<[BodyIndex; 2]> = contacts.iter().map(|(contact, _)| sorted_sides(contact)).collect();
+        let mut pairs: Vec<[ContactBody; 2]> = contacts.iter().map(|(contact, _)| sorted_bodies(contact)).collect();
         pairs.sort_unstable();
         pairs.dedup();
         if pairs.len() < 2 {
             continue;
         }
-        let number = |contact: &Contact| pairs.binary_search(&sorted_sides(contact)).unwrap_or_default();
+        let number = |contact: &Contact| pairs.binary_search(&sorted_bodies(contact)).unwrap_or_default();
         let mut groups = DisjointSets::new(pairs.len());
         for (k, (a, normal)) in contacts.iter().enumerate() {
             for (b, other) in &contacts[..k] {
@@ -114,7 +118,7 @@ fn flush_pairs(frame: &Frame) -> HashMap<[BodyIndex; 2], [BodyIndex; 2]> {
                 }
             }
         }
-        let mut first: HashMap<usize, [BodyIndex; 2]> = HashMap::new();
+        let mut first: HashMap<usize, [ContactBody; 2]> = HashMap::new();
         for (k, pair) in pairs.iter().enumerate() {
             let first_pair = *first.entry(groups.find(k)).or_insert(*pair);
             if first_pair != *pair {
@@ -141,28 +145,28 @@ fn independent_points(points: &[Vec3], distance: f64) -> u32 {
 /// grain are one pair with it, the pair of the first of them.
 pub fn touching_pairs(frame: &Frame) -> Vec<TouchingPair> {
     let flush = flush_pairs(frame);
-    let sides_of = |contact: &Contact| {
-        let sides = sorted_sides(contact);
-        flush.get(&sides).copied().unwrap_or(sides)
+    let surface_pair = |contact: &Contact| {
+        let pair = sorted_bodies(contact);
+        flush.get(&pair).copied().unwrap_or(pair)
     };
-    let mut indices: HashMap<[BodyIndex; 2], usize> = HashMap::new();
+    let mut indices: HashMap<[ContactBody; 2], usize> = HashMap::new();
     let mut touches: Vec<TouchingPair> = Vec::new();
     for contact in touching_contacts(frame) {
-        let sides = sides_of(contact);
-        indices.entry(sides).or_insert_with(|| {
-            touches.push(TouchingPair { sides, points: 0 });
+        let pair = surface_pair(contact);
+        indices.entry(pair).or_insert_with(|| {
+            touches.push(TouchingPair { bodies: pair, points: 0 });
             touches.len() - 1
         });
     }
     // Points and touching distance of the pairs with several walls: at a joint, each wall has points of its own.
     let mut on_flush: BTreeMap<usize, (Vec<Vec3>, f64)> = BTreeMap::new();
     for contact in &frame.contacts {
-        let sides = sides_of(contact);
-        if let Some(&index) = indices.get(&sides)
+        let pair = surface_pair(contact);
+        if let Some(&index) = indices.get(&pair)
             && (touches_with_force(contact) || contact.gap <= touching_distance(frame, contact))
         {
             touches[index].points += 1;
-            if flush.contains_key(&sides) {
+            if flush.contains_key(&pair) {
                 let (points, distance) = on_flush.entry(index).or_default();
                 points.push(contact.point);
                 *distance = touching_distance(frame, contact);
@@ -176,15 +180,15 @@ pub fn touching_pairs(frame: &Frame) -> Vec<TouchingPair> {
 }
 
 /// The bodies of a contact in rising order.
-fn sorted_sides(contact: &Contact) -> [BodyIndex; 2] {
+fn sorted_bodies(contact: &Contact) -> [ContactBody; 2] {
     let [a, b] = [contact.candidate, contact.antagonist];
     [a.min(b), a.max(b)]
 }
 
 /// Number of pairs of bodies whose contacts carry force, but only pull at a distance ([`touches_with_force`]).
 pub fn count_distant_pairs(frame: &Frame) -> usize {
-    let touching: HashSet<[BodyIndex; 2]> = touching_contacts(frame).map(sorted_sides).collect();
-    frame.active_contacts().map(sorted_sides).filter(|sides| !touching.contains(sides)).collect::<HashSet<_>>().len()
+    let touching: HashSet<[ContactBody; 2]> = touching_contacts(frame).map(sorted_bodies).collect();
+    frame.active_contacts().map(sorted_bodies).filter(|pair| !touching.contains(pair)).collect::<HashSet<_>>().len()
 }
 
 /// Number of neighbours that each grain touches with force; walls count too.
@@ -213,17 +217,17 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
 /// A pair that pulled in the sum of these steps counts only if it touches in the snapshot. Flush walls count once if the
 /// snapshot has the contacts with them. NaN without an interval.
 pub fn interval_coordination(frame: &Frame, members: &[GrainId]) -> f64 {
-    let touching: HashSet<[BodyIndex; 2]> = touching_contacts(frame).map(sorted_sides).collect();
+    let touching: HashSet<[ContactBody; 2]> = touching_contacts(frame).map(sorted_bodies).collect();
     let sorted_pair = |exchange: &ImpulseExchange| {
-        let [a, b] = exchange.sides;
+        let [a, b] = exchange.bodies;
         [a.min(b), a.max(b)]
     };
     let exchanges = frame.interval.exchanges.iter();
     let touched = exchanges.filter(|exchange| exchange.virial > 0.0 || touching.contains(&sorted_pair(exchange)));
     let flush = flush_pairs(frame);
-    let surface = |sides: [BodyIndex; 2]| flush.get(&sides).copied().unwrap_or(sides);
-    let pairs: HashSet<[BodyIndex; 2]> = touched.map(sorted_pair).map(surface).collect();
-    let is_member = |side: &&BodyIndex| side.grain_id().is_some_and(|grain| members.binary_search(&grain).is_ok());
+    let surface = |pair: [ContactBody; 2]| flush.get(&pair).copied().unwrap_or(pair);
+    let pairs: HashSet<[ContactBody; 2]> = touched.map(sorted_pair).map(surface).collect();
+    let is_member = |body: &&ContactBody| body.grain_id().is_some_and(|grain| members.binary_search(&grain).is_ok());
     let ends = pairs.iter().flatten().filter(is_member).count() as f64;
     if frame.interval.length > 0.0 { ends / members.len() as f64 } else { f64::NAN }
 }
@@ -257,7 +261,7 @@ pub fn find_rattlers(frame: &Frame, touches: &[TouchingPair], stable: u32) -> Ve
     let mut neighbours = vec![Vec::new(); frame.grains.len()];
     for touch in touches {
         touch.grains().for_each(|i| counts[i.index()] += touch.constraint_count());
-        if let [BodyIndex::Grain(i), BodyIndex::Grain(j)] = touch.sides {
+        if let [ContactBody::Grain(i), ContactBody::Grain(j)] = touch.bodies {
             neighbours[i.index()].push((j.index(), touch.constraint_count()));
             neighbours[j.index()].push((i.index(), touch.constraint_count()));
         }

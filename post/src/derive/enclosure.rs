@@ -33,7 +33,7 @@ pub struct EnclosedRegion {
 
 /// Walls and periods around grains.
 ///
-/// A plane of wall faces bounds the space if nearly all grains are before it and faces cover half of the side of the space
+/// A plane of wall faces bounds the space if nearly all grains are on its inner side and faces cover half of the side of the space
 /// that lies in it. Under gravity the grains must fill the space from side to side.
 pub struct GrainEnclosure<'a> {
     frame: &'a Frame,
@@ -107,7 +107,8 @@ impl<'a> GrainEnclosure<'a> {
 
     /// Whether a point (m) is inside of all planes and hollow cylinders.
     fn is_inside(&self, x: &Vec3) -> bool {
-        self.planes.iter().all(|plane| plane.is_before(x)) && self.bores.iter().all(|bore| bore.contains_point(x))
+        self.planes.iter().all(|plane| plane.is_on_inner_side(x))
+            && self.bores.iter().all(|bore| bore.contains_point(x))
     }
 
     /// Grains of the core with their centre inside.

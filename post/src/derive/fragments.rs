@@ -1,8 +1,8 @@
-//! Fragments: groups of grains that touch, the largest remnant first.
+//! Fragments: sets of grains connected by contacts, the largest remnant first.
 
 use std::cmp::Reverse;
 
-use cd_formats::groups::{DisjointSets, GroupSize, largest_remnant};
+use cd_formats::groups::{DisjointSets, FragmentSize, largest_remnant};
 
 use crate::derive::motion::{AggregateSums, RotatingAxes};
 use crate::frame::{Frame, GrainId};
@@ -11,54 +11,53 @@ use crate::frame::{Frame, GrainId};
 /// of the smaller radius.
 pub const TOUCHING_GAP: f64 = 1e-3;
 
-/// A group of touching grains.
+/// Grains connected by chains of touching grains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fragment {
-    /// Grains of the group, rising.
+    /// Grains of the fragment, rising.
     pub grains: Vec<GrainId>,
-    /// Mass, inertia and motion of the group, in fixed axes.
+    /// Mass, inertia and motion of the fragment, in fixed axes.
     pub sums: AggregateSums,
 }
 
-/// Groups of touching grains: the largest remnant, then the others by falling mass, equal ones by their first grain.
+/// Fragments of a frame: the largest remnant, then the others by falling mass, equal ones by their first grain.
 ///
 /// [`largest_remnant`] chooses the largest remnant.
 ///
-/// Two grains are in one group if a chain of touching grains links them ([`TOUCHING_GAP`]). The gap of spheres is
+/// Two grains are in one fragment if a chain of touching grains links them ([`TOUCHING_GAP`]). The gap of spheres is
 /// |x_i - x_j| - R_i - R_j at the snapshot's time, with x_j of the nearest image. The gap of other grains is the smallest of their
 /// contacts at contact detection. Walls do not link grains.
 pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
     let grains = &frame.grains;
-    let mut groups = DisjointSets::new(grains.len());
+    let mut connected = DisjointSets::new(grains.len());
     for contact in &frame.contacts {
         if let Some((i, j)) = contact.grain_pair()
             && (contact.active || !both_spheres(frame, i, j) && contact.gap <= touching_gap(frame, i, j))
         {
-            groups.union(i.index(), j.index());
+            connected.union(i.index(), j.index());
         }
     }
-    join_spheres(frame, &mut groups);
-    // The first grain of a group is its number.
+    connect_spheres(frame, &mut connected);
     let mut members: Vec<Vec<GrainId>> = Vec::new();
     let mut index = vec![0; grains.len()];
     for i in frame.grain_ids() {
-        let group = groups.find(i.index());
-        if group == i.index() {
-            index[group] = members.len();
+        let first = connected.find(i.index());
+        if first == i.index() {
+            index[first] = members.len();
             members.push(vec![i]);
         } else {
-            members[index[group]].push(i);
+            members[index[first]].push(i);
         }
     }
     let axes = RotatingAxes::from_frame(frame);
-    let fragment = |group: Vec<GrainId>| {
-        let sums = AggregateSums::from_grains(group.iter().map(|&i| &grains[i]));
-        Fragment { grains: group, sums: sums.in_fixed_axes(&axes) }
+    let fragment = |members: Vec<GrainId>| {
+        let sums = AggregateSums::from_grains(members.iter().map(|&i| &grains[i]));
+        Fragment { grains: members, sums: sums.in_fixed_axes(&axes) }
     };
     let mut found: Vec<Fragment> = members.into_iter().map(fragment).collect();
     // Bits of positive numbers are in their order.
-    found.sort_by_cached_key(|group| Reverse(group.sums.mass.to_bits()));
-    let size = |fragment: &Fragment| GroupSize { mass: fragment.sums.mass, members: fragment.grains.len() };
+    found.sort_by_cached_key(|fragment| Reverse(fragment.sums.mass.to_bits()));
+    let size = |fragment: &Fragment| FragmentSize { mass: fragment.sums.mass, members: fragment.grains.len() };
     if let Some(remnant) = largest_remnant(&found.iter().map(size).collect::<Vec<_>>()) {
         found[..=remnant].rotate_right(1);
     }
@@ -75,11 +74,11 @@ struct ColumnEntry {
     image: usize,
 }
 
-/// Joins spheres that touch.
+/// Connects spheres that touch.
 ///
 /// Sweeps along x in square columns, each sphere in all that it reaches, so that touching spheres share a column. Images
 /// outside the cell are included.
-fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
+fn connect_spheres(frame: &Frame, connected: &mut DisjointSets) {
     let grains = &frame.grains;
     let reach = |i: GrainId| grains[i].radius * (1.0 + TOUCHING_GAP);
     let spheres = || frame.grain_ids().filter(|&i| grains[i].solid.is_none());
@@ -106,7 +105,7 @@ fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
             let (j, y) = images[second.image];
             let touching_distance = grains[i].radius + grains[j].radius + touching_gap(frame, i, j);
             if (x - y).norm_squared() <= touching_distance * touching_distance {
-                groups.union(i.index(), j.index());
+                connected.union(i.index(), j.index());
             }
         }
     }
@@ -135,7 +134,7 @@ mod tests {
     use super::*;
     use crate::samples::Scene;
 
-    /// The share of the mass in each group.
+    /// Share of the mass in each fragment.
     fn shares(scene: &Scene) -> Vec<f64> {
         let frame = scene.frame();
         find_fragments(&frame).iter().map(|fragment| fragment.sums.mass / frame.total_mass()).collect()
@@ -163,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_of_unequal_spheres_are_those_of_all_pairs() {
+    fn fragments_of_unequal_spheres_are_those_of_all_pairs() {
         // Radii from 0.05 to 20 in a cube, among them some that touch.
         let mut scene = Scene::default();
         for k in 1..300 {
@@ -172,27 +171,27 @@ mod tests {
             scene.grain([60.0 * digit(613), 60.0 * digit(271) - 30.0, 60.0 * digit(89) - 90.0], radius);
         }
         let frame = scene.frame();
-        let mut groups = DisjointSets::new(frame.grains.len());
+        let mut connected = DisjointSets::new(frame.grains.len());
         for (i, a) in frame.grains.iter().enumerate() {
             for (j, b) in frame.grains.iter().enumerate().take(i) {
                 let gap = (a.x - b.x).norm() - a.radius - b.radius;
                 if gap <= touching_gap(&frame, GrainId::new(i), GrainId::new(j)) {
-                    groups.union(i, j);
+                    connected.union(i, j);
                 }
             }
         }
         let numbers = |fragment: &Fragment| fragment.grains.iter().map(|i| i.index()).collect::<Vec<usize>>();
         let mut found: Vec<Vec<usize>> = find_fragments(&frame).iter().map(numbers).collect();
         let mut expected: Vec<Vec<usize>> = vec![Vec::new(); frame.grains.len()];
-        (0..frame.grains.len()).for_each(|i| expected[groups.find(i)].push(i));
-        expected.retain(|group| !group.is_empty());
+        (0..frame.grains.len()).for_each(|i| expected[connected.find(i)].push(i));
+        expected.retain(|members| !members.is_empty());
         found.sort();
         assert_eq!(found, expected);
-        assert!(expected.iter().any(|group| group.len() > 2));
+        assert!(expected.iter().any(|members| members.len() > 2));
     }
 
     #[test]
-    fn groups_do_not_end_at_the_border() {
+    fn fragments_do_not_end_at_the_border() {
         let mut scene = Scene::default();
         (scene.snapshot.meta.parameters.xperiode, scene.snapshot.meta.parameters.yperiode) = (Some(8.0), Some(6.0));
         // Across a corner of the cell, 2 apart, and one by itself.
@@ -237,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn polyhedra_touch_by_their_contacts_and_groups_are_numbered_by_mass() {
+    fn polyhedra_touch_by_their_contacts_and_fragments_are_numbered_by_mass() {
         let mut scene = Scene::default();
         for x in [0.0, 2.0005, 10.0, 12.0] {
             scene.cube([x, 0.0, 0.0], 1.0);

@@ -33,9 +33,9 @@ const SIGNIFICANCE_FACTOR: f64 = 1.5;
 /// which a surface may not be a plane: at 12 radii tan 6°, 1.7 times the largest value from undulations of eight level beds of 1000 and 3000 grains.
 const MAX_UNDULATION: f64 = 12.0 * 0.105;
 
-/// Distance from a leaning wall, in mean radii, up to which a column may stand on the side of the grains along it: between
+/// Distance from a leaning wall, in mean radii, up to which a column may stand on the flank of the grains along it: between
 /// the grains at the wall those of the second layer are seen, whose centres are 1 + √3 radii from it.
-const SIDE_DEPTH: f64 = 3.0;
+const FLANK_DEPTH: f64 = 3.0;
 
 /// Free surface of a bed, sampled by vertical columns a mean radius wide, row by row.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,7 +85,7 @@ impl FreeSurface {
     /// gravity.
     ///
     /// The height of a column is the height of the highest point of a grain on its vertical. Columns under a wall that
-    /// leans over the grains next to it have none: in a tilted box they stand on the side of the bed along the wall,
+    /// leans over the grains next to it have none: in a tilted box they stand on the flank of the bed along the wall,
     /// not on its free surface. Position and normal are those of the least-squares plane through the heights within
     /// `reach` mean radii ([`PlaneFit`]); both are NaN if less than half of the weight has a height. Verticals are
     /// against gravity. In a periodic scene verticals are along z, as a slope is modelled there by inclined gravity.
@@ -106,7 +106,7 @@ impl FreeSurface {
         let lowest = grains.iter().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
         let planes = bounding_planes(frame, &members);
         let bores: Vec<CylinderBore> = frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &members)).collect();
-        grid.remove_sides(&mut heights, lowest, &LeaningSide::among(&planes, &bores, &up));
+        grid.remove_flanks(&mut heights, lowest, &LeaningWall::among(&planes, &bores, &up));
         let mean_plane = grid.plane_through_all(&heights)?;
         let fits: Vec<Option<FittedPlane>> =
             (0..heights.len()).into_par_iter().map(|k| grid.plane_at(&heights, k, reach * grid.width)).collect();
@@ -151,11 +151,12 @@ impl FreeSurface {
         };
         if !planes.is_empty() {
             let noise = density * mean(&|p| p.variance);
-            // Number of patches of the surface whose heights are independent.
-            let parts = (count / mean(&|p| p.effective_area)).max(1.0);
+            // Planes of columns nearer than about the reach are fitted to the same heights and have the same error. The
+            // surface has as many planes with errors of their own as effective areas of a plane fit into it.
+            let independent_planes = (count / mean(&|p| p.effective_area)).max(1.0);
             surface.noise = noise.sqrt().atan();
-            if !is_plane && let [median] = surface.slopes_below(&[0.5])[..] {
-                (surface.slope, surface.slope_error) = (median, (noise / parts).sqrt().atan());
+            if !is_plane && let [median] = surface.slope_quantiles(&[0.5])[..] {
+                (surface.slope, surface.slope_error) = (median, (noise / independent_planes).sqrt().atan());
             }
         }
         Some(surface)
@@ -172,7 +173,7 @@ impl FreeSurface {
     }
 
     /// Quantiles of the columns' slopes at these shares, rad; empty if no slope is known.
-    pub fn slopes_below(&self, shares: &[f64]) -> Vec<f64> {
+    pub fn slope_quantiles(&self, shares: &[f64]) -> Vec<f64> {
         let mut known: Vec<f64> = self.columns.iter().map(|column| column.slope).filter(|s| s.is_finite()).collect();
         known.sort_by(f64::total_cmp);
         let quantile =
@@ -181,25 +182,25 @@ impl FreeSurface {
     }
 }
 
-/// Inner side of a wall that bounds the grains, of which a part leans over them.
-enum LeaningSide<'a> {
+/// Wall that bounds the grains and leans over them, at least in part.
+enum LeaningWall<'a> {
     Plane(&'a WallPlane),
     Bore(&'a CylinderBore),
 }
 
-impl<'a> LeaningSide<'a> {
-    /// Sides that lean over grains, among the walls that bound them.
-    fn among(planes: &'a [WallPlane], bores: &'a [CylinderBore], up: &Vec3) -> Vec<LeaningSide<'a>> {
-        let leaning = planes.iter().filter(|plane| plane.normal.dot(up) < 0.0).map(LeaningSide::Plane);
-        leaning.chain(bores.iter().map(LeaningSide::Bore)).collect()
+impl<'a> LeaningWall<'a> {
+    /// Walls that lean over the grains, among these planes and bores.
+    fn among(planes: &'a [WallPlane], bores: &'a [CylinderBore], up: &Vec3) -> Vec<LeaningWall<'a>> {
+        let leaning = planes.iter().filter(|plane| plane.normal.dot(up) < 0.0).map(LeaningWall::Plane);
+        leaning.chain(bores.iter().map(LeaningWall::Bore)).collect()
     }
 
-    /// Distance of a point from the side, m, and the sine of the angle from the vertical by which the side there leans over
+    /// Distance of a point from the wall, m, and the sine of the angle from the vertical by which the wall there leans over
     /// the point; negative if it leans away.
     fn distance_and_lean(&self, x: &Vec3, up: &Vec3) -> (f64, f64) {
         match self {
-            LeaningSide::Plane(plane) => (x.dot(&plane.normal) - plane.offset, -plane.normal.dot(up)),
-            LeaningSide::Bore(bore) => {
+            LeaningWall::Plane(plane) => (x.dot(&plane.normal) - plane.offset, -plane.normal.dot(up)),
+            LeaningWall::Bore(bore) => {
                 let outwards = bore.offset_from_axis(x);
                 let reach = outwards.norm();
                 (bore.radius - reach, if reach > 0.0 { outwards.dot(up) / reach } else { 0.0 })
@@ -233,7 +234,7 @@ pub struct SurfacePlane {
 }
 
 /// Least-squares plane through the heights of the columns over some grains between walls; None without grains. The plane is
-/// level along a period, and leaves out columns on the side of the grains along a wall that leans over them.
+/// level along a period, and leaves out columns on the flank of the grains along a wall that leans over them.
 pub fn mean_plane(
     grains: &[&Grain],
     planes: &[WallPlane],
@@ -248,7 +249,7 @@ pub fn mean_plane(
     let heights = grid.column_heights(grains);
     let mut surface_heights = heights.clone();
     let lowest = grains.iter().map(|g| height_range(g, up)[0]).fold(f64::INFINITY, f64::min);
-    grid.remove_sides(&mut surface_heights, lowest, &LeaningSide::among(planes, bores, up));
+    grid.remove_flanks(&mut surface_heights, lowest, &LeaningWall::among(planes, bores, up));
     let plane = grid.plane_through_all(&surface_heights)?;
     let ([first, second], [x, y], [along, across]) = (grid.axes, plane.middle, plane.plane.gradient);
     Some(SurfacePlane {
@@ -297,8 +298,8 @@ impl UpperFace {
 
     /// Height of the face on a vertical, m; None if the vertical misses the face.
     fn height_at(&self, [x, y]: [f64; 2]) -> Option<f64> {
-        let sides = self.corners.iter().zip(self.corners.iter().cycle().skip(1));
-        let within = sides.into_iter().all(|([a, b], [c, d])| {
+        let edges = self.corners.iter().zip(self.corners.iter().cycle().skip(1));
+        let within = edges.into_iter().all(|([a, b], [c, d])| {
             let (along, across) = (c - a, d - b);
             along * (y - b) - across * (x - a) >= -self.rounding * along.hypot(across)
         });
@@ -419,26 +420,26 @@ impl ColumnGrid {
         heights
     }
 
-    /// Removes the heights of columns that stand on the side of the grains along a leaning wall, with `lowest` the lowest
+    /// Removes the heights of columns that stand on the flank of the grains along a leaning wall, with `lowest` the lowest
     /// point of the grains. A wall over most of the columns is a lid, under which all is surface.
     ///
-    /// The side of grains of depth H has the width H sin(lean) seen from above.
-    fn remove_sides(&self, heights: &mut [f64], lowest: f64, sides: &[LeaningSide]) {
+    /// The flank of grains of depth H has the width H sin(lean) seen from above.
+    fn remove_flanks(&self, heights: &mut [f64], lowest: f64, walls: &[LeaningWall]) {
         let depth = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max) - lowest;
         let known: Vec<usize> = (0..heights.len()).filter(|&k| heights[k].is_finite()).collect();
         let point = |k: usize, height: f64| {
             let [a, b] = self.column_middle(k);
             a * self.axes[0] + b * self.axes[1] + height * self.up
         };
-        let is_on_side = |side: &LeaningSide, x: Vec3| {
-            let (distance, lean) = side.distance_and_lean(&x, &self.up);
-            lean > 0.0 && distance <= (SIDE_DEPTH * self.width).min(depth * lean)
+        let is_on_flank = |wall: &LeaningWall, x: Vec3| {
+            let (distance, lean) = wall.distance_and_lean(&x, &self.up);
+            lean > 0.0 && distance <= (FLANK_DEPTH * self.width).min(depth * lean)
         };
         let mut hidden: Vec<usize> = Vec::new();
-        for side in sides {
-            let side_points = || known.iter().copied().filter(|&k| is_on_side(side, point(k, heights[k])));
-            if 2 * side_points().count() <= known.len() {
-                hidden.extend(side_points());
+        for wall in walls {
+            let flank_columns = || known.iter().copied().filter(|&k| is_on_flank(wall, point(k, heights[k])));
+            if 2 * flank_columns().count() <= known.len() {
+                hidden.extend(flank_columns());
             }
         }
         hidden.into_iter().for_each(|k| heights[k] = f64::NAN);
@@ -531,7 +532,7 @@ mod tests {
     }
 
     fn median(scene: &Scene) -> f64 {
-        of(scene).unwrap().slopes_below(&[0.5])[0].to_degrees()
+        of(scene).unwrap().slope_quantiles(&[0.5])[0].to_degrees()
     }
 
     #[test]
@@ -634,9 +635,9 @@ mod tests {
         }
     }
 
-    /// A level bed in a tilted box: seen along gravity, the side of the bed along the upper wall is part of its outline.
+    /// A level bed in a tilted box: seen along gravity, the flank of the bed along the upper wall is part of its outline.
     #[test]
-    fn the_side_of_a_bed_along_a_wall_is_no_free_surface() {
+    fn the_flank_of_a_bed_along_a_wall_is_no_free_surface() {
         let (half, layers) = (12, 8);
         for (angle, about) in [(0.0f64, 0.0f64), (10.0, 0.0), (20.0, 0.7), (35.0, 0.0), (35.0, 0.7)] {
             let mut scene = Scene::default();

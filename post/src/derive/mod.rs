@@ -12,7 +12,7 @@
 //! | [`fabric`] | directions of contacts, mobilised friction, distributions |
 //! | [`energy`], [`gravity`] | kinetic and potential energies |
 //! | [`motion`] | centre of mass, momenta, spin, semi-axes |
-//! | [`fragments`], [`orbits`] | groups of grains that touch, and their orbits about the largest |
+//! | [`fragments`], [`orbits`] | fragments, sets of grains connected by contacts, and their orbits about the largest |
 //! | [`bed`] | grains that rest between walls: level, solid fraction, layers |
 //! | [`profile`] | means over spherical shells |
 //! | [`surface`] | heights and slopes by direction |
@@ -130,7 +130,7 @@ columns! {
     L_x: f64, "kg m^2/s", "angular momentum along x, about the centre of mass, own rotation of the grains included";
     L_y: f64, "kg m^2/s", "angular momentum along y, about the centre of mass, own rotation of the grains included";
     L_z: f64, "kg m^2/s", "angular momentum along z, about the centre of mass, own rotation of the grains included";
-    n_fragments: u64, "1", "groups of touching grains";
+    n_fragments: u64, "1", "fragments: sets of grains connected by contacts";
     largest_fraction: f64, "1", "fraction of the mass in the largest remnant";
     n_grains: u64, "1", "grains";
     mass: f64, "kg", "mass of the grains";
@@ -174,8 +174,8 @@ columns! {
     largest_c: f64, "m", "shortest semi-axis of the largest remnant";
     largest_spin: f64, "rad/s", "angular velocity of the largest remnant";
     largest_period: f64, "s", "period of rotation of the largest remnant";
-    bound_fraction: f64, "1", "fraction of the mass in other groups bound to the largest remnant";
-    escaping_fraction: f64, "1", "fraction of the mass in other groups not bound to the largest remnant";
+    bound_fraction: f64, "1", "fraction of the mass in other fragments bound to the largest remnant";
+    escaping_fraction: f64, "1", "fraction of the mass in other fragments not bound to the largest remnant";
     E_total: f64, "J", "kinetic and potential energy";
     E_contacts: f64, "J", "work of all contacts of grains since the start";
     E_friction: f64, "J", "work of the tangential forces of these contacts since the start";
@@ -215,7 +215,7 @@ impl Default for MeasurementOptions {
 }
 
 impl MeasurementOptions {
-    /// The region of a frame with these groups of touching grains.
+    /// Region of a frame with these fragments.
     pub fn region(&self, frame: &Frame, fragments: &[fragments::Fragment]) -> Region {
         match &self.region {
             Some(probe) => Region::from_probe(frame, fragments, probe),
@@ -230,12 +230,12 @@ impl Row {
         Row::with_options(frame, &MeasurementOptions::default())
     }
 
-    /// Finds the groups of touching grains of a frame and calls [`Row::with_fragments`].
+    /// Finds the fragments of a frame and calls [`Row::with_fragments`].
     pub fn with_options(frame: &Frame, options: &MeasurementOptions) -> Row {
         Row::with_fragments(frame, &fragments::find_fragments(frame), options)
     }
 
-    /// Measures all observables of a frame. `fragments`: its groups of touching grains.
+    /// Measures all observables of a frame. `fragments`: all fragments of the frame.
     pub fn with_fragments(frame: &Frame, fragments: &[fragments::Fragment], options: &MeasurementOptions) -> Row {
         let (grains, summation) = (&frame.grains, options.summation);
         let count = grains.len() as f64;
@@ -387,7 +387,7 @@ struct LargestFragment {
     axes: [f64; 3],
     /// Spin, rad/s.
     spin: f64,
-    /// Share of the mass of all grains in groups that are bound to it, and in the others.
+    /// Share of the mass of all grains in fragments that are bound to it, and in the others.
     bound: f64,
     escaping: f64,
 }

@@ -17,10 +17,10 @@ use crate::derive::hull;
 use crate::derive::motion::RotatingAxes;
 use crate::derive::probe::{Probe, ProbeShape};
 use crate::derive::region_kind::RegionKind;
-use crate::frame::{BodyIndex, Frame, Grain, GrainId, ImpulseExchange, SnapshotInterval};
+use crate::frame::{ContactBody, Frame, Grain, GrainId, ImpulseExchange, SnapshotInterval};
 use crate::math::{Mat3, Vec3};
 
-/// Least share of the mass or of the grains of the largest remnant: a smaller group of touching grains is a clump of a
+/// Least share of the mass or of the grains of the largest remnant: a smaller fragment is a clump of a
 /// cloud, and all grains count instead.
 const MIN_REMNANT_SHARE: f64 = 0.1;
 
@@ -45,14 +45,14 @@ struct PlacedProbe {
 }
 
 impl Region {
-    /// Returns the region that fits the scene; `fragments`: groups of touching grains.
+    /// Returns the region that fits the scene; `fragments`: all fragments of the frame.
     ///
-    /// Walls bound it where their faces are, see [`GrainEnclosure`]. The grains considered are the groups that a wall touches
+    /// Walls bound it where their faces are, see [`GrainEnclosure`]. The grains considered are the fragments that a wall touches
     /// with force if these have half of the mass or of the grains, else all grains. Under uniform gravity the region ends at
     /// the mean plane of their surface, unless a lid is less than a mean diameter above; without a plate below, it begins at
     /// their lowest point. If walls and periods leave a side open, if the grains are a heap that does not fill the space
     /// from side to side, or if nothing touches walls in a scene with self-gravity, the region is the hull of the largest
-    /// remnant (of those that a wall touches, if any). It is the hull of all grains if that group has a single grain among
+    /// remnant (of those that a wall touches, if any). It is the hull of all grains if that fragment has a single grain among
     /// others or less than a tenth of the mass and of the grains.
     pub fn from_frame(frame: &Frame, fragments: &[Fragment]) -> Region {
         if frame.grains.is_empty() {
@@ -116,9 +116,9 @@ impl Region {
     /// probe each contact counts by the share of its branch inside. Source: Love (1892), Weber (1966); shares: Babic
     /// (1997), a box weight along the branch.
     pub fn stress(&self, frame: &Frame) -> Mat3 {
-        let end = |side: BodyIndex, image: Vec3, point: Vec3| match side {
-            BodyIndex::Grain(i) => frame.grains[i].x_contact + image,
-            BodyIndex::Wall(_) => point,
+        let end = |body: ContactBody, image: Vec3, point: Vec3| match body {
+            ContactBody::Grain(i) => frame.grains[i].x_contact + image,
+            ContactBody::Wall(_) => point,
         };
         let moment = |contact: &crate::frame::Contact| -> Mat3 {
             match &self.probe {
@@ -151,7 +151,7 @@ impl Region {
         }
         // Half of the exchange counts for a pair with one grain inside.
         let virial = |exchange: &ImpulseExchange| {
-            let grains = || exchange.sides.iter().filter_map(|side| side.grain_id());
+            let grains = || exchange.bodies.iter().filter_map(|body| body.grain_id());
             let inside = grains().filter(|&i| self.is_member(i)).count();
             exchange.virial * inside as f64 / grains().count() as f64
         };
@@ -250,7 +250,7 @@ fn image_shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
     Some(axis_shifts(0).flat_map(|x| axis_shifts(1).map(move |y| Vec3::new(x, y, 0.0))).collect())
 }
 
-/// Hull of the largest remnant, or of all grains if that group is not a remnant.
+/// Hull of the largest remnant, or of all grains if that fragment is not a remnant.
 fn aggregate_region(frame: &Frame, fragments: &[Fragment]) -> Region {
     let mut touched = vec![false; frame.grains.len()];
     let walls = frame.active_contacts().filter(|contact| contact.grain_pair().is_none());
@@ -583,7 +583,7 @@ mod tests {
         assert_eq!(with.region, RegionKind::LargestGroup.column_value());
         let found = [with.nu, with.Z, with.pressure, with.largest_mass, with.largest_a];
         assert_eq!(found, [alone.nu, alone.Z, alone.pressure, alone.largest_mass, alone.largest_a]);
-        // Pebbles on the planet: a heavy group of few.
+        // Pebbles on the planet: a heavy fragment of few grains.
         for angle in 0..12 {
             let (sin, cos) = (0.5 * f64::from(angle)).sin_cos();
             let pebble = scene.grain([4000.0 + 900.5 * cos, 900.5 * sin, 0.0], r);
@@ -768,7 +768,7 @@ mod tests {
         }
     }
 
-    /// Columns that stand on the side of a bed along a wall that leans over it are none of its surface.
+    /// Columns that stand on the flank of a bed along a wall that leans over it are none of its surface.
     #[test]
     fn a_tilted_box_has_the_volume_of_an_upright_one() {
         let (r, counts) = (0.5, [8, 8, 14]);

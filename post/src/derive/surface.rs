@@ -193,7 +193,8 @@ pub fn surface_heights(grains: &[&Grain], centre: Vec3, grid: DirectionGrid) -> 
 }
 
 /// Planes through the raw heights over the arcs to the east and north (rad), within `length` (m) on the surface. Returns
-/// their heights, the planes, and the density of the noise of single grains, from patches of the radius `diameter` (m).
+/// their heights, the planes, and the density of the noise of single grains, from the residuals within `diameter` (m) of
+/// each other, over which the noise of a grain extends.
 fn fit_planes(
     raw: &[f64],
     length: f64,
@@ -225,20 +226,21 @@ fn fit_planes(
     let fits: Vec<Option<FittedPlane>> = (0..grid.len()).into_par_iter().map(plane).collect();
     let heights: Vec<f64> = fits.iter().map(|fit| fit.map_or(f64::NAN, |plane| plane.height)).collect();
     let patch = (diameter / mean).min(reach);
+    // Sum of the products of the residual of k with those in its patch, and the solid angle of the patch.
     let neighbour_products = |k: usize| {
-        let (mut products, mut parts) = (0.0, 0.0);
+        let (mut products, mut patch_area) = (0.0, 0.0);
         for (j, _) in arcs(k, patch).filter(|(j, _)| heights[*j].is_finite()) {
             products += (raw[k] - heights[k]) * (raw[j] - heights[j]) * solid[j];
-            parts += solid[j];
+            patch_area += solid[j];
         }
-        (products, parts)
+        (products, patch_area)
     };
     let has_fit = |(k, _): &&(usize, Vec3)| fits[*k].is_some();
     let patches: Vec<_> = known.par_iter().filter(has_fit).map(|(k, _)| (*k, neighbour_products(*k))).collect();
     let mut density = NoiseDensity::default();
-    for (k, (products, parts)) in patches {
+    for (k, (products, patch_area)) in patches {
         if let Some(plane) = &fits[k] {
-            density.add(solid[k], raw[k] - heights[k], products, parts, plane);
+            density.add(solid[k], raw[k] - heights[k], products, patch_area, plane);
         }
     }
     (heights, fits, density.mean_density())
@@ -309,7 +311,7 @@ fn facets_of(
 }
 
 /// Quantiles of the slopes at these shares of the area, rad; empty if no slope is known.
-pub fn slopes_below(facets: &[SurfaceFacet], shares: &[f64]) -> Vec<f64> {
+pub fn slope_quantiles(facets: &[SurfaceFacet], shares: &[f64]) -> Vec<f64> {
     let mut known: Vec<(f64, f64)> = facets.iter().map(|f| (f.slope, f.area)).filter(|(s, _)| s.is_finite()).collect();
     known.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = known.iter().map(|(_, area)| area).sum();
@@ -397,13 +399,13 @@ mod tests {
         assert!((area / expected - 1.0).abs() < 1e-3, "{area} {expected}");
         // g = z: on a ball the slope is the angle from the pole, (1 - cos) / 2 of the area is nearer to it.
         let found = surface_facets(&ellipsoid([2.0; 3], FINE), Vec3::zeros(), Vec3::zeros(), |_| -Vec3::z(), FINE);
-        for (share, slope) in [0.1, 0.5, 0.9, 1.0].into_iter().zip(slopes_below(&found, &[0.1, 0.5, 0.9, 1.0])) {
+        for (share, slope) in [0.1, 0.5, 0.9, 1.0].into_iter().zip(slope_quantiles(&found, &[0.1, 0.5, 0.9, 1.0])) {
             let expected = (1.0f64 - 2.0 * share).acos();
             assert!((slope - expected).abs() < 2f64.to_radians(), "{share}: {slope} {expected}"); // a cell
         }
         let weightless =
             surface_facets(&ellipsoid([2.0; 3], FINE), Vec3::zeros(), Vec3::zeros(), |_| Vec3::zeros(), FINE);
-        assert!(weightless.iter().all(|f| f.slope.is_nan()) && slopes_below(&weightless, &[0.5]).is_empty());
+        assert!(weightless.iter().all(|f| f.slope.is_nan()) && slope_quantiles(&weightless, &[0.5]).is_empty());
     }
 
     #[test]

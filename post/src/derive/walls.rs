@@ -34,17 +34,17 @@ pub struct WallPlane {
 }
 
 impl WallPlane {
-    /// Whether a point (m) is on the side of the grains.
-    pub fn is_before(&self, x: &Vec3) -> bool {
+    /// Whether a point (m) is on the inner side of the plane, where the grains are.
+    pub fn is_on_inner_side(&self, x: &Vec3) -> bool {
         x.dot(&self.normal) >= self.offset
     }
 
     /// Whether a point of the plane lies in one of the faces, or within `margin` (m) of it.
     fn covers(&self, x: &Vec3, margin: f64) -> bool {
         self.faces.iter().any(|face| {
-            let sides = face.corners.iter().zip(face.corners.iter().cycle().skip(1));
+            let edges = face.corners.iter().zip(face.corners.iter().cycle().skip(1));
             // Seen against the normal, corners are counter-clockwise; an edge has its outside on the right.
-            sides.into_iter().all(|(p, q)| {
+            edges.into_iter().all(|(p, q)| {
                 let edge = q - p;
                 edge.cross(&self.normal).dot(&(x - p)) <= margin * edge.norm()
             })
@@ -81,7 +81,7 @@ impl WallPlane {
     }
 }
 
-/// Points along each side of the lattice of [`WallPlane::covered_share`].
+/// Points along each axis of the lattice of [`WallPlane::covered_share`].
 const COVER_POINTS: usize = 24;
 
 /// Largest sine of the angle between faces that lie flush: a few roundings of an orientation from a file.
@@ -108,11 +108,11 @@ fn nearly_all(frame: &Frame, grains: &[GrainId], inside: impl Fn(&Vec3) -> bool)
     beyond as f64 <= MAX_ESCAPED_SHARE * grains.len() as f64
 }
 
-/// Planes of the wall faces that have nearly all centres of `grains` on their outer side: faces of plates and of convex
-/// polyhedra, and the two ends of hollow cylinders around the grains.
+/// Planes of the wall faces with nearly all centres of `grains` on one side, the inner side: faces of plates and of convex
+/// polyhedra, whose normals point out of the wall, and the two ends of hollow cylinders around the grains.
 ///
 /// Faces that lie flush make one plane, so it does not matter in how many parts a wall is given. Planes whose faces
-/// together are smaller than half of the grains' section are left out, as they cannot close a side. Whether a plane bounds
+/// together are smaller than half of the grains' section are left out, as they cannot bound the grains. Whether a plane bounds
 /// a space depends on where its faces are, see [`WallPlane::covered_share`].
 pub fn bounding_planes(frame: &Frame, grains: &[GrainId]) -> Vec<WallPlane> {
     let count = grains.len() as f64;

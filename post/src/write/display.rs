@@ -28,7 +28,7 @@ use crate::derive::fabric::mobilised_share;
 use crate::derive::fragments::{Fragment, fragment_numbers};
 use crate::derive::motion::AggregateSums;
 use crate::derive::stress::{grain_stresses, kinetic_stress, pressure};
-use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, Wall, WallShape};
+use crate::frame::{ContactBody, Frame, Grain, PeriodicCell, Wall, WallShape};
 use crate::math::{Mat3, Vec3};
 
 /// Kinds of files, each with its collection.
@@ -78,7 +78,7 @@ pub fn has_piece(frame: &Frame, kind: &str) -> bool {
     }
 }
 
-/// Data of one kind, if there are any, see [`has_piece`]; `fragments`: groups of touching grains.
+/// Data of one kind, if there are any, see [`has_piece`]; `fragments`: all fragments of the frame.
 pub fn display_piece(frame: &Frame, fragments: &[Fragment], kind: &str) -> Option<PolyDataPiece> {
     has_piece(frame, kind).then(|| match kind {
         "grains" => grains_piece(frame, fragments),
@@ -164,16 +164,16 @@ fn contact_lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
         .map(|contact| {
             // A contact of a wall with an image of a grain is drawn at the grain.
             let (image, wall_shift) = match contact.candidate {
-                BodyIndex::Grain(_) => (contact.image, Vec3::zeros()),
-                BodyIndex::Wall(_) => (Vec3::zeros(), contact.image),
+                ContactBody::Grain(_) => (contact.image, Vec3::zeros()),
+                ContactBody::Wall(_) => (Vec3::zeros(), contact.image),
             };
-            let mut end = |side: BodyIndex, image: Vec3| match side {
-                BodyIndex::Grain(grain) if image == Vec3::zeros() => grain.index() as u64,
-                BodyIndex::Grain(grain) => {
+            let mut end = |body: ContactBody, image: Vec3| match body {
+                ContactBody::Grain(grain) if image == Vec3::zeros() => grain.index() as u64,
+                ContactBody::Grain(grain) => {
                     points.push(frame.grains[grain].x + image);
                     points.len() as u64 - 1
                 }
-                BodyIndex::Wall(_) => {
+                ContactBody::Wall(_) => {
                     points.push(contact.point - wall_shift);
                     points.len() as u64 - 1
                 }
@@ -187,9 +187,9 @@ fn contact_lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
 /// The contacts as lines between the centres of two grains, or from a grain to the point on a wall.
 fn contacts_piece(frame: &Frame) -> PolyDataPiece {
     let (points, lines) = contact_lines(frame);
-    let id = |side: BodyIndex| match side {
-        BodyIndex::Grain(grain) => frame.grains[grain].id,
-        BodyIndex::Wall(wall) => frame.walls[wall].id,
+    let id = |body: ContactBody| match body {
+        ContactBody::Grain(grain) => frame.grains[grain].id,
+        ContactBody::Wall(wall) => frame.walls[wall].id,
     };
     let (all, laws) = (&frame.contacts, &frame.laws);
     let cell = vec![

@@ -94,7 +94,7 @@ pub enum BodyFilter {
     All,
     /// Bodies whose sphere of equal volume lies below this height along z, m.
     Below(f64),
-    /// The largest remnant: the heaviest group of touching bodies with at least a tenth of the members of the most numerous
+    /// The largest remnant: the heaviest fragment (touching bodies) with at least a tenth of the members of the most numerous
     /// group.
     Largest,
 }

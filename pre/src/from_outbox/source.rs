@@ -10,7 +10,7 @@ use cd_formats::compute::{Compute, Event, EventAction};
 use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults, RecordFault};
-use cd_formats::groups::{DisjointSets, GroupSize, largest_remnant};
+use cd_formats::groups::{DisjointSets, FragmentSize, largest_remnant};
 use cd_formats::ids::BodyId;
 use cd_formats::law_table::is_law_of_points;
 use cd_formats::names::{count_text, vector_text};
@@ -349,23 +349,23 @@ impl SourceCase {
     fn largest_group(&self) -> Vec<bool> {
         let Snapshot { bodies, contacts, .. } = &self.snapshot;
         let count = bodies.body_id.len();
-        let mut groups = DisjointSets::new(count);
+        let mut connected = DisjointSets::new(count);
         for (row, pair) in contacts.contact_body.iter().enumerate() {
             let [a, b] = pair.map(|body| BodyId(body).index());
             let max_gap = TOUCHING_GAP * bodies.body_radius[a].min(bodies.body_radius[b]);
             let is_touching = contacts.contact_impulse[row] != [0.0; 3] || contacts.contact_gap[row] <= max_gap;
             if is_touching && bodies.body_driven[a] == 0 && bodies.body_driven[b] == 0 {
-                groups.union(a, b);
+                connected.union(a, b);
             }
         }
-        let mut sizes = vec![GroupSize::default(); count];
+        let mut sizes = vec![FragmentSize::default(); count];
         for row in (0..count).filter(|&row| bodies.body_driven[row] == 0 && self.snapshot.is_present(row)) {
-            let size = &mut sizes[groups.find(row)];
+            let size = &mut sizes[connected.find(row)];
             size.mass += bodies.body_mass[row];
             size.members += 1;
         }
         let largest = largest_remnant(&sizes);
-        (0..count).map(|row| Some(groups.find(row)) == largest).collect()
+        (0..count).map(|row| Some(connected.find(row)) == largest).collect()
     }
 }
 

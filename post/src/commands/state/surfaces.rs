@@ -6,7 +6,7 @@ use crate::commands::state::file::{StateFile, text_file};
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::fragments::Fragment;
 use crate::derive::free_surface::FreeSurface;
-use crate::derive::surface::{DirectionGrid, SurfaceFacet, aggregate_surface, rms_noise, slopes_below};
+use crate::derive::surface::{DirectionGrid, SurfaceFacet, aggregate_surface, rms_noise, slope_quantiles};
 use crate::frame::Frame;
 use crate::math::Vec3;
 use crate::write::display::{flat_components, scalar_attribute, vector_attribute, vertex_numbers, vtp_bytes};
@@ -54,7 +54,7 @@ pub fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec
     let counts = [grid.longitudes, grid.latitudes];
     let noise = noise_text(rms_noise(&facets));
     let mut files =
-        slope_files(&format!("Slopes against gravity and rotation{noise}"), &slopes_below(&facets, &slope_shares()));
+        slope_files(&format!("Slopes against gravity and rotation{noise}"), &slope_quantiles(&facets, &slope_shares()));
     files.extend([
         text_file("surface.csv", csv_text(&header, facets.iter().map(row))),
         // From east to west the sphere closes; at the poles it is left open.
@@ -77,7 +77,7 @@ pub fn free_surface_files(surface: &FreeSurface) -> Vec<StateFile> {
     let known = columns.iter().filter(|c| c.height.is_finite());
     let sheet = MapSheet::from_above(surface);
     let noise = noise_text(surface.noise);
-    let mut files = slope_files(&format!("Slopes against gravity{noise}"), &surface.slopes_below(&slope_shares()));
+    let mut files = slope_files(&format!("Slopes against gravity{noise}"), &surface.slope_quantiles(&slope_shares()));
     files.extend([
         text_file(
             "surface.csv",
