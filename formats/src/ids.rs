@@ -1,27 +1,27 @@
 //! Indices with types, so that indices into different lists are not confused.
 
-/// Defines index types: a number from 0, four bytes wide.
+/// Defines index types: a number from 0, of the width of the integer in parentheses.
 ///
 /// ```
 /// cd_formats::index_types! {
 ///     /// Index of a grain.
-///     GrainId;
+///     GrainId(u32);
 /// }
 /// assert_eq!(GrainId::new(3).index(), 3);
 /// ```
 #[macro_export]
 macro_rules! index_types {
-    ($($(#[doc = $help:literal])+ $name:ident;)+) => {
+    ($($(#[doc = $help:literal])+ $name:ident($number:ty);)+) => {
         $(
             $(#[doc = $help])+
             #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
             #[repr(transparent)]
-            pub struct $name(pub u32);
+            pub struct $name(pub $number);
 
             impl $name {
-                /// Index number `index`; panics beyond the range of u32.
+                /// Index number `index`; panics beyond the range of the integer.
                 pub fn new(index: usize) -> Self {
-                    $name(u32::try_from(index).expect("an index fits into four bytes"))
+                    $name(<$number>::try_from(index).expect("an index fits into its type"))
                 }
 
                 /// Position in a list.
@@ -41,5 +41,5 @@ macro_rules! index_types {
 
 index_types! {
     /// Index of a body: its row in BODIES.DAT and in the body arrays of a snapshot.
-    BodyId;
+    BodyId(u32);
 }

@@ -131,11 +131,11 @@ impl TactBehav {
                     laws.push(law);
                 }
                 "seety" => {
-                    scan.set_object(format!("see row {}", rows.len() + 1));
+                    scan.set_object(format!("visibility row {}", rows.len() + 1));
                     rows.push(read_row(scan));
                 }
                 "RBDY3" => {
-                    scan.set_object(format!("see row {}", rows.len() + 1));
+                    scan.set_object(format!("visibility row {}", rows.len() + 1));
                     scan.add_fault(
                         begin.number,
                         "a row that LMGC90 would skip",
@@ -353,7 +353,7 @@ fn check_rows(scan: &mut LineScanner, rows: Vec<Option<VisibilityRow>>) -> Vec<V
     let mut distinct_rows: Vec<(usize, VisibilityRow)> = Vec::new();
     for (number, row) in (1..).zip(rows) {
         let Some(row) = row else { continue };
-        scan.set_object(format!("see row {number}"));
+        scan.set_object(format!("visibility row {number}"));
         for contactor in [&row.candidate.contactor, &row.antagonist.contactor] {
             if !contactor.is_empty() && !CONTACTOR_TYPES.contains(&contactor.as_str()) {
                 // Rows that name SPHEb have no effect.
@@ -367,11 +367,13 @@ fn check_rows(scan: &mut LineScanner, rows: Vec<Option<VisibilityRow>>) -> Vec<V
         let earlier = distinct_rows.iter().find(|(_, known)| [[&a, &b], [&b, &a]].contains(&sides(known).each_ref()));
         match earlier {
             Some((first, known)) if known.law != row.law => {
-                let found = format!("law '{}' for the pair of see row {first}, which has '{}'", row.law, known.law);
+                let found =
+                    format!("law '{}' for the pair of visibility row {first}, which has '{}'", row.law, known.law);
                 scan.add_fault(row.line, found, "expected one law for a pair");
             }
             Some((first, known)) if known.alert != row.alert => {
-                let found = format!("alert {} for the pair of see row {first}, which has {}", row.alert, known.alert);
+                let found =
+                    format!("alert {} for the pair of visibility row {first}, which has {}", row.alert, known.alert);
                 scan.add_fault(row.line, found, "expected one alert distance for a pair");
             }
             Some(_) => {}

@@ -399,7 +399,7 @@ fn current_contacts(scene: &Scene, state: &State, cache: &mut DetectionCache) ->
 
 /// Whether two bodies overlap against the law of their contact: springs overlap by law.
 fn is_overlap(contact: &Contact, scene: &Scene) -> bool {
-    contact.gap < 0.0 && !scene.laws[contact.law as usize].is_regularised()
+    contact.gap < 0.0 && !scene.laws[contact.law].is_regularised()
 }
 
 /// Returns the deepest overlap relative to the smaller radius.

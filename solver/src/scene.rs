@@ -1,6 +1,7 @@
 //! Data: `Scene`, the constants of a run, which `read` makes of DATBOX: bodies and their shapes, laws, visibility, imposed
 //! motion and options. `state` has the data that change.
 
+use std::ops::Index;
 use std::sync::Arc;
 
 use cd_formats::compute::{Compute, Event, ExternalField, GravityMethod, NarrowPhase};
@@ -81,9 +82,11 @@ impl ContactorShape {
 
 cd_formats::index_types! {
     /// Index of a contactor in `Scene::parts`.
-    PartId;
+    PartId(u32);
     /// Index of a sphere in `Scene::spheres`, in a scene of spheres and plates alone.
-    SphereId;
+    SphereId(u32);
+    /// Index of a law in `Scene::laws`, `Scene::law_names` and `State::laws`; one byte, as in snapshots.
+    LawId(u8);
 }
 
 /// Contactor of a body, in scenes with bodies other than spheres and plates.
@@ -117,8 +120,7 @@ pub struct PointLink {
     pub part_numbers: (u16, u16),
     /// Distance of the points in BODIES.DAT, m: the length without strain.
     pub rest_length: f64,
-    /// Index into `Scene::laws`.
-    pub law: u8,
+    pub law: LawId,
 }
 
 /// Whether a body is in the run.
@@ -328,10 +330,26 @@ pub struct ImposedLoad {
 /// Law and alert distance (m) of a pair of classes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InteractionRule {
-    /// Index into `Scene::laws`.
-    pub law: u8,
+    pub law: LawId,
     /// Alert distance, m.
     pub alert: f64,
+}
+
+impl Index<LawId> for Vec<ContactLaw> {
+    type Output = ContactLaw;
+
+    #[inline(always)]
+    fn index(&self, law: LawId) -> &ContactLaw {
+        &self[law.index()]
+    }
+}
+
+impl Index<LawId> for Vec<LawName> {
+    type Output = LawName;
+
+    fn index(&self, law: LawId) -> &LawName {
+        &self[law.index()]
+    }
 }
 
 /// Visibility table: classes that interact, and their laws.

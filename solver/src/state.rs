@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame, sort_runs_by_key};
-use crate::scene::{BodyId, BodyPresence, InteractionRule, PartId, Scene, SphereId};
+use crate::scene::{BodyId, BodyPresence, InteractionRule, LawId, PartId, Scene, SphereId};
 
 /// First feature of a contact of polyhedra that was read from a text file without features; the second is a running
 /// number. In the next step it is identified with the nearest contact of the same contactors.
@@ -30,7 +30,7 @@ pub struct Velocities<'a> {
 
 cd_formats::index_types! {
     /// Index of a contact in the list of a step, and of its row in the contact problem.
-    ContactId;
+    ContactId(u32);
 }
 
 /// A contact found in the contact configuration.
@@ -54,8 +54,7 @@ pub struct Contact {
     pub gap: f64,
     /// Share of this contact in the area of its faces, m^2; 0 if the contact has no area.
     pub area: f64,
-    /// Index into `Scene::laws`.
-    pub law: u8,
+    pub law: LawId,
 }
 
 /// Bodies, numbers of their parts, and features that identify a contact.

@@ -37,10 +37,12 @@ impl Body {
         if !is_single && self.contactors.iter().any(is_hollow) {
             return Ok(self.clone());
         }
-        let own = self.mass_properties()?;
-        let offset = Vec3::from(self.centre_of_mass_offset(&own));
-        let inertial = self.inertial_properties(&own, 1.0);
-        let frame = self.computed_frame(&own);
+        // Mass properties at density 1, about the position and along the axes of the file.
+        let properties_in_file = self.mass_properties()?;
+        let offset = Vec3::from(self.centre_of_mass_offset(&properties_in_file));
+        // `I1 I2 I3` of BODIES.DAT are at density 1, m^5; the density of the material is in another file.
+        let inertial = self.inertial_properties(&properties_in_file, 1.0);
+        let frame = self.computed_frame(&properties_in_file);
         let axes =
             frame.map_or(Matrix3::identity(), |f| Matrix3::from_rows(&f.axes.map(|a| Vec3::from(a).transpose())));
         let in_new_frame = |contactor: &Contactor| contactor.in_frame(&offset, &axes, is_single);
@@ -105,18 +107,18 @@ mod tests {
             let text = given.centred().unwrap().to_long_text();
             let read = Bodies::parse("BODIES.OUT".as_ref(), &AsciiText::new(text.as_bytes())).unwrap();
             for (body, centred) in given.0.iter().zip(&read.0) {
-                let own = body.mass_properties().unwrap();
-                let again = centred.mass_properties().unwrap();
-                let size = body.inertial_properties(&own, 1.0).radius;
-                let [a, b] = [body.inertial_properties(&own, 1.0), centred.inertial_properties(&again, 1.0)];
+                let before = body.mass_properties().unwrap();
+                let after = centred.mass_properties().unwrap();
+                let size = body.inertial_properties(&before, 1.0).radius;
+                let [a, b] = [body.inertial_properties(&before, 1.0), centred.inertial_properties(&after, 1.0)];
                 // Nine digits and more in the file.
                 assert!(
                     (a.mass / b.mass - 1.0).abs() < 1e-7 && (a.radius / b.radius - 1.0).abs() < 1e-7,
                     "{a:?} {b:?}"
                 );
                 assert!(a.inertia.iter().zip(&b.inertia).all(|(a, b)| (a / b - 1.0).abs() < 1e-7), "{a:?} {b:?}");
-                assert!(Vec3::from(again.centre).norm() < 1e-8 * size, "{again:?}");
-                let moments = Matrix3::from(again.inertia);
+                assert!(Vec3::from(after.centre).norm() < 1e-8 * size, "{after:?}");
+                let moments = Matrix3::from(after.inertia);
                 let off = moments - Matrix3::from_diagonal(&moments.diagonal());
                 assert!(off.amax() < 1e-7 * moments.amax(), "{moments}");
             }

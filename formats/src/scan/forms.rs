@@ -81,7 +81,7 @@ impl LenientForm {
                 format!("the axes n, t, s of {} on plates are left-handed; s is reversed", count_text(count, "contact"))
             }
             LenientForm::ForeignRow => {
-                format!("{} for 2D or deformable bodies {are} skipped", count_text(count, "see row"))
+                format!("{} for 2D or deformable bodies {are} skipped", count_text(count, "visibility row"))
             }
         }
     }

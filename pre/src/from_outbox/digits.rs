@@ -27,7 +27,7 @@ pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -
         inexact_numbers(format_args!("law '{}'", law.nickname), labels.zip(law.parameters.iter().copied()))
     });
     let rows = (1..).zip(&tables.tact.visibility);
-    let rows = rows.flat_map(|(k, row)| inexact_numbers(format_args!("see row {k}"), [("alert", row.alert)]));
+    let rows = rows.flat_map(|(k, row)| inexact_numbers(format_args!("visibility row {k}"), [("alert", row.alert)]));
     let functions = driven.0.iter().flat_map(|DrivenComponent { body, component, evolution, .. }| match *evolution {
         Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
             let names = ["CT", "AMP", "OMEGA", "PHI", "RAMPI", "RAMP"];

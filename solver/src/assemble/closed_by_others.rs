@@ -26,7 +26,7 @@ pub fn contacts_closed_by_others(
         return BTreeSet::new();
     }
     let is_closed_by_others = |contact: &&Contact| {
-        let law = &state.laws[contact.law as usize];
+        let law = &state.laws[contact.law];
         if contact.gap <= 0.0 || !may_be_omitted(law) || q_c.closed_by_others.contains(&contact.key()) {
             return false;
         }

@@ -42,7 +42,7 @@ pub(super) struct AssemblyContext<'a> {
 impl AssemblyContext<'_> {
     /// Whether a contact can close within the step or is within the range of its law.
     pub(super) fn can_act(&self, contact: &Contact) -> bool {
-        let law = &self.state.laws[contact.law as usize];
+        let law = &self.state.laws[contact.law];
         if law.acts_apart() {
             return true; // the gap that counts is not known yet
         }
@@ -110,7 +110,7 @@ impl AssemblyContext<'_> {
     pub(super) fn carries_stress(&self, contact: &Contact) -> bool {
         let Contact { candidate, antagonist, part_numbers, .. } = *contact;
         contact.area > 0.0
-            || !self.state.laws[contact.law as usize].has_stress()
+            || !self.state.laws[contact.law].has_stress()
             || [(candidate, part_numbers.0), (antagonist, part_numbers.1)]
                 .into_iter()
                 .any(|(body, part_number)| self.is_round(body, part_number))

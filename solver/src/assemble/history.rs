@@ -178,7 +178,7 @@ impl AssemblyContext<'_> {
         }
         let was_in_range = |k: ContactId| {
             let old = &before[k.index()];
-            let law = &self.state.laws[old.contact.law as usize];
+            let law = &self.state.laws[old.contact.law];
             self.has_history(k.index()) || old.contact.gap <= law.interaction_range(self.effective_radius(&old.contact))
         };
         let is_new = |&k: &usize| {
@@ -291,7 +291,7 @@ impl AssemblyContext<'_> {
             return Vec::new();
         }
         let memory_of = |(contact, old): (&Contact, &Option<ContactId>)| {
-            let law = &self.state.laws[contact.law as usize];
+            let law = &self.state.laws[contact.law];
             if !law.has_law_memory() {
                 return LawMemory::default();
             }
@@ -336,7 +336,7 @@ impl AssemblyContext<'_> {
             return Vec::new();
         }
         let bond = |(contact, old): (&Contact, &Option<ContactId>)| {
-            let law = &self.state.laws[contact.law as usize];
+            let law = &self.state.laws[contact.law];
             let inherited = old.and_then(|k| self.inherited_bond(&self.state.contacts[k.index()], contact, law));
             let is_bonded_now = self.begins_history(*old);
             let bond = inherited
@@ -346,7 +346,7 @@ impl AssemblyContext<'_> {
         let bonds: Vec<Option<f64>> = contacts.par_iter().zip(history).with_min_len(256).map(bond).collect();
         let mut aggregates = DisjointSets::new(self.scene.bodies.len());
         let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|body| body.index());
-        let is_rigid = |contact: &Contact| self.state.laws[contact.law as usize].bonds_are_rigid();
+        let is_rigid = |contact: &Contact| self.state.laws[contact.law].bonds_are_rigid();
         let rigid = contacts.iter().zip(&bonds).filter(|(contact, bond)| bond.is_some() && is_rigid(contact));
         for (contact, _) in rigid {
             let [a, b] = bodies(contact);

@@ -1,11 +1,11 @@
 //! Cohesive force of laws with one force for each pair of bodies, divided among the contacts of the pair.
 
 use super::context::AssemblyContext;
-use crate::scene::BodyId;
+use crate::scene::{BodyId, LawId};
 use crate::state::Contact;
 
 /// Two bodies, the lower index first, the law between them, and the bits of the shift of the image that touches.
-type AttractedPair = (BodyId, BodyId, u8, [u64; 3]);
+type AttractedPair = (BodyId, BodyId, LawId, [u64; 3]);
 
 /// Key under which the contacts of a pair are collected.
 fn attracted_pair(contact: &Contact) -> AttractedPair {
@@ -25,7 +25,7 @@ impl AssemblyContext<'_> {
         if !self.state.laws.iter().any(|law| law.pair_cohesion().is_some()) {
             return Vec::new();
         }
-        let law_of = |k: usize| self.state.laws[contacts[k].law as usize].pair_cohesion();
+        let law_of = |k: usize| self.state.laws[contacts[k].law].pair_cohesion();
         let mut factors: Vec<f64> =
             (0..contacts.len()).map(|k| law_of(k).map_or(0.0, |law| law.gap_factor(contacts[k].gap))).collect();
         // Spheres and plates have one contact a pair, with nothing to divide.

@@ -166,7 +166,7 @@ fn set_rolling_inertia(
 /// repulsive.
 fn push_out_overlaps(state: &State, h: f64, contacts: &[Contact], contact_problem: &mut ContactProblem) {
     for (k, contact) in contacts.iter().enumerate() {
-        let Some(rescue) = state.laws[contact.law as usize].rescue() else { continue };
+        let Some(rescue) = state.laws[contact.law].rescue() else { continue };
         let (push, w_n) = (rescue.velocity(contact.gap, h), contact_problem.delassus_diagonal(k).0);
         let row = &mut contact_problem.rows[k];
         if push > 0.0 && row.can_close && w_n > 0.0 {
@@ -285,7 +285,7 @@ impl AssemblyContext<'_> {
             return Vec::new();
         }
         let regularised_row = |(k, contact): (usize, &Contact)| {
-            let law = &self.state.laws[contact.law as usize];
+            let law = &self.state.laws[contact.law];
             let memory = memories.get(k).copied().unwrap_or_default();
             let (gap, row) = (contact.gap - memory.reference_gap, ContactId::new(k));
             if let Some(spring) = law.strain_spring() {
@@ -331,7 +331,7 @@ impl AssemblyContext<'_> {
         let n = frame[0];
         let arms = contact_arms(contact, &q_c.x);
         let u_before = velocity_at_arms(contact, &arms, self.start);
-        let law = &state.laws[contact.law as usize];
+        let law = &state.laws[contact.law];
         if let Some(spring) = law.strain_spring() {
             return self.link_constraint(contact, previous, spring, to_local(&frame, &u_before));
         }
@@ -445,7 +445,7 @@ impl AssemblyContext<'_> {
             let [a, b] = row.bodies.map(|body| self.start.w[body.index()]);
             let change = lever * row.normal.dot(&(a - b));
             row.u_before += to_local(&contact.frame(), &change);
-            let law = &self.state.laws[contact.law as usize];
+            let law = &self.state.laws[contact.law];
             if !law.acts_on_touch() {
                 return;
             }
@@ -539,7 +539,7 @@ impl AssemblyContext<'_> {
         contact: &Contact,
         previous: Option<&SolvedContact>,
     ) -> Option<RollingConstraint> {
-        let RollingFriction { rolling, spinning } = self.state.laws[contact.law as usize].rolling_friction()?;
+        let RollingFriction { rolling, spinning } = self.state.laws[contact.law].rolling_friction()?;
         let bodies = [contact.candidate, contact.antagonist];
         let turns =
             |body: &BodyId| self.scene.bodies[body.index()].can_rotate() && !self.q_c.pushed_at_centre.contains(body);

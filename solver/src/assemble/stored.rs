@@ -73,6 +73,7 @@ mod tests {
     use super::super::problem::{ContactConstraint, SolverBody};
     use super::*;
     use crate::math::local_frame;
+    use crate::scene::LawId;
 
     /// W r + q equals the relative velocities of the bodies, for a chain of three spheres on the ground.
     #[test]
@@ -98,7 +99,7 @@ mod tests {
             normal: frames[k][0],
             gap: 0.0,
             area: 0.0,
-            law: 0,
+            law: LawId::default(),
         };
         let row = |k: usize| ContactConstraint {
             bodies: pairs[k].map(BodyId),

@@ -87,11 +87,11 @@ pub fn late_contacts(
         };
         let searched_spheres =
             scene.spheres.iter().filter(|&&sphere| searched[sphere.index()] || searched[plane.index()]);
-        pairs.extend(searched_spheres.filter_map(rule_with_plate).filter(|(pair, _)| {
+        pairs.extend(searched_spheres.filter_map(rule_with_plate).filter(|(pair, law)| {
             let BodyShape::Plane { half_lengths } = scene.bodies[plane.index()].shape else { return false };
             let is_near = contact_geometry(scene, q_c, *pair).gap
                 <= bounds.travel[pair[0].index()] + bounds.surface_travel(pair[1].index(), half_lengths.norm());
-            is_near && gap_closes(&sphere_contact(scene, q_c, *pair, 0), q_c, solved, span)
+            is_near && gap_closes(&sphere_contact(scene, q_c, *pair, *law), q_c, solved, span)
         }));
     }
     // Inner contacts of flush joints can only be recognised together with the contacts that support the sphere.

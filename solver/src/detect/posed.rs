@@ -7,7 +7,7 @@ use super::travel::{LISTING_MARGIN, TravelBounds};
 use crate::geometry::{ContactPoint, ListingRange, Manifold, PosedPolyhedron};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Quat, Vec3};
-use crate::scene::{BodyId, BodyPart, ContactorCurvature, ContactorShape, Scene, radius_of_curvatures};
+use crate::scene::{BodyId, BodyPart, ContactorCurvature, ContactorShape, LawId, Scene, radius_of_curvatures};
 use crate::state::{Contact, VisiblePair};
 
 /// Position of a contactor and the scene data that its pairs need, packed so that a pair reads little memory.
@@ -122,8 +122,7 @@ pub struct CandidatePair<'a> {
     /// Vector from `b` to this image, m.
     pub image: Vec3,
     pub range: ListingRange,
-    /// Index into `Scene::laws`.
-    pub law: u8,
+    pub law: LawId,
     /// Gap up to which points are listed whatever the motion, m; infinite if all points are.
     pub unconditional_gap: f64,
     /// Part of the alert distance within which passing bodies are still listed, m.
@@ -141,7 +140,7 @@ impl<'a> CandidatePair<'a> {
         (parts, rule): &VisiblePair,
     ) -> f64 {
         let [a, b] = parts.map(|k| &contactors[k.index()]);
-        let cohesion_range = scene.laws[rule.law as usize].interaction_range(Self::effective_radius(a, b));
+        let cohesion_range = scene.laws[rule.law].interaction_range(Self::effective_radius(a, b));
         let smaller = a.radius.min(b.radius);
         let range =
             cohesion_range.max(a.travel + b.travel).max(nearby.max(FULL_MANIFOLD_GAP) * smaller).max(rule.alert);
@@ -159,7 +158,7 @@ impl<'a> CandidatePair<'a> {
     ) -> Self {
         let [a, b] = parts.map(|k| &contactors[k.index()]);
         let radius = Self::effective_radius(a, b);
-        let law = &scene.laws[rule.law as usize];
+        let law = &scene.laws[rule.law];
         let image = scene.nearest_image_shift(&a.centre, &b.centre);
         let c = b.centre + image - a.centre;
         let cohesion_range = law.interaction_range(radius);

@@ -7,11 +7,11 @@ use super::travel::{LISTING_MARGIN, TravelBounds};
 use super::{narrow, swept};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::scene::{BodyId, BodyShape, InteractionRule, Scene, SphereId};
+use crate::scene::{BodyId, BodyShape, InteractionRule, LawId, Scene, SphereId};
 use crate::state::{Contact, DetectionCache, VisiblePair};
 
 /// Candidate and antagonist within range of each other, and their law.
-pub type ListedPair = ([BodyId; 2], u8);
+pub type ListedPair = ([BodyId; 2], LawId);
 
 /// Listed pairs of spheres, ordered by candidate, then by antagonist.
 pub fn sphere_sphere_pairs(
@@ -126,16 +126,16 @@ fn is_listed(
     closing: impl Fn() -> f64,
 ) -> bool {
     // The range of a bond depends on the radii, which other pairs do not read.
-    let law = &scene.laws[rule.law as usize];
+    let law = &scene.laws[rule.law];
     let range = || law.interaction_range(scene.effective_radius((candidate, 0), (antagonist, 0)));
     gap <= rule.alert.max(travel.min(nearby))
         || (gap <= LISTING_MARGIN * rule.alert + travel && closing() <= LISTING_MARGIN * rule.alert)
         || (law.cohesion().is_some() && gap <= range())
 }
 
-/// Contact of a sphere with a sphere or plate under the law of index `law`.
+/// Contact of a sphere with a sphere or plate under `law`.
 #[inline]
-pub fn sphere_contact(scene: &Scene, q_c: &ContactConfiguration, pair: [BodyId; 2], law: u8) -> Contact {
+pub fn sphere_contact(scene: &Scene, q_c: &ContactConfiguration, pair: [BodyId; 2], law: LawId) -> Contact {
     let found = contact_geometry(scene, q_c, pair);
     let [candidate, antagonist] = pair;
     Contact {

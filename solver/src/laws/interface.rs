@@ -97,6 +97,6 @@ pub fn soundness(interface: &LawInterface, earlier: f64, u_n: f64, u_t: f64, h: 
 pub fn stiffness_share(interface: &LawInterface, soundness: f64) -> f64 {
     match interface.damage {
         DamageLaw::Viscous { .. } => soundness * soundness,
-        _ => soundness,
+        DamageLaw::Parabolic { .. } | DamageLaw::Exponential { .. } | DamageLaw::Trapezoidal { .. } => soundness,
     }
 }

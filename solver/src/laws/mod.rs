@@ -1,7 +1,7 @@
 //! Kernel: contact laws. The local solver knows one problem, û = W r̂ + b̂ with Signorini's condition
 //! and Coulomb's cone on (û, r̂). A law supplies the shifts û = u + shift and r = r̂ + c n. h is the
-//! length of the step and T the time to the next contact configuration: T = h except in steps that begin with unforeseen
-//! velocities ([`LawInput::closing_time`]).
+//! length of the step and T the time to the next contact configuration: T = h except in implicit steps,
+//! which are taken with θ = 1 ([`LawInput::closing_time`]).
 //!
 //! | law | normal shift | tangential shift | c, N s | friction |
 //! |---|---|---|---|---|
@@ -513,7 +513,15 @@ impl ContactLaw {
 
     /// Whether contacts within the alert distance may carry force although they are apart.
     pub fn acts_apart(&self) -> bool {
-        self.has_reference_gap || self.is_coupled() || self.interface.is_some() || self.strain_spring().is_some()
+        let joins_apart = match self.unilateral {
+            UnilateralLaw::Coupling | UnilateralLaw::Link(_) => true,
+            UnilateralLaw::InelasticShock { .. }
+            | UnilateralLaw::Gap
+            | UnilateralLaw::Velocity
+            | UnilateralLaw::Restitution { .. }
+            | UnilateralLaw::Spring { .. } => false,
+        };
+        joins_apart || self.has_reference_gap || self.interface.is_some()
     }
 
     /// Regularisation of a contact in a step of `h`, whose next contact configuration is after `closing_time` (s).
@@ -580,13 +588,27 @@ impl ContactLaw {
 
     /// Whether the law has restitution.
     pub fn has_restitution(&self) -> bool {
-        matches!(self.unilateral, UnilateralLaw::Restitution { normal, .. } if normal > 0.0)
+        match self.unilateral {
+            UnilateralLaw::Restitution { normal, .. } => normal > 0.0,
+            UnilateralLaw::InelasticShock { .. }
+            | UnilateralLaw::Gap
+            | UnilateralLaw::Velocity
+            | UnilateralLaw::Spring { .. }
+            | UnilateralLaw::Coupling
+            | UnilateralLaw::Link(_) => false,
+        }
     }
 
     /// Sets the coefficients of restitution to 0.
     pub fn remove_restitution(&mut self) {
-        if let UnilateralLaw::Restitution { normal, tangential } = &mut self.unilateral {
-            (*normal, *tangential) = (0.0, 0.0);
+        match &mut self.unilateral {
+            UnilateralLaw::Restitution { normal, tangential } => (*normal, *tangential) = (0.0, 0.0),
+            UnilateralLaw::InelasticShock { .. }
+            | UnilateralLaw::Gap
+            | UnilateralLaw::Velocity
+            | UnilateralLaw::Spring { .. }
+            | UnilateralLaw::Coupling
+            | UnilateralLaw::Link(_) => {}
         }
     }
 
@@ -637,12 +659,23 @@ impl ContactLaw {
         is_stress || self.interface.is_some()
     }
 
+    /// Whether the law has friction.
+    pub fn has_friction(&self) -> bool {
+        match self.unilateral {
+            UnilateralLaw::Coupling | UnilateralLaw::Link(_) => false,
+            UnilateralLaw::InelasticShock { .. }
+            | UnilateralLaw::Gap
+            | UnilateralLaw::Velocity
+            | UnilateralLaw::Restitution { .. }
+            | UnilateralLaw::Spring { .. } => true,
+        }
+    }
+
     /// Gives friction, static and dynamic, a new value, if the law has friction.
     pub fn set_friction(&mut self, friction: f64) {
-        if self.is_coupled() || self.strain_spring().is_some() {
-            return;
+        if self.has_friction() {
+            (self.friction_static, self.friction_dynamic) = (friction, friction);
         }
-        (self.friction_static, self.friction_dynamic) = (friction, friction);
     }
 
     /// Gives the cohesion a new value, N or Pa; that of a bond in shear changes in proportion. Returns false if the law has

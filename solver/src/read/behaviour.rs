@@ -26,7 +26,7 @@ use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
 use crate::read::bodies::InitialMotion;
 use crate::read::contactors::{ContactorNumbers, ContactorTable, NamedContactor, POINT_NAME, part_number_in_scene};
 use crate::scene::{
-    BodyId, BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, StepTime,
+    BodyId, BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, LawId, RigidBody, Scene, StepTime,
     VisibilityTable,
 };
 use crate::state::{Contact, ContactStatus, LawMemory, SolvedContact, UNKNOWN_FEATURE};
@@ -93,7 +93,7 @@ fn set_laws(
     contactors: &ContactorTable,
     scene: &mut Scene,
     faults: &mut Faults,
-) -> Vec<Option<u8>> {
+) -> Vec<Option<LawId>> {
     // Only laws used by some row of the table are needed.
     let mut numbers = vec![None; tact.laws.len()];
     let mut is_checked = vec![false; tact.laws.len()];
@@ -135,7 +135,7 @@ fn set_laws(
         } else if scene.laws.len() > u8::MAX.into() {
             add_fault("is the 257th law in use".into(), "expected at most 256 in use".into());
         } else {
-            numbers[k] = Some(scene.laws.len() as u8);
+            numbers[k] = Some(LawId::new(scene.laws.len()));
             scene.laws.push(ContactLaw::new(&model));
             scene.law_names.push(LawName {
                 nickname: record.nickname.clone(),
@@ -165,7 +165,7 @@ fn set_laws(
 }
 
 /// Sets the classes of contactors, the law of each pair of classes and the range of detection.
-fn set_visibility(file: &Path, tact: &TactBehav, numbers: &[Option<u8>], scene: &mut Scene, faults: &mut Faults) {
+fn set_visibility(file: &Path, tact: &TactBehav, numbers: &[Option<LawId>], scene: &mut Scene, faults: &mut Faults) {
     let colours = scene.colours.len().max(1);
     let class = |kind: usize, colour: u16| (kind * colours + colour as usize) as u16;
     for body in &mut scene.bodies {
@@ -202,8 +202,7 @@ fn set_visibility(file: &Path, tact: &TactBehav, numbers: &[Option<u8>], scene: 
         scene.parts.iter().map(|part| scene.part_curvature(part).value).filter(|curvature| *curvature > 0.0);
     let radii = scene.bodies.iter().map(radius).chain(curvatures.map(f64::recip));
     let largest_radius = radii.fold(0.0, f64::max);
-    let range =
-        |rule: &InteractionRule| rule.alert.max(scene.laws[rule.law as usize].interaction_range(largest_radius));
+    let range = |rule: &InteractionRule| rule.alert.max(scene.laws[rule.law].interaction_range(largest_radius));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
     scene.visibility = VisibilityTable { classes, table };
 }
@@ -247,7 +246,7 @@ fn rows_without_law_note(tact: &TactBehav, contactors: &ContactorTable) -> Optio
     Some(format!(
         "TACT_BEHAV.DAT:{}: {} {have} a law that is not defined: {} (first); no contact needs {need}",
         first.line,
-        count_text(rows.len(), "see row"),
+        count_text(rows.len(), "visibility row"),
         first.law
     ))
 }
@@ -277,12 +276,13 @@ fn idle_rows_notes(tact: &TactBehav, contactors: &ContactorTable) -> Vec<String>
     let note = |is_idle: &dyn Fn(&VisibilityRow) -> bool, reason: &str| {
         let idle: Vec<usize> = tact.visibility.iter().filter(|row| is_idle(row)).map(|row| row.line).collect();
         let first = idle.first()?;
-        let (rows, are) = (count_text(idle.len(), "see row"), if idle.len() == 1 { "is" } else { "are" });
+        let (rows, are) = (count_text(idle.len(), "visibility row"), if idle.len() == 1 { "is" } else { "are" });
         Some(format!("TACT_BEHAV.DAT:{first}: {rows} {are} for {reason}"))
     };
     let names_offset_sphere =
         |row: &VisibilityRow| [&row.candidate, &row.antagonist].iter().any(|s| s.contactor == "SPHEb");
-    let ignored = "SPHEb, which LMGC90 ignores in see rows, and so does cd-solve: SPHER stands for all spheres there";
+    let ignored =
+        "SPHEb, which LMGC90 ignores in visibility rows, and so does cd-solve: SPHER stands for all spheres there";
     let offset_spheres = note(&names_offset_sphere, ignored);
     let is_missing = |row: &VisibilityRow| !contactors.has_both(row) && !names_offset_sphere(row);
     let missing = note(&is_missing, "contactors or colours that no body has");
@@ -439,10 +439,7 @@ pub fn check_events(scene: &Scene, report: &mut FaultReport) {
             {
                 report.add_fault(&path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }
-            Some(law)
-                if matches!(event.action, EventAction::SetFriction(..))
-                    && (scene.laws[law].is_coupled() || scene.laws[law].strain_spring().is_some()) =>
-            {
+            Some(law) if matches!(event.action, EventAction::SetFriction(..)) && !scene.laws[law].has_friction() => {
                 report.add_fault(&path, format!("law '{name}' has no friction"), "a law with friction");
             }
             Some(_) => {}
@@ -700,7 +697,7 @@ impl ContactReader<'_> {
             let expected = "expected one of LMGC90's, such as stick, slide, noctc, Mstck or Wslid";
             return Err(fault("status", &record.status, expected));
         };
-        let bonded = match scene.laws[rule.law as usize].cohesion {
+        let bonded = match scene.laws[rule.law].cohesion {
             Some(Cohesion::Bond { .. }) => record.status == "Mstck",
             Some(Cohesion::Wet { remembers, .. }) => remembers && record.status.starts_with('W'),
             None | Some(Cohesion::Pair(_)) => false,
@@ -728,7 +725,7 @@ impl ContactReader<'_> {
         let to_own_frame = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
         // The sliding is that of the candidate, too.
         let tangents = [frame[1] * sign, frame[2] * sign];
-        let memory = law_memory(&scene.law_names[rule.law as usize].kind, &record.internals, tangents);
+        let memory = law_memory(&scene.law_names[rule.law].kind, &record.internals, tangents);
         let solved = SolvedContact {
             contact: Contact {
                 candidate: BodyId::new(candidate.body),
@@ -746,7 +743,7 @@ impl ContactReader<'_> {
             moment: Vec3::zeros(),
             velocity: to_own_frame(record.velocity),
             status,
-            bond: bonded.then(|| scene.laws[rule.law as usize].bonded_at(record.gap)),
+            bond: bonded.then(|| scene.laws[rule.law].bonded_at(record.gap)),
         };
         Ok(Some((solved, memory)))
     }

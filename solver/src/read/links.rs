@@ -10,7 +10,7 @@ use cd_formats::tact_behav::{TactBehav, VisibilityRow};
 
 use crate::math::Vec3;
 use crate::read::contactors::POINT_NAME;
-use crate::scene::{BodyId, PointLink, Scene};
+use crate::scene::{BodyId, LawId, PointLink, Scene};
 
 /// Share of the alert distance by which two points may be farther apart: numbers in the files have eight digits.
 const ALERT_ROUNDING: f64 = 1e-7;
@@ -96,7 +96,7 @@ pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut 
                     offsets: [a, b].map(|point| offset_in_body(scene, point)),
                     part_numbers: (point_number(scene, a), point_number(scene, b)),
                     rest_length,
-                    law: law as u8,
+                    law: LawId::new(law),
                 };
                 links.push((link, row));
             }

@@ -16,7 +16,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{Vec3, to_local, to_world};
-use crate::scene::{BodyId, BodyPresence, EVENT_SLACK, Scene, StepTime};
+use crate::scene::{BodyId, BodyPresence, EVENT_SLACK, LawId, Scene, StepTime};
 use crate::state::{
     BondingMode, CachedPair, Contact, ContactExchange, ContactStatus, DetectionCache, GravityHistory, LawMemory,
     OutputInterval, SolvedContact, State, UNKNOWN_FEATURE,
@@ -361,8 +361,7 @@ fn contacts_of_start<M: Default>(
     };
     contacts.retain_mut(|(solved, memory)| {
         let Some(rule) = rule_of(&solved.contact) else { return false };
-        let kinds =
-            [&snapshot_laws[solved.contact.law as usize], &scene.law_names[rule.law as usize]].map(|law| &law.kind);
+        let kinds = [&snapshot_laws[solved.contact.law.index()], &scene.law_names[rule.law]].map(|law| &law.kind);
         // The memory of another kind of law has no meaning for this one: a liquid bridge is not a solid bond.
         if kinds[0] != kinds[1] {
             (solved.bond, *memory) = (None, M::default());
@@ -383,7 +382,7 @@ fn contacts_of_start<M: Default>(
         }
     }
     for (solved, _) in &mut contacts {
-        let law = &scene.laws[solved.contact.law as usize];
+        let law = &scene.laws[solved.contact.law];
         solved.moment = if law.rolling.is_some() { solved.moment } else { Vec3::zeros() };
     }
     contacts.sort_by_key(|(solved, _)| solved.contact.key());
@@ -469,7 +468,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
                 normal: Vec3::from(contacts.contact_frame[k][0]),
                 gap: contacts.contact_gap[k],
                 area: shapes.contacts.contact_area.get(k).copied().unwrap_or_default(),
-                law: contacts.contact_law[k],
+                law: LawId(contacts.contact_law[k]),
             },
             impulse: Vec3::from(contacts.contact_impulse[k]),
             moment: memory.as_ref().map_or(Vec3::zeros(), |m| m.contact_moment[k].into()),

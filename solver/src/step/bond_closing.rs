@@ -38,7 +38,7 @@ pub fn close_bonds(scene: &Scene, state: &mut State, contact_problem: &ContactPr
         return;
     }
     let bond_opening = |solved: &SolvedContact| {
-        let bond = solved.bond.filter(|_| state.laws[solved.contact.law as usize].has_stress());
+        let bond = solved.bond.filter(|_| state.laws[solved.contact.law].has_stress());
         bond.map(|bond_gap| solved.contact.gap - bond_gap)
     };
     let is_too_far = |solved: &SolvedContact| {

@@ -189,7 +189,7 @@ impl PostSolve<'_> {
             let depth = if row.acts { (-gap).max(0.0) } else { 0.0 };
             totals.penetration_largest = totals.penetration_largest.max(depth);
             totals.penetration_sum += depth;
-            let law = &self.state.laws[contact.law as usize];
+            let law = &self.state.laws[contact.law];
             // Springs overlap by law.
             if depth > self.warning_depth && !law.is_regularised() {
                 totals.overlap = deeper_overlap(totals.overlap, Overlap::from_contact(self.scene, contact));
@@ -249,7 +249,7 @@ impl PostSolve<'_> {
         let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
         let frame = contact.frame();
         let local = to_local(&frame, r);
-        let law = &state.laws[contact.law as usize];
+        let law = &state.laws[contact.law];
         let errors = self.velocity_errors.filter(|_| law.has_irreversible_loss());
         let motion = errors.map_or(ContactMotion::default(), |errors| {
             errors.contact_motion(k, row, &contact_problem.shifted_velocity(k, &solution.solver_bodies))

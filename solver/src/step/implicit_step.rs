@@ -1,7 +1,8 @@
-//! Velocities that no contact problem has bounded: those at the start of a run, after events, and of bodies that enter.
+//! Implicit steps, taken with θ = 1 so that velocities which no step has bounded close no gap unnoticed.
 //!
-//! A step bounds its end velocities V⁺ by the gaps on the path to the next contact configuration, x_c + h V⁺. If velocities
-//! are changed when a step begins, the path (1-θ) h V to its contact configuration is not bounded.
+//! A step bounds its end velocities V⁺ by the gaps on the path to the next contact configuration, x_c + h V⁺. Velocities at
+//! the start of a run, after events, and of bodies that enter have no such bound: the path (1-θ) h V from x to the contact
+//! configuration of their step may pass through another body. With θ = 1 this path has no length.
 
 use crate::assemble::{AppliedEvents, FreeMotion, relative_velocity};
 use crate::detect;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::conflict::conflicting_bodies;
 use super::context::{SolvedProblem, StepContext};
 use super::ends::{ITEMS_PER_TASK, Overlap, StepOutcome};
-use super::unforeseen::implicit_step_work;
+use super::implicit_step::implicit_step_work;
 use crate::assemble::{GravityReport, potential_energy};
 use crate::detect::NarrowPhaseError;
 use crate::integrate::held_rotational_energy;

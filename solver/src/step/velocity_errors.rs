@@ -145,7 +145,7 @@ impl StepBonds<'_> {
     /// Rows with a bond that is lost if it moves in any direction.
     fn rigid_rows(&self, contact_problem: &ContactProblem) -> Vec<usize> {
         let is_rigid = |&k: &usize| {
-            let law = &self.laws[self.context.contacts[k].law as usize];
+            let law = &self.laws[self.context.contacts[k].law.index()];
             has_active_bond(&contact_problem.rows[k]) && law.has_stress() && law.bonds_are_rigid()
         };
         (0..contact_problem.rows.len()).into_par_iter().with_min_len(PAR_MIN_LEN).filter(is_rigid).collect()
@@ -181,7 +181,7 @@ impl StepBonds<'_> {
                 scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
             };
             has_active_bond(&contact_problem.rows[k])
-                && self.laws[contact.law as usize].has_irreversible_loss()
+                && self.laws[contact.law.index()].has_irreversible_loss()
                 && errors.is_undecided(contact_problem, solution, k, q_c.h, radius())
         };
         contacts.par_iter().enumerate().with_min_len(PAR_MIN_LEN).any(is_undecided)

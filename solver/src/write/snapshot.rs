@@ -210,7 +210,7 @@ fn contact_arrays(state: &State) -> ContactArrays {
                 ContactStatus::Slide => STATUS_SLIDE,
             })
             .collect(),
-        contact_law: list.iter().map(|c| c.contact.law).collect(),
+        contact_law: list.iter().map(|c| c.contact.law.0).collect(),
     }
 }
 

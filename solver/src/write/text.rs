@@ -127,6 +127,21 @@ fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
     }
 }
 
+/// Status of a contact in LMGC90's files; `bond`: cohesion of its intact bond or liquid bridge. Contacts of a bond
+/// have one status whether they slide or not; cohesion without memory has no statuses of its own.
+fn status_text(status: ContactStatus, bond: Option<Cohesion>) -> &'static str {
+    match (bond, status) {
+        (Some(Cohesion::Bond { .. }), _) => "Mstck",
+        (Some(Cohesion::Wet { .. }), ContactStatus::NoContact) => "Wnctc",
+        (Some(Cohesion::Wet { .. }), ContactStatus::Stick) => "Wstck",
+        (Some(Cohesion::Wet { .. }), ContactStatus::Slide) => "Wslid",
+        (None | Some(Cohesion::Pair(_)), ContactStatus::NoContact) => "noctc",
+        (None | Some(Cohesion::Pair(_)), ContactStatus::Stick) => "stick",
+        (None | Some(Cohesion::Pair(_)), ContactStatus::Slide) => "slide",
+    }
+}
+
+/// The contacts of the last step, with their laws, as a Vloc_Rloc file lists them.
 fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
     let side = |body: BodyId, part_number: u16| {
         // Numbers from the part count on are points PT3Dx.
@@ -154,16 +169,10 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
             kind: contact_kind(&candidate.contactor, &antagonist.contactor).into(),
             candidate,
             antagonist,
-            law: scene.law_names[contact.law as usize].nickname.clone(),
-            status: match (status, bond, scene.laws[contact.law as usize].cohesion) {
-                (_, Some(_), Some(Cohesion::Bond { .. })) => "Mstck",
-                (ContactStatus::NoContact, ..) if link.is_some() => "vnish",
-                (ContactStatus::NoContact, Some(_), _) => "Wnctc",
-                (ContactStatus::Stick, Some(_), _) => "Wstck",
-                (ContactStatus::Slide, Some(_), _) => "Wslid",
-                (ContactStatus::NoContact, None, _) => "noctc",
-                (ContactStatus::Stick, None, _) => "stick",
-                (ContactStatus::Slide, None, _) => "slide",
+            law: scene.law_names[contact.law].nickname.clone(),
+            status: match link {
+                Some(_) if *status == ContactStatus::NoContact => "vnish",
+                _ => status_text(*status, bond.and(scene.laws[contact.law].cohesion)),
             }
             .into(),
             force: (impulse / state.h).into(),
@@ -174,13 +183,13 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
             internals: match link {
                 Some(link) => vec![link.rest_length],
                 None => {
-                    let kind = &scene.law_names[contact.law as usize].kind;
+                    let kind = &scene.law_names[contact.law].kind;
                     internal_values(kind, &state.law_memory(ContactId::new(k)))
                 }
             },
         };
         let is_interface =
-            link.is_none() && law_internals(&scene.law_names[contact.law as usize].kind) == LawInternals::Interface;
+            link.is_none() && law_internals(&scene.law_names[contact.law].kind) == LawInternals::Interface;
         if !is_interface {
             return record;
         }

@@ -117,8 +117,9 @@ fn what_no_record_and_no_contact_has_is_skipped() {
     let end = fs::read_to_string(file(&case, "BODIES.DAT")).unwrap();
     let end = end.lines().position(|line| line == "$$$$$$").unwrap() + 2;
     let skipped = format!("BODIES.DAT:{end}: 3 lines outside of the records are skipped");
-    let undefined =
-        format!("TACT_BEHAV.DAT:{lines}: 1 see row has a law that is not defined: nolaw (first); no contact needs it");
+    let undefined = format!(
+        "TACT_BEHAV.DAT:{lines}: 1 visibility row has a law that is not defined: nolaw (first); no contact needs it"
+    );
     weighs(runs(&case, &[&skipped, &undefined]), SPHERE_WEIGHT, 1);
     // With a body that moves the row is needed.
     edit(&case, "TACT_BEHAV.DAT", |text| text.replace("iqsc0  RBDY3", "iqsc9  RBDY3"));
@@ -276,11 +277,11 @@ fn rows_and_laws_that_no_contact_needs_do_not_stop_a_run() {
         text.to_string() + &absent + &alone + &foreign + &driven + &offset_spheres
     });
     let notices = [
-        "TACT_BEHAV.DAT:21: 1 see row for 2D or deformable bodies is skipped",
+        "TACT_BEHAV.DAT:21: 1 visibility row for 2D or deformable bodies is skipped",
         "TACT_BEHAV.DAT:5: 1 law is not computed: mac01 (IQS_BW_CLB); no contact needs it",
-        "TACT_BEHAV.DAT:27: 1 see row is for SPHEb, which LMGC90 ignores in see rows, and so does cd-solve: SPHER stands for all spheres there",
-        "TACT_BEHAV.DAT:15: 1 see row is for contactors or colours that no body has",
-        "TACT_BEHAV.DAT:24: 1 see row is for bodies whose motion is all imposed (of spheres: their translation): these do not meet",
+        "TACT_BEHAV.DAT:27: 1 visibility row is for SPHEb, which LMGC90 ignores in visibility rows, and so does cd-solve: SPHER stands for all spheres there",
+        "TACT_BEHAV.DAT:15: 1 visibility row is for contactors or colours that no body has",
+        "TACT_BEHAV.DAT:24: 1 visibility row is for bodies whose motion is all imposed (of spheres: their translation): these do not meet",
     ];
     weighs(runs(&case, &notices), SPHERE_WEIGHT, 1);
     // With a contact it is needed.
@@ -298,7 +299,7 @@ fn rows_of_a_point_and_another_contactor_and_lines_behind_laws_are_reported() {
     });
     let lines = fs::read_to_string(file(&case, "TACT_BEHAV.DAT")).unwrap().lines().count();
     let outside = format!("TACT_BEHAV.DAT:{}: 1 line outside of the records is skipped", lines - 3);
-    let row = format!("TACT_BEHAV.DAT:{lines}: 1 see row is for PT3Dx and another contactor: these do not meet");
+    let row = format!("TACT_BEHAV.DAT:{lines}: 1 visibility row is for PT3Dx and another contactor: these do not meet");
     let points = "BODIES.DAT:11: 1 PT3Dx carries nothing: no row of TACT_BEHAV.DAT joins it by wires or rods";
     weighs(runs(&case, &[&outside, &row, points]), SPHERE_WEIGHT, 1);
     // A second law or material under one keyword would be lost; a law matters only if a row names it.

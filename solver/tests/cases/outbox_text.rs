@@ -145,7 +145,7 @@ fn turning_and_falling(tumbles: bool) -> (Case, usize) {
 
 /// At a restart from each of the first outputs the velocities are those that a step has bounded: no body notices it.
 #[test]
-fn a_restart_from_text_has_no_step_of_unforeseen_velocities() {
+fn a_restart_from_text_takes_no_implicit_step() {
     for tumbles in [false, true] {
         let (mut case, far) = turning_and_falling(tumbles);
         case.run(40);
@@ -164,7 +164,7 @@ fn a_restart_from_text_has_no_step_of_unforeseen_velocities() {
 
 /// Velocities that an edited DOF.INI gives differ from those of the contacts in Vloc_Rloc.INI: no step has bounded them.
 #[test]
-fn edited_velocities_are_unforeseen() {
+fn edited_velocities_are_unbounded() {
     let (mut case, far) = turning_and_falling(false);
     case.run(10);
     let half = continued(&case.path().join("OUTBOX"), "OUT.10");
