@@ -34,8 +34,8 @@ ifneq ($(and $(STUDY),$(filter-out clean help,$(or $(MAKECMDGOALS),all))),)
 include $(STUDY:.ron=.mk)
 endif
 ## Folders of the cases to run; default: all cases of the study, or the folder of the example.
-CASES ?= .
-FIGURES ?= @set -e; $(foreach case,$(CASES),awk -f $(EXAMPLES)/figures.awk $(case)/OUTBOX/steps.csv $(case)/POSTPRO/series.csv;)
+CASES ?= $(if $(STUDY),,.)
+FIGURES ?= @for case in $(CASES); do awk -f $(EXAMPLES)/figures.awk $$case/OUTBOX/steps.csv $$case/POSTPRO/series.csv || exit 1; done
 include $(EXAMPLES)/help.mk
 
 # A stage of all cases, in the order in which `make -j` begins them: ORDER, or that of CASES.
@@ -103,11 +103,3 @@ endif
 # Missing programs; `make build` in the top folder brings them up to date.
 $(addprefix $(CD_BIN)/cd-,pre solve post):
 	$(MAKE) --no-print-directory -C $(TOP) build
-
-# Analyses the last state of each case, and removes those of earlier runs.
-last_states = for case in $(1); do rm -rf $$case/POSTPRO/state-*; $(CD_BIN)/cd-post state $$case $(REPORTED); done
-# Words with commas between them, as options take lists.
-EMPTY :=
-COMMA := ,
-SPACE := $(EMPTY) $(EMPTY)
-comma_list = $(subst $(SPACE),$(COMMA),$(strip $(1)))

@@ -1,6 +1,6 @@
 # Two-body orbits of the fragments about the largest remnant at the end:
 #   awk -v csv=secondaries.csv -f secondaries.awk left-f0/POSTPRO/state-020000/fragments.csv ...
-# One row per group of two or more grains, or per bound grain; distances over the remnant's radius (a b c)^(1/3), angles in degrees, periods in hours.
+# One row per fragment of two or more grains, or bound grain; distances over the remnant's radius (a b c)^(1/3), angles in degrees, periods in hours.
 # Columns are found by their names.
 #
 # Reads: fragments.csv: grains, mass, a, b, c, bound, orbit_a, orbit_e, inclination, pericentre, orbit_period
