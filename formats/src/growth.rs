@@ -1,7 +1,9 @@
 //! Sinks and sources of a run: bodies that leave, and bodies that enter.
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::convex_region::ConvexRegion;
 use crate::names::is_file_name;
 use crate::probe::BodySelection;
 use crate::report::FaultReport;
@@ -12,13 +14,13 @@ use crate::report::FaultReport;
 pub struct Sink {
     /// Letters, digits, `-` and `_`.
     pub name: String,
-    pub region: SinkRegion,
+    pub region: SpaceRegion,
 }
 
-/// Region of a sink: a body leaves when its centre of mass is inside.
+/// Region of a sink, which a body leaves by when its centre of mass is inside, or of means.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum SinkRegion {
+pub enum SpaceRegion {
     /// Farther than `radius` (m) from `centre` (m).
     Beyond { centre: [f64; 3], radius: f64 },
     /// Half space on the side of the plane through `point` (m) from which `normal` points away.
@@ -46,16 +48,16 @@ pub struct Source {
     pub rate: f64,
 }
 
-impl SinkRegion {
+impl SpaceRegion {
     /// Whether the region has the position `x` (m).
     pub fn contains(&self, x: &[f64; 3]) -> bool {
         let offset_from = |origin: &[f64; 3]| difference(x, origin);
         match self {
-            SinkRegion::Beyond { centre, radius } => square(&offset_from(centre)) > radius * radius,
-            SinkRegion::Below { point, normal } => dot(&offset_from(point), normal) < 0.0,
-            SinkRegion::Ball { centre, radius } => square(&offset_from(centre)) < radius * radius,
-            SinkRegion::Box { lower, upper } => (0..3).all(|k| lower[k] < x[k] && x[k] < upper[k]),
-            SinkRegion::Cylinder { start, end, radius } => {
+            SpaceRegion::Beyond { centre, radius } => square(&offset_from(centre)) > radius * radius,
+            SpaceRegion::Below { point, normal } => dot(&offset_from(point), normal) < 0.0,
+            SpaceRegion::Ball { centre, radius } => square(&offset_from(centre)) < radius * radius,
+            SpaceRegion::Box { lower, upper } => (0..3).all(|k| lower[k] < x[k] && x[k] < upper[k]),
+            SpaceRegion::Cylinder { start, end, radius } => {
                 let (axis, arm) = (difference(end, start), offset_from(start));
                 let (length_squared, along) = (square(&axis), dot(&arm, &axis));
                 let off_axis: [f64; 3] = std::array::from_fn(|k| arm[k] - axis[k] * (along / length_squared));
@@ -64,23 +66,43 @@ impl SinkRegion {
         }
     }
 
+    /// The same region with a volume, for means; `None` if the volume is infinite.
+    pub fn convex_region(&self) -> Option<ConvexRegion> {
+        match self {
+            SpaceRegion::Beyond { .. } | SpaceRegion::Below { .. } => None,
+            SpaceRegion::Ball { centre, radius } => {
+                Some(ConvexRegion::Ball { centre: (*centre).into(), radius: *radius })
+            }
+            SpaceRegion::Box { lower, upper } => {
+                let [lower, upper] = [lower, upper].map(|corner| Vector3::from(*corner));
+                Some(ConvexRegion::Box { centre: 0.5 * (lower + upper), half: 0.5 * (upper - lower) })
+            }
+            SpaceRegion::Cylinder { start, end, radius } => {
+                let [start, end] = [start, end].map(|end| Vector3::from(*end));
+                let (centre, axis) = (0.5 * (start + end), end - start);
+                let length = axis.norm();
+                Some(ConvexRegion::Cylinder { centre, axis: axis / length, radius: *radius, half: 0.5 * length })
+            }
+        }
+    }
+
     /// Requirement that the numbers do not meet.
-    fn invalid_value(&self) -> Option<&'static str> {
+    pub(crate) fn invalid_value(&self) -> Option<&'static str> {
         let are_finite = |vectors: &[&[f64; 3]]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
         let is_positive = |x: f64| x.is_finite() && x > 0.0;
         match self {
-            SinkRegion::Beyond { centre, radius } | SinkRegion::Ball { centre, radius } => {
+            SpaceRegion::Beyond { centre, radius } | SpaceRegion::Ball { centre, radius } => {
                 (!(are_finite(&[centre]) && is_positive(*radius))).then_some("a finite centre and a radius > 0 m")
             }
-            SinkRegion::Below { point, normal } => {
+            SpaceRegion::Below { point, normal } => {
                 let sound = are_finite(&[point, normal]) && is_positive(square(normal));
                 (!sound).then_some("a finite point and a normal other than 0")
             }
-            SinkRegion::Box { lower, upper } => {
+            SpaceRegion::Box { lower, upper } => {
                 let sound = are_finite(&[lower, upper]) && (0..3).all(|k| lower[k] < upper[k]);
                 (!sound).then_some("finite corners, each coordinate of lower less than that of upper")
             }
-            SinkRegion::Cylinder { start, end, radius } => {
+            SpaceRegion::Cylinder { start, end, radius } => {
                 let sound =
                     are_finite(&[start, end]) && is_positive(square(&difference(end, start))) && is_positive(*radius);
                 (!sound).then_some("two finite ends that differ, and a radius > 0 m")
@@ -145,15 +167,15 @@ mod tests {
     #[test]
     fn regions_are_open_sets() {
         let origin = [0.0; 3];
-        let beyond = SinkRegion::Beyond { centre: [1.0, 0.0, 0.0], radius: 2.0 };
+        let beyond = SpaceRegion::Beyond { centre: [1.0, 0.0, 0.0], radius: 2.0 };
         assert_eq!([-1.0, -1.5, 3.0, 3.5].map(|x| beyond.contains(&[x, 0.0, 0.0])), [false, true, false, true]);
-        let ball = SinkRegion::Ball { centre: origin, radius: 2.0 };
+        let ball = SpaceRegion::Ball { centre: origin, radius: 2.0 };
         assert_eq!([0.0, 1.5, 2.0, 2.5].map(|x| ball.contains(&[x, 0.0, 0.0])), [true, true, false, false]);
-        let below = SinkRegion::Below { point: [0.0, 0.0, 1.0], normal: [0.0, 0.0, 3.0] };
+        let below = SpaceRegion::Below { point: [0.0, 0.0, 1.0], normal: [0.0, 0.0, 3.0] };
         assert_eq!([0.5, 1.0, 1.5].map(|z| below.contains(&[9.0, 9.0, z])), [true, false, false]);
-        let cuboid = SinkRegion::Box { lower: origin, upper: [1.0, 2.0, 3.0] };
+        let cuboid = SpaceRegion::Box { lower: origin, upper: [1.0, 2.0, 3.0] };
         assert!(cuboid.contains(&[0.5, 1.5, 2.5]) && !cuboid.contains(&[0.5, 1.5, 3.0]));
-        let cylinder = SinkRegion::Cylinder { start: origin, end: [0.0, 4.0, 0.0], radius: 1.0 };
+        let cylinder = SpaceRegion::Cylinder { start: origin, end: [0.0, 4.0, 0.0], radius: 1.0 };
         let at = |x: f64, y: f64| cylinder.contains(&[x, y, 0.0]);
         assert!(at(0.5, 1.0) && at(-0.9, 3.9) && !at(1.0, 1.0) && !at(0.5, 4.0) && !at(0.5, 0.0));
     }

@@ -51,7 +51,7 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | [`geometry`] | closed surfaces, faces and edges of a convex surface, mass properties of contactors and bodies |
+//! | [`geometry`] | closed surfaces, faces and edges of a convex surface, mass properties of contactors and bodies, convex regions |
 //! | [`law_table`] | contact laws: names, parameters with units and limits, friction limit, memory |
 //! | [`field`] | accelerations and potentials of external fields |
 //! | [`polyhedron_gravity`](geometry::polyhedron_gravity) | attraction of a homogeneous polyhedron |

@@ -1,7 +1,12 @@
 //! Options `probes` and `until` of COMPUTE.RON: probes follow chosen quantities of a run step by step, conditions end it.
 
+mod region;
+
 use serde::{Deserialize, Serialize};
 
+use self::region::REGION_COLUMNS;
+pub use self::region::RegionMeans;
+use crate::growth::SpaceRegion;
 use crate::names::{is_file_name, number_text};
 use crate::report::FaultReport;
 use crate::ron_text;
@@ -44,6 +49,9 @@ pub enum ProbeQuantity {
     /// Kinetic energy of translation and of rotation (J), largest speed of a point of a body (m/s), and mass (kg) of the
     /// bodies `of`.
     Energy { of: BodySelection },
+    /// Means over the bodies `of` in the region `inside`: solid fraction, velocity with its gradient, granular temperature,
+    /// stress, and numbers that follow from these, see [`RegionMeans`].
+    Region { of: BodySelection, inside: SpaceRegion },
     /// Number, mass (kg), momentum (kg m/s) and kinetic energy (J) of these bodies whose centres of mass pass through a
     /// surface in the steps of a row, less those that pass through it in the other direction.
     Crossing { of: BodySelection, through: CountingSurface },
@@ -122,7 +130,7 @@ pub enum EndCondition {
 }
 
 /// Name, unit and meaning of every column of the files of probes. A component y or z has the meaning of its x.
-pub const PROBE_COLUMNS: [(&str, &str, &str); 28] = [
+pub const PROBE_COLUMNS: [(&str, &str, &str); 59] = [
     ("step", "1", "number of the last step of the row"),
     ("time", "s", ""),
     ("h", "s", "length of the steps of the row"),
@@ -151,6 +159,37 @@ pub const PROBE_COLUMNS: [(&str, &str, &str); 28] = [
     ("passed_momentum_y", "kg m/s", ""),
     ("passed_momentum_z", "kg m/s", ""),
     ("passed_energy", "J", "kinetic, with that of rotation"),
+    ("grains", "1", "with their centre in the region"),
+    ("nu", "1", "solid fraction of the region"),
+    ("density", "kg/m^3", "mass in the region over its volume"),
+    ("diameter", "m", "mean of the grains in the region"),
+    ("temperature", "m^2/s^2", "granular, about the mean field of the region"),
+    ("sigma_xx", "Pa", "stress of the contacts in the region"),
+    ("sigma_yy", "Pa", ""),
+    ("sigma_zz", "Pa", ""),
+    ("sigma_xy", "Pa", ""),
+    ("sigma_xz", "Pa", ""),
+    ("sigma_yz", "Pa", ""),
+    ("kinetic_xx", "Pa", "stress of the motion about the mean field of the region"),
+    ("kinetic_yy", "Pa", ""),
+    ("kinetic_zz", "Pa", ""),
+    ("kinetic_xy", "Pa", ""),
+    ("kinetic_xz", "Pa", ""),
+    ("kinetic_yz", "Pa", ""),
+    ("gradient_xx", "1/s", "of the velocity in the region, first its component, then the axis"),
+    ("gradient_xy", "1/s", ""),
+    ("gradient_xz", "1/s", ""),
+    ("gradient_yx", "1/s", ""),
+    ("gradient_yy", "1/s", ""),
+    ("gradient_yz", "1/s", ""),
+    ("gradient_zx", "1/s", ""),
+    ("gradient_zy", "1/s", ""),
+    ("gradient_zz", "1/s", ""),
+    ("pressure", "Pa", "of the contacts in the region"),
+    ("pressure_kinetic", "Pa", "of the motion"),
+    ("shear_rate", "1/s", ""),
+    ("mu", "1", "shear stress over pressure"),
+    ("inertial_number", "1", ""),
 ];
 
 /// Whether a probe writes a file of this name.
@@ -167,6 +206,7 @@ impl ProbeQuantity {
                 &["x", "y", "z", "v_x", "v_y", "v_z", "angular_x", "angular_y", "angular_z"]
             }
             ProbeQuantity::Energy { .. } => &["kinetic_energy", "rotational_energy", "largest_speed", "mass"],
+            ProbeQuantity::Region { .. } => &REGION_COLUMNS,
             ProbeQuantity::Crossing { .. } | ProbeQuantity::Removed { .. } | ProbeQuantity::Entered { .. } => &[
                 "number",
                 "passed_mass",
@@ -184,6 +224,7 @@ impl ProbeQuantity {
             ProbeQuantity::Force { on: bodies, .. }
             | ProbeQuantity::Motion { of: bodies }
             | ProbeQuantity::Energy { of: bodies }
+            | ProbeQuantity::Region { of: bodies, .. }
             | ProbeQuantity::Crossing { of: bodies, .. } => Some(bodies),
             ProbeQuantity::Removed { .. } | ProbeQuantity::Entered { .. } => None,
         }
@@ -264,6 +305,14 @@ pub fn check_probes(probes: &[Probe], until: &[EndCondition], flows: FlowNames, 
                     report.add_fault(&path, found, expected);
                 }
             }
+            ProbeQuantity::Region { inside, .. } => {
+                let without_volume = inside.convex_region().is_none().then_some("a Ball, Box or Cylinder");
+                if let Some(expected) = inside.invalid_value().or(without_volume) {
+                    let path = format!("{path}.quantity.inside");
+                    let found = report.shown_text_or(&path, || format!("{inside:?}"));
+                    report.add_fault(&path, found, expected);
+                }
+            }
             ProbeQuantity::Removed { by } => require_name("by", "sink", by, flows.sinks),
             ProbeQuantity::Entered { from } => require_name("from", "source", from, flows.sources),
             ProbeQuantity::Force { about: None, .. } | ProbeQuantity::Motion { .. } | ProbeQuantity::Energy { .. } => {}
@@ -327,16 +376,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_columns_are_in_the_table() {
+    fn the_table_has_the_columns_of_all_quantities_once() {
         let of = || BodySelection::Free;
+        let inside = SpaceRegion::Ball { centre: [0.0; 3], radius: 1.0 };
         let quantities = [
             ProbeQuantity::Force { on: of(), about: None },
             ProbeQuantity::Motion { of: of() },
             ProbeQuantity::Energy { of: of() },
             ProbeQuantity::Removed { by: "lost".into() },
+            ProbeQuantity::Region { of: of(), inside },
         ];
-        let own = quantities.iter().flat_map(|quantity| quantity.columns());
-        let all: Vec<&str> = ["step", "time", "h"].iter().chain(own).copied().collect();
+        let mut all = vec!["step", "time", "h"];
+        for column in quantities.iter().flat_map(|quantity| quantity.columns()) {
+            if !all.contains(column) {
+                all.push(column);
+            }
+        }
         assert_eq!(all, PROBE_COLUMNS.map(|(name, ..)| name));
         assert!(is_probe_file("probe-lid_1.csv") && !is_probe_file("probe-.csv") && !is_probe_file("probe-a/b.csv"));
     }

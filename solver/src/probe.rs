@@ -1,12 +1,15 @@
 //! Probes, whose quantities are computed after every step, and the conditions that end a run; the loop over steps evaluates
 //! both after each step.
 
+mod region;
+
 use std::borrow::Cow;
 use std::time::Duration;
 
 use cd_formats::probe::{EndCondition, Probe, ProbeQuantity};
 use nalgebra::Matrix3;
 
+use self::region::ProbeRegion;
 use crate::activity;
 use crate::growth::{BodyExchange, BodyFlow};
 use crate::math::{Vec3, to_world};
@@ -20,6 +23,8 @@ pub struct Probes {
     probe_bodies: Vec<Vec<BodyId>>,
     /// Whether each of these bodies was beyond the surface of the probe after the last step; empty without a surface.
     beyond: Vec<Vec<bool>>,
+    /// Region of each probe of means.
+    regions: Vec<Option<ProbeRegion>>,
     /// Bodies of the two sides of each condition; empty where it has none.
     condition_bodies: Vec<[Vec<BodyId>; 2]>,
 }
@@ -47,18 +52,23 @@ impl Probes {
             }
             _ => Vec::new(),
         };
+        let region = |(probe, bodies): (&Probe, &Vec<BodyId>)| match &probe.quantity {
+            ProbeQuantity::Region { inside, .. } => ProbeRegion::new(scene, inside, bodies),
+            _ => None,
+        };
         Probes {
+            regions: probes.iter().zip(&probe_bodies).map(region).collect(),
             beyond: probes.iter().zip(&probe_bodies).map(bodies_beyond).collect(),
             probe_bodies,
             condition_bodies: scene.options.until.iter().map(bodies_of_sides).collect(),
         }
     }
 
-    /// Values of probes that depend on the whole step, in the state at its end before bodies leave and enter: forces in the
-    /// step that began with `start`, and bodies that pass through surfaces. Other probes have no values.
+    /// Values of probes that depend on the whole step, in the state at its end before bodies leave and enter: forces and means
+    /// over regions in the step that began with `start`, and bodies that pass through surfaces. Other probes have no values.
     pub fn step_values(&mut self, scene: &Scene, state: &State, start: Option<&StepStart>) -> ProbeValues {
         let mut values = ProbeValues::new();
-        for ((probe, all), beyond) in scene.options.probes.iter().zip(&self.probe_bodies).zip(&mut self.beyond) {
+        for (k, (probe, all)) in scene.options.probes.iter().zip(&self.probe_bodies).enumerate() {
             let probe_values = match &probe.quantity {
                 ProbeQuantity::Force { about, .. } => {
                     let bodies = present_bodies(scene, all);
@@ -66,7 +76,7 @@ impl Probes {
                 }
                 ProbeQuantity::Crossing { through, .. } => {
                     let mut flow = BodyFlow::default();
-                    for (&body, beyond) in all.iter().zip(beyond) {
+                    for (&body, beyond) in all.iter().zip(&mut self.beyond[k]) {
                         let now = through.is_beyond(&state.x[body.index()].into());
                         if now != *beyond {
                             flow.add_body(scene, state, body, if now { 1.0 } else { -1.0 });
@@ -74,6 +84,12 @@ impl Probes {
                         *beyond = now;
                     }
                     flow.columns()
+                }
+                ProbeQuantity::Region { .. } => {
+                    let means = self.regions[k].as_ref().zip(start);
+                    means.map_or(Vec::new(), |(region, start)| {
+                        region.means(scene, state, start, &present_bodies(scene, all))
+                    })
                 }
                 _ => Vec::new(),
             };
@@ -96,7 +112,7 @@ impl Probes {
         };
         let (sinks, sources) = (&scene.options.sinks, &scene.options.sources);
         let probe_values = |(k, (probe, all)): (usize, (&Probe, &Vec<BodyId>))| match &probe.quantity {
-            ProbeQuantity::Force { .. } | ProbeQuantity::Crossing { .. } => {
+            ProbeQuantity::Force { .. } | ProbeQuantity::Crossing { .. } | ProbeQuantity::Region { .. } => {
                 step_values.as_mut().map_or(Vec::new(), |values| std::mem::take(&mut values[k]))
             }
             ProbeQuantity::Motion { .. } => motion(scene, state, &present_bodies(scene, all)),

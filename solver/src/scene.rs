@@ -8,6 +8,7 @@ use cd_formats::compute::{Compute, Event, ExternalField, GravityMethod, NarrowPh
 pub use cd_formats::doubts::EVENT_SLACK;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::field::{FieldModel, FieldShapes};
+use cd_formats::growth::SpaceRegion;
 pub use cd_formats::ids::BodyId;
 use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::probe::{BodySelection, Probe, ProbeQuantity};
@@ -524,8 +525,9 @@ impl Scene {
 
     /// Whether figures of a step are computed from its start.
     pub fn keeps_step_start(&self) -> bool {
-        let is_force = |probe: &Probe| matches!(probe.quantity, ProbeQuantity::Force { .. });
-        !self.postpro.is_empty() || self.options.probes.iter().any(is_force)
+        let has_forces =
+            |probe: &Probe| matches!(probe.quantity, ProbeQuantity::Force { .. } | ProbeQuantity::Region { .. });
+        !self.postpro.is_empty() || self.options.probes.iter().any(has_forces)
     }
 
     /// Bodies of a selection, rising.
@@ -542,6 +544,24 @@ impl Scene {
                 (0..self.bodies.len()).map(BodyId::new).filter(is_selected).collect()
             }
         }
+    }
+
+    /// Radius of the bounding ball of a body about its centre of mass, m.
+    pub fn bounding_radius(&self, body: BodyId) -> f64 {
+        let extent = |part: &BodyPart| part.offset.norm() + part.bounding_radius;
+        match self.bodies[body.index()].shape {
+            BodyShape::Sphere { radius } => radius,
+            BodyShape::Plane { half_lengths } => half_lengths.norm(),
+            BodyShape::Parts => self.all_parts_of(body).iter().map(extent).fold(0.0, f64::max),
+        }
+    }
+
+    /// Sums of whole periods that shift bodies of the cell about the origin, and branches to their neighbours, into a region,
+    /// m. None for more than a region can have, and for a region without a volume.
+    pub fn region_images(&self, region: &SpaceRegion, bodies: &[BodyId]) -> Option<Vec<Vec3>> {
+        // A branch reaches from a body of the cell to the centre of a neighbour.
+        let reach = 2.0 * bodies.iter().map(|&body| self.bounding_radius(body)).fold(0.0, f64::max);
+        region.convex_region()?.image_shifts(self.periods(), reach)
     }
 
     /// Whether a body is in the run.

@@ -1,7 +1,9 @@
-//! Geometry of the bodies in the files: closed surfaces, convex faces and pieces, mass properties.
+//! Geometry of the bodies in the files, closed surfaces, convex faces and pieces, mass properties, and of convex regions of
+//! space.
 
 mod centred;
 pub mod convex_pieces;
+pub mod convex_region;
 pub mod faces;
 pub mod mass;
 pub mod mesh;

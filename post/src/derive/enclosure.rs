@@ -1,11 +1,12 @@
 //! The space that walls and periods enclose around the grains.
 
+use cd_formats::geometry::convex_region::ConvexRegion;
+
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::fragments::Fragment;
 use crate::derive::free_surface::{SurfacePlane, mean_plane};
 use crate::derive::heights::{centre_of_mass, height_range};
 use crate::derive::polytope::ConvexPolytope;
-use crate::derive::probe::ProbeShape;
 use crate::derive::region_kind::RegionKind;
 use crate::derive::walls::{CylinderBore, WallPlane, bounding_bore, bounding_planes, supported_grains};
 use crate::frame::{Frame, Grain, GrainId};
@@ -292,7 +293,7 @@ impl<'a> GrainEnclosure<'a> {
 
     /// Returns the layer between two heights (m) above the lowest point of the space, or of the grains if the space is open
     /// below, and its volume; None if a side is open.
-    pub fn into_layer(mut self, from: f64, to: f64) -> Option<(ProbeShape, f64)> {
+    pub fn into_layer(mut self, from: f64, to: f64) -> Option<(ConvexRegion, f64)> {
         let up = self.up.unwrap_or(Vec3::z());
         let (space, floor) = self.covered_space(
             |_| true,
@@ -304,6 +305,6 @@ impl<'a> GrainEnclosure<'a> {
                 floor
             },
         )?;
-        Some((ProbeShape::Layer { up, from: floor + from, to: floor + to }, space.volume()))
+        Some((ConvexRegion::Layer { up, from: floor + from, to: floor + to }, space.volume()))
     }
 }

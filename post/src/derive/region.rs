@@ -9,13 +9,15 @@
 //!
 //! or a [`Probe`] that the user gives.
 
+use cd_formats::geometry::convex_region::ConvexRegion;
+
 use crate::derive::enclosure::{EnclosedRegion, GrainEnclosure};
 use crate::derive::energy::{PairSummation, external_fields, gravitational_energy, self_gravity_constant};
 use crate::derive::fragments::Fragment;
 use crate::derive::gravity::attraction_between;
 use crate::derive::hull;
 use crate::derive::motion::RotatingAxes;
-use crate::derive::probe::{Probe, ProbeShape};
+use crate::derive::probe::{Probe, region_kind, share_of_grain};
 use crate::derive::region_kind::RegionKind;
 use crate::frame::{ContactBody, Frame, Grain, GrainId, ImpulseExchange, SnapshotInterval};
 use crate::math::{Mat3, Vec3};
@@ -39,7 +41,7 @@ pub struct Region {
 /// Region given by the user, in one frame.
 #[derive(Debug, Clone, PartialEq)]
 struct PlacedProbe {
-    shape: ProbeShape,
+    shape: ConvexRegion,
     /// Sums of whole periods that shift grains of the cell into the shape, m.
     shifts: Vec<Vec3>,
 }
@@ -65,10 +67,10 @@ impl Region {
     }
 
     /// Returns the region given by the user. A layer without walls or periods around it, and a shape over more than
-    /// `MAX_PROBE_IMAGES` cells, are [`RegionKind::None`].
+    /// `MAX_REGION_IMAGES` cells, are [`RegionKind::None`].
     pub fn from_probe(frame: &Frame, fragments: &[Fragment], probe: &Probe) -> Region {
         let placed = match probe.placed_shape(frame, fragments) {
-            Some(ProbeShape::Layer { from, to, .. }) => {
+            Some(ConvexRegion::Layer { from, to, .. }) => {
                 GrainEnclosure::from_frame(frame, fragments).and_then(|e| e.into_layer(from, to))
             }
             shape => shape.map(|shape| (shape, shape.volume())),
@@ -81,7 +83,7 @@ impl Region {
         };
         let is_inside = |x: &Vec3| shifts.iter().any(|shift| shape.contains(&(x + shift)));
         let members = frame.grain_ids().filter(|&i| is_inside(&frame.grains[i].x)).collect();
-        Region { kind: shape.region_kind(), volume, members, probe: Some(PlacedProbe { shape, shifts }) }
+        Region { kind: region_kind(&shape), volume, members, probe: Some(PlacedProbe { shape, shifts }) }
     }
 
     /// Whether a grain has its centre inside.
@@ -97,7 +99,7 @@ impl Region {
     fn volume_shares(&self, frame: &Frame) -> Vec<(GrainId, f64)> {
         let Some(probe) = &self.probe else { return self.members.iter().map(|&i| (i, 1.0)).collect() };
         let share = |grain: &Grain| -> f64 {
-            probe.shifts.iter().map(|shift| probe.shape.share_of_grain(&grain.moved_by(*shift))).sum()
+            probe.shifts.iter().map(|shift| share_of_grain(&probe.shape, &grain.moved_by(*shift))).sum()
         };
         let all = frame.grain_ids().map(|i| (i, share(&frame.grains[i])));
         all.filter(|(_, share)| *share > 0.0).collect()
@@ -224,30 +226,12 @@ impl Region {
     }
 }
 
-/// Largest number of images of the cell in a probe.
-const MAX_PROBE_IMAGES: f64 = 1e4;
-
-/// Sums of whole periods that shift grains of the cell, or contacts of these, into a shape. Only zero without periods and
-/// for a layer, which contains the whole cell. None for more than `MAX_PROBE_IMAGES`.
-fn image_shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
-    let Some((centre, half)) = shape.bounds() else { return Some(vec![Vec3::zeros()]) };
+/// Sums of whole periods that shift grains of the cell, or contacts of these, into a shape. None for more than
+/// `MAX_REGION_IMAGES`.
+fn image_shifts(frame: &Frame, shape: &ConvexRegion) -> Option<Vec<Vec3>> {
     // Branches reach from a grain of the cell to the centre of a neighbour.
     let reach = 2.0 * frame.grains.iter().map(Grain::bounding_radius).fold(0.0, f64::max);
-    let counts = [0, 1].map(|axis| {
-        let Some(period) = frame.cell().0[axis] else { return [0.0, 0.0] };
-        let over = half[axis] + reach + 0.5 * period;
-        [((centre[axis] - over) / period).ceil(), ((centre[axis] + over) / period).floor()]
-    });
-    let images: f64 = counts.iter().map(|[first, last]| last - first + 1.0).product();
-    if images > MAX_PROBE_IMAGES {
-        return None;
-    }
-    let axis_shifts = |axis: usize| {
-        let period = frame.cell().0[axis].unwrap_or(0.0);
-        let [first, last] = counts[axis].map(|count| count as i64);
-        (first..=last).map(move |count| count as f64 * period)
-    };
-    Some(axis_shifts(0).flat_map(|x| axis_shifts(1).map(move |y| Vec3::new(x, y, 0.0))).collect())
+    shape.image_shifts(frame.cell().0, reach)
 }
 
 /// Hull of the largest remnant, or of all grains if that fragment is not a remnant.

@@ -8,12 +8,13 @@ use cd_formats::bodies::Bodies;
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent_events};
 use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::geometry::convex_region::MAX_REGION_IMAGES;
 use cd_formats::law_table::{
     INTERFACE_SLIDING, INTERFACE_SOUNDNESS, ParameterFault, has_interface, is_law_of_points, law_parameters,
     reference_gap_position,
 };
 use cd_formats::names::{count_text, number_text, rounded_number};
-use cd_formats::probe::{named_bodies, unknown_bodies};
+use cd_formats::probe::{ProbeQuantity, named_bodies, unknown_bodies};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::{AsciiText, TextLine};
 use cd_formats::snapshot::LawName;
@@ -447,14 +448,26 @@ pub fn check_events(scene: &Scene, report: &mut FaultReport) {
     }
 }
 
-/// Rejects probes and conditions of bodies that the scene does not have.
+/// Rejects probes and conditions of bodies that the scene does not have, and regions of too many periods.
 pub fn check_probes(scene: &Scene, report: &mut FaultReport) {
     let colours: Vec<&str> = scene.colours.iter().map(String::as_str).collect();
+    let unknown = |bodies| unknown_bodies(bodies, scene.bodies.len(), &colours);
     for (path, bodies) in named_bodies(&scene.options.probes, &scene.options.until) {
-        if let Some((found, expected)) = unknown_bodies(bodies, scene.bodies.len(), &colours) {
+        if let Some((found, expected)) = unknown(bodies) {
             report.add_fault(&path, found, expected);
         } else if scene.selected_bodies(bodies).is_empty() {
             report.add_fault(&path, "the scene has no such body", "bodies of the scene");
+        }
+    }
+    for (k, probe) in scene.options.probes.iter().enumerate() {
+        if let ProbeQuantity::Region { of, inside } = &probe.quantity
+            && inside.convex_region().is_some()
+            && unknown(of).is_none()
+            && scene.region_images(inside, &scene.selected_bodies(of)).is_none()
+        {
+            let path = format!("probes.{k}.quantity.inside");
+            let found = report.shown_text_or(&path, || format!("{inside:?}"));
+            report.add_fault(&path, found, format!("a region of at most {MAX_REGION_IMAGES} periodic cells"));
         }
     }
 }

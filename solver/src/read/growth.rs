@@ -11,7 +11,7 @@ use cd_formats::probe::unknown_bodies;
 use cd_formats::report::FaultReport;
 
 use crate::math::{Twist, Vec3};
-use crate::scene::{BodyId, BodyPart, BodyPresence, BodyRoster, BodyShape, Scene};
+use crate::scene::{BodyId, BodyPresence, BodyRoster, Scene};
 use crate::state::State;
 
 /// Prepares a run with sinks or sources; bodies of sources wait from the start. Rejects combinations that are not
@@ -39,7 +39,7 @@ pub fn prepare_growth(file: &Path, flags: &ComputeFlags, scene: &mut Scene, stat
         turning: scene.turning.clone(),
         parts: scene.parts.clone(),
         part_starts: scene.part_starts.clone(),
-        bounding_radii: (0..scene.bodies.len()).map(|i| bounding_radius(scene, i)).collect(),
+        bounding_radii: (0..scene.bodies.len()).map(|i| scene.bounding_radius(BodyId::new(i))).collect(),
         entries,
     }));
     state.presence = vec![BodyPresence::Present; scene.bodies.len()];
@@ -98,14 +98,4 @@ fn selected_sources(scene: &Scene, state: &State, report: &mut FaultReport) -> V
         sources.push(bodies);
     }
     sources
-}
-
-/// Radius of the bounding ball of a body about its centre of mass, m.
-fn bounding_radius(scene: &Scene, body: usize) -> f64 {
-    let extent = |part: &BodyPart| part.offset.norm() + part.bounding_radius;
-    match scene.bodies[body].shape {
-        BodyShape::Sphere { radius } => radius,
-        BodyShape::Plane { half_lengths } => half_lengths.norm(),
-        BodyShape::Parts => scene.parts_of(BodyId::new(body)).iter().map(extent).fold(0.0, f64::max),
-    }
 }

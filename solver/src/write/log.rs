@@ -45,7 +45,7 @@ pub enum LogCell {
 }
 
 impl LogCell {
-    fn to_f64(self) -> f64 {
+    pub fn to_f64(self) -> f64 {
         match self {
             LogCell::Count(n) => n as f64,
             LogCell::Real(x) => x,
@@ -100,7 +100,12 @@ pub struct LogTable {
     pending: Option<Vec<LogCell>>,
     /// Step of the last row.
     last_row: u64,
+    /// Computes the figures of a row that follow from its others, if there are such.
+    completion: Option<RowCompletion>,
 }
+
+/// Computes the figures of a row that follow from its others.
+pub type RowCompletion = fn(&mut [LogCell]);
 
 /// Figures of a row by name.
 pub struct LogRow<'a> {
@@ -195,7 +200,13 @@ impl LogTable {
             trailing_fields: ",".repeat(names.len() - own_count),
             pending: pending.map(|(_, cells)| cells[..own_count].to_vec()),
             last_row: previous_row,
+            completion: None,
         })
+    }
+
+    /// The same table, whose rows are completed by `completion` before they are written.
+    pub fn with_completion(self, completion: RowCompletion) -> Self {
+        LogTable { completion: Some(completion), ..self }
     }
 
     /// Adds the figures of a step. If a row is due, writes it and passes it to `record`.
@@ -221,7 +232,10 @@ impl LogTable {
 
     /// Writes the row of the steps since the last row, if there are any, and passes it to `record`.
     pub fn finish_rows(&mut self, record: impl FnOnce(&LogRow)) -> Result<(), Faults> {
-        let Some(cells) = self.pending.take() else { return Ok(()) };
+        let Some(mut cells) = self.pending.take() else { return Ok(()) };
+        if let Some(complete) = self.completion {
+            complete(&mut cells);
+        }
         let text: Vec<String> = cells.iter().map(|cell| cell.to_text()).collect();
         let names: Vec<&str> = self.columns.iter().map(|(name, _)| *name).collect();
         record(&LogRow { names: &names, cells: &cells });

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use cd_formats::error::Faults;
-use cd_formats::probe::{Probe, ProbeQuantity};
+use cd_formats::probe::{Probe, ProbeQuantity, RegionMeans};
 
 use super::log::{Column, ColumnKind, LogCell, LogTable, RowSchedule};
 use super::postpro;
@@ -28,9 +28,10 @@ impl ProbeFiles {
     pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<Self, Faults> {
         let options = &scene.options;
         let open = |probe: &Probe| {
-            // Forces are means over the steps of a row, flows sums; other quantities are taken at its last step.
+            // Forces and means over regions are means over the steps of a row, flows sums; other quantities are taken at its
+            // last step.
             let kind = match probe.quantity {
-                ProbeQuantity::Force { .. } => ColumnKind::Mean,
+                ProbeQuantity::Force { .. } | ProbeQuantity::Region { .. } => ColumnKind::Mean,
                 ProbeQuantity::Motion { .. } | ProbeQuantity::Energy { .. } => ColumnKind::Last,
                 ProbeQuantity::Crossing { .. } | ProbeQuantity::Removed { .. } | ProbeQuantity::Entered { .. } => {
                     ColumnKind::Sum
@@ -41,7 +42,12 @@ impl ProbeFiles {
             columns.extend(probe.quantity.columns().iter().map(|name| (*name, kind)));
             let schedule = RowSchedule { log_every: probe.every, output_every: options.output_every };
             let steps = [scene.start.step, state.step];
-            Ok((LogTable::open(&probe_path(case, probe), &columns, steps, schedule, |_| ())?, schedule))
+            let table = LogTable::open(&probe_path(case, probe), &columns, steps, schedule, |_| ())?;
+            let table = match probe.quantity {
+                ProbeQuantity::Region { .. } => table.with_completion(complete_region_row),
+                _ => table,
+            };
+            Ok((table, schedule))
         };
         Ok(ProbeFiles(options.probes.iter().map(open).collect::<Result<_, Faults>>()?))
     }
@@ -72,5 +78,15 @@ impl ProbeFiles {
     }
 }
 
+/// Computes the columns of a region that follow from its others.
+fn complete_region_row(cells: &mut [LogCell]) {
+    let (_, own) = cells.split_at_mut(STEP_COLUMNS);
+    let mut values: Vec<f64> = own.iter().map(|cell| cell.to_f64()).collect();
+    RegionMeans::complete_columns(&mut values);
+    own.iter_mut().zip(values).for_each(|(cell, value)| *cell = value.into());
+}
+
+/// Number of columns before those of the quantity: `step`, `time` and `h`.
+const STEP_COLUMNS: usize = 3;
 /// Column of the length of the steps of a row, s.
 const STEP_LENGTH: &str = "h";

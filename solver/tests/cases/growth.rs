@@ -7,7 +7,7 @@ use std::process::Command;
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::compute::{Adaptive, ExternalField};
-use cd_formats::growth::{Sink, SinkRegion, Source};
+use cd_formats::growth::{Sink, Source, SpaceRegion};
 use cd_formats::probe::{BodySelection, CountingSurface, EndCondition, Probe, ProbeQuantity};
 use cd_formats::snapshot::{PRESENCE_GONE, PRESENCE_PRESENT, PRESENCE_WAITING, Snapshot};
 
@@ -28,12 +28,12 @@ fn removed(every: u64) -> Probe {
     probe("removed", every, ProbeQuantity::Removed { by: "lost".into() })
 }
 
-fn sink(region: SinkRegion) -> Sink {
+fn sink(region: SpaceRegion) -> Sink {
     Sink { name: "lost".into(), region }
 }
 
 fn below(z: f64) -> Sink {
-    sink(SinkRegion::Below { point: [0.0, 0.0, z], normal: [0.0, 0.0, 1.0] })
+    sink(SpaceRegion::Below { point: [0.0, 0.0, z], normal: [0.0, 0.0, 1.0] })
 }
 
 fn presence(state: &Snapshot) -> &[u8] {
@@ -143,7 +143,7 @@ fn energy_and_momenta_of_an_aggregate_close_when_ejecta_leave() {
         let body = case.sphere(0.5, [x, 0.1 * x, 0.2]);
         case.launch(body, [v, 0.1, 0.0], [0.0, 0.0, 1.0]);
     }
-    case.options.sinks = vec![sink(SinkRegion::Beyond { centre: [0.0; 3], radius: 5.0 })];
+    case.options.sinks = vec![sink(SpaceRegion::Beyond { centre: [0.0; 3], radius: 5.0 })];
     (case.options.self_gravity, case.options.gravity_constant) = (true, 0.01);
     case.gravity = [0.0, 0.0, 0.01];
     case.options.dt = 1.0 / 256.0;
@@ -272,8 +272,8 @@ pub fn mixed(polyhedra: bool) -> Case {
         }
     }
     case.floor();
-    let drain = SinkRegion::Cylinder { start: [0.0; 3], end: [0.0, 0.0, 0.5], radius: 0.7 };
-    let far = SinkRegion::Beyond { centre: [0.0; 3], radius: 6.0 };
+    let drain = SpaceRegion::Cylinder { start: [0.0; 3], end: [0.0, 0.0, 0.5], radius: 0.7 };
+    let far = SpaceRegion::Beyond { centre: [0.0; 3], radius: 6.0 };
     case.options.sinks = vec![sink(drain), Sink { name: "far".into(), region: far }];
     let bodies = BodySelection::Colour("RAINx".into());
     case.options.sources = vec![Source { name: "rain".into(), bodies, from: 0.2, rate: 20.0 }];
@@ -334,7 +334,7 @@ fn the_energy_of_what_is_left_is_that_of_a_run_without_the_others() {
         (case.options.dt, case.options.sinks) = (1.0 / 64.0, sinks);
         case.run(100)
     };
-    let far = sink(SinkRegion::Box { lower: [20.0, -1.0, 0.0], upper: [40.0, 1.0, 20.0] });
+    let far = sink(SpaceRegion::Box { lower: [20.0, -1.0, 0.0], upper: [40.0, 1.0, 20.0] });
     let (with, without) = (run(vec![far], 3), run(Vec::new(), 2));
     assert_eq!(presence(&with), [PRESENCE_PRESENT, PRESENCE_PRESENT, PRESENCE_GONE, PRESENCE_PRESENT]);
     for i in 0..2 {
@@ -350,8 +350,8 @@ fn planet() -> Case {
     case.law_of_all("IQS_CLB", &[0.5]);
     case.options.gravity_constant = 1.0;
     case.options.fields = vec![ExternalField::PointMass { mass: 1000.0, position: Some([0.0; 3]), orbit: None }];
-    let surface = SinkRegion::Ball { centre: [0.0; 3], radius: 10.0 };
-    let space = SinkRegion::Beyond { centre: [0.0; 3], radius: 250.0 };
+    let surface = SpaceRegion::Ball { centre: [0.0; 3], radius: 10.0 };
+    let space = SpaceRegion::Beyond { centre: [0.0; 3], radius: 250.0 };
     case.options.sinks = vec![sink(surface), Sink { name: "space".into(), region: space }];
     let escaped = ProbeQuantity::Removed { by: "space".into() };
     case.options.probes = vec![removed(1), probe("escaped", 1, escaped)];
@@ -454,7 +454,7 @@ fn combinations_that_are_not_computed_are_rejected() {
     refused(&|case| case.options.sources[0].name = "lost".into(), twice);
     let rate = &["source 1, rate: 0.0; expected a finite number > 0 of bodies per second"];
     refused(&|case| case.options.sources[0].rate = 0.0, rate);
-    let flat = SinkRegion::Below { point: [0.0; 3], normal: [0.0; 3] };
+    let flat = SpaceRegion::Below { point: [0.0; 3], normal: [0.0; 3] };
     let normal = &["sink 1, region: ", "; expected a finite point and a normal other than 0"];
     refused(&|case| case.options.sinks = vec![sink(flat.clone())], normal);
 }

@@ -2,7 +2,9 @@
 
 use std::f64::consts::PI;
 use std::fs;
+use std::process::Command;
 
+use cd_formats::growth::SpaceRegion;
 use cd_formats::probe::{BodySelection, EndCondition, Probe, ProbeQuantity};
 
 use crate::case::{Case, equal, near};
@@ -176,4 +178,245 @@ fn resumed_probes_have_the_bytes_of_the_unbroken_run() {
         ["force1", "force7", "m"].map(|name| fs::read(case.path().join(format!("POSTPRO/probe-{name}.csv"))).unwrap())
     };
     assert!(files(&[60]) == files(&[17, 18, 41, 60]));
+}
+
+/// Probe of the means over all free bodies in a region.
+fn region_probe(inside: SpaceRegion, every: u64) -> Probe {
+    probe(&format!("region{every}"), every, ProbeQuantity::Region { of: BodySelection::Free, inside })
+}
+
+/// Columns of the file of a probe by name, at its last row; empty fields are not a number.
+fn last_row(case: &Case, name: &str) -> impl Fn(&str) -> f64 {
+    let text = fs::read_to_string(case.path().join(format!("POSTPRO/probe-{name}.csv"))).unwrap();
+    let split = |line: &str| line.split(',').map(String::from).collect::<Vec<_>>();
+    let (names, fields) = (split(text.lines().next().unwrap()), split(text.lines().last().unwrap()));
+    move |column| fields[names.iter().position(|name| name == column).unwrap()].parse().unwrap_or(f64::NAN)
+}
+
+/// Balls of radius 0.5 m and volume π/6 m³ on a cubic lattice of these counts, with the spacing `spacing` (m) from 0.5 m
+/// above z = 0, and the velocity L x + u.
+fn lattice(counts: [usize; 3], spacing: f64, gradient: [[f64; 3]; 3], u: [f64; 3]) -> Case {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.0]);
+    for k in 0..counts.iter().product() {
+        let index = [k % counts[0], k / counts[0] % counts[1], k / counts[0] / counts[1]];
+        let x = index.map(|i| spacing * i as f64 + 0.5);
+        let body = case.sphere(0.5, x);
+        let v = [0, 1, 2].map(|i| u[i] + (0..3).map(|j| gradient[i][j] * x[j]).sum::<f64>());
+        case.launch(body, v, [0.0; 3]);
+    }
+    case.options.dt = 1.0 / 64.0;
+    case
+}
+
+#[test]
+fn a_lattice_under_its_weight_has_its_solid_fraction_and_stress() {
+    // Columns of six balls; g = 8 m/s². A ball weighs 8 π/6 N, and each column stands on one square metre.
+    let mut case = lattice([4, 3, 6], 1.0, [[0.0; 3]; 3], [0.0; 3]);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.floor();
+    case.options.tol = Some(1e-10);
+    let weight = 8.0 * PI / 6.0;
+    // Faces of the box cut caps of equal height off the balls below and above.
+    let inside = SpaceRegion::Box { lower: [0.0, 0.0, 1.25], upper: [4.0, 3.0, 4.25] };
+    let all = SpaceRegion::Box { lower: [-1.0, -1.0, -1.0], upper: [5.0, 4.0, 7.0] };
+    let wide = SpaceRegion::Cylinder { start: [2.0, 2.0, -1.0], end: [2.0, 2.0, 7.0], radius: 30.0 };
+    let of = || BodySelection::Free;
+    case.options.probes = vec![
+        region_probe(inside, 1),
+        probe("all", 1, ProbeQuantity::Region { of: of(), inside: all.clone() }),
+        probe("wide", 1, ProbeQuantity::Region { of: of(), inside: wide }),
+        probe("second", 1, ProbeQuantity::Region { of: BodySelection::Body(13), inside: all }),
+    ];
+    case.run(8);
+    let part = last_row(&case, "region1");
+    // A radius is that of the file, of eight digits, and the balls sink by some 1e-9 m.
+    let bound = 1e-7;
+    equal(part("nu"), PI / 6.0, bound);
+    equal(part("density"), PI / 6.0, bound);
+    equal(part("diameter"), 1.0, bound);
+    equal(part("grains"), 36.0, 0.0);
+    // Branches from 0.5 m up: 5 weights on a quarter of a metre, 4 and 3 on one, 2 on three quarters, over 3 m.
+    let expected = 9.75 / 3.0 * weight;
+    equal(part("sigma_zz"), expected, bound * weight);
+    for column in ["sigma_xx", "sigma_yy", "sigma_xy", "sigma_xz", "sigma_yz", "pressure_kinetic", "temperature"] {
+        equal(part(column), 0.0, bound * weight);
+    }
+    equal(part("pressure"), expected / 3.0, bound * weight);
+    // √(s:s/2) of (0, 0, σ) is σ/√3.
+    equal(part("mu"), 3f64.sqrt(), bound);
+    // Of all grains: forces of 6 to 1 weights, that on the floor with half a branch.
+    let whole = last_row(&case, "all");
+    equal(whole("nu"), 72.0 * PI / 6.0 / 240.0, bound);
+    equal(whole("sigma_zz"), 12.0 * (0.5 * 6.0 + 15.0) * weight / 240.0, bound * weight);
+    let cylinder = last_row(&case, "wide");
+    equal(cylinder("sigma_zz") * PI * 900.0 * 8.0, 12.0 * 18.0 * weight, bound * 12.0 * weight);
+    equal(cylinder("nu") * PI * 900.0 * 8.0, 72.0 * PI / 6.0, 10.0 * bound);
+    // Other bodies act on one selected body like walls: 5 weights from below, 4 from above, at half a metre each.
+    equal(last_row(&case, "second")("sigma_zz"), (0.5 * 5.0 + 0.5 * 4.0) * weight / 240.0, bound * weight);
+}
+
+#[test]
+fn a_sheared_lattice_has_its_gradient_and_no_temperature() {
+    let gradient = [[0.125, 0.5, -2.0], [0.25, 0.0, 0.75], [1.0, -0.5, -0.125]];
+    let mut case = lattice([5, 5, 5], 2.0, gradient, [3.0, -1.0, 2.0]);
+    case.options.dt = 1e-6;
+    // The region cuts many balls, each of which moves with the field at its centre.
+    let inside = SpaceRegion::Ball { centre: [4.5, 4.5, 4.5], radius: 3.25 };
+    case.options.probes = vec![region_probe(inside, 1)];
+    case.run(1);
+    let found = last_row(&case, "region1");
+    let (axes, centre) = (["x", "y", "z"], [4.5; 3]);
+    // The field changes by L² dt ~ 1e-5 in the step.
+    let bound = 1e-4;
+    for (i, row) in gradient.iter().enumerate() {
+        for (j, expected) in row.iter().enumerate() {
+            equal(found(&format!("gradient_{}{}", axes[i], axes[j])), *expected, bound);
+        }
+        let v = [3.0, -1.0, 2.0][i] + (0..3).map(|j| row[j] * centre[j]).sum::<f64>();
+        equal(found(&format!("v_{}", axes[i])), v, bound);
+    }
+    equal(found("temperature"), 0.0, 1e-9);
+    // Symmetric parts: 0.375 of xy, -0.5 of xz, 0.125 of yz, ±0.125 on the diagonal.
+    let square: f64 = 2.0 * (0.375f64.powi(2) + 0.5f64.powi(2) + 0.125f64.powi(2)) + 2.0 * 0.125f64.powi(2);
+    equal(found("shear_rate"), (2.0 * square).sqrt(), bound);
+}
+
+#[test]
+fn a_lattice_that_turns_does_not_shear_and_one_that_shakes_is_hot() {
+    let turning = [[0.0, -0.5, 0.25], [0.5, 0.0, -0.75], [-0.25, 0.75, 0.0]];
+    let mut case = lattice([4, 4, 4], 2.0, turning, [0.0; 3]);
+    // Every second ball moves along y, by turns up and down, at 0.5 m/s.
+    let mut hot = lattice([4, 4, 4], 2.0, [[0.0; 3]; 3], [1.0, 0.0, 0.0]);
+    for k in 0..64 {
+        let sign = if (k + k / 4 + k / 16) % 2 == 0 { 0.5 } else { -0.5 };
+        hot.launch(k, [1.0, sign, 0.0], [0.0; 3]);
+    }
+    let inside = SpaceRegion::Box { lower: [-1.0; 3], upper: [9.0; 3] };
+    for case in [&mut case, &mut hot] {
+        case.options.dt = 1e-6;
+        case.options.probes = vec![region_probe(inside.clone(), 1)];
+        case.run(1);
+    }
+    let found = last_row(&case, "region1");
+    equal(found("shear_rate"), 0.0, 1e-5);
+    equal(found("gradient_xy"), -0.5, 1e-5);
+    equal(found("temperature"), 0.0, 1e-9);
+    let found = last_row(&hot, "region1");
+    let square = 0.25;
+    equal(found("temperature"), square / 3.0, 1e-9);
+    equal(found("kinetic_yy"), 64.0 * PI / 6.0 * square / 1000.0, 1e-7);
+    equal(found("pressure_kinetic"), found("kinetic_yy") / 3.0, 1e-15);
+    equal(found("mu"), 3f64.sqrt(), 1e-9);
+    // The speeds of a checkerboard of an even number of rows have no gradient; the balls move by 5e-7 m in the step.
+    equal(found("shear_rate"), 0.0, 1e-6);
+}
+
+#[test]
+fn a_region_wider_than_the_period_has_the_images() {
+    let mut case = lattice([4, 1, 1], 1.0, [[0.0; 3]; 3], [2.0, 0.0, 0.0]);
+    (case.options.xperiode, case.options.yperiode) = (Some(4.0), None);
+    let of = || BodySelection::Free;
+    let inside = SpaceRegion::Box { lower: [-7.0, 0.0, 0.0], upper: [9.0, 1.0, 1.0] };
+    case.options.probes = vec![
+        region_probe(inside, 1),
+        probe(
+            "part",
+            1,
+            ProbeQuantity::Region {
+                of: of(),
+                inside: SpaceRegion::Box { lower: [5.25, 0.0, 0.0], upper: [6.25, 1.0, 1.0] },
+            },
+        ),
+    ];
+    // The balls travel over half a period.
+    case.run(70);
+    let found = last_row(&case, "region1");
+    equal(found("grains"), 16.0, 0.0);
+    equal(found("nu"), PI / 6.0, 1e-7);
+    equal(last_row(&case, "part")("nu"), PI / 6.0, 1e-7);
+}
+
+#[test]
+fn an_empty_region_has_empty_fields() {
+    let mut case = resting();
+    case.options.probes = vec![region_probe(SpaceRegion::Ball { centre: [0.0, 90.0, 0.0], radius: 1.0 }, 1)];
+    case.options.until = vec![EndCondition::Above { probe: "region1".into(), column: "mu".into(), value: -1.0 }];
+    case.run(2);
+    let found = last_row(&case, "region1");
+    for column in ["grains", "nu", "density", "sigma_zz", "kinetic_xx", "pressure"] {
+        equal(found(column), 0.0, 0.0);
+    }
+    for column in ["diameter", "v_x", "temperature", "gradient_xx", "shear_rate", "mu", "inertial_number"] {
+        assert!(found(column).is_nan(), "{column}");
+    }
+    let text = fs::read_to_string(case.path().join("POSTPRO/probe-region1.csv")).unwrap();
+    assert!(!text.contains("NaN") && !text.contains("inf") && text.lines().count() == 3, "{text}");
+}
+
+#[test]
+fn a_value_of_a_region_ends_a_run() {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.5]);
+    let body = case.sphere(0.5, [0.0, 0.0, 8.0]);
+    case.launch(body, [0.0, 0.0, -1.0], [0.0; 3]);
+    (case.options.dt, case.options.steps) = (0.125, Some(100));
+    let inside = SpaceRegion::Box { lower: [-1.0, -1.0, 0.0], upper: [1.0, 1.0, 2.0] };
+    case.options.probes = vec![region_probe(inside, 9)];
+    // Half of π/6 m³ is in the 8 m³ when the centre passes z = 2 m: after 48 steps it is not more than half.
+    let value = PI / 96.0 * (1.0 + 1e-9);
+    case.options.until = vec![EndCondition::Above { probe: "region9".into(), column: "nu".into(), value }];
+    case.write();
+    assert_eq!(case.solve(&[]), 0);
+    assert_eq!(case.last().meta.step, 49);
+}
+
+#[test]
+fn rows_of_regions_are_the_same_for_any_threads_and_after_resumes() {
+    let files = |parts: &[u64], threads: usize| {
+        let mut case = resting();
+        case.launch(0, [1.0, 0.5, 0.0], [0.0, 3.0, 0.0]);
+        (case.options.output_every, case.options.threads) = (10, threads);
+        let inside = || SpaceRegion::Cylinder { start: [1.0, 0.0, 0.1], end: [2.5, 1.0, 3.0], radius: 1.75 };
+        case.options.probes = vec![region_probe(inside(), 1), region_probe(inside(), 7)];
+        case.write();
+        for (k, steps) in parts.iter().enumerate() {
+            let steps = format!("--steps={steps}");
+            let flags: &[&str] = if k == 0 { &[&steps] } else { &[&steps, "--resume"] };
+            assert_eq!(case.solve(flags), 0);
+        }
+        ["region1", "region7"]
+            .map(|name| fs::read_to_string(case.path().join(format!("POSTPRO/probe-{name}.csv"))).unwrap())
+    };
+    let unbroken = files(&[60], 1);
+    assert_eq!(unbroken, files(&[17, 18, 41, 60], 1));
+    assert_eq!(unbroken, files(&[60], 3));
+    // μ of a row follows from its mean stresses, not from the means of μ.
+    let columns = |text: &str, name: &str| -> Vec<f64> {
+        let position = text.lines().next().unwrap().split(',').position(|column| column == name).unwrap();
+        let value = |line: &str| line.split(',').nth(position).unwrap().parse().unwrap_or(f64::NAN);
+        text.lines().skip(1).map(value).collect()
+    };
+    let mean = columns(&unbroken[0], "sigma_zz")[..7].iter().sum::<f64>() / 7.0;
+    equal(columns(&unbroken[1], "sigma_zz")[0], mean, 1e-12 * mean.abs());
+}
+
+#[test]
+fn regions_without_a_volume_or_of_too_many_periods_are_rejected() {
+    let message = |inside: SpaceRegion, of: BodySelection| {
+        let mut case = lattice([2, 1, 1], 1.0, [[0.0; 3]; 3], [0.0; 3]);
+        (case.options.xperiode, case.options.steps) = (Some(4.0), Some(1));
+        case.options.probes = vec![probe("part", 1, ProbeQuantity::Region { of, inside })];
+        case.write();
+        let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let free = || BodySelection::Free;
+    let below = SpaceRegion::Below { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+    assert!(message(below, free()).contains("expected a Ball, Box or Cylinder"));
+    let ball = |radius| SpaceRegion::Ball { centre: [0.0; 3], radius };
+    assert!(message(ball(-1.0), free()).contains("expected a finite centre and a radius > 0 m"));
+    assert!(message(ball(1e9), free()).contains("expected a region of at most 10000 periodic cells"));
+    assert!(message(ball(1e9), BodySelection::Body(0)).contains("expected 1 to 2, a body of BODIES.DAT"));
 }
