@@ -158,6 +158,8 @@ law_parameters! {
     NormalCohesion: "cohn", "normal_cohesion", "c_n", Stress, NonNegative, NonNegative;
     /// Largest shear of a bond without normal force.
     TangentialCohesion: "coht", "tangential_cohesion", "c_t", Stress, NonNegative, Finite;
+    /// Radius of a bond that carries moments, over the smaller radius of its two bodies.
+    BondRadius: "rbnd", "bond_radius", "λ", Number, Positive, NonNegative;
     /// Moment against rolling over R times the normal force.
     RollingFriction: "roll", "rolling_friction", "μ_r", Number, NonNegative, NonNegative;
     /// Moment against spinning over R times the normal force.
@@ -268,8 +270,10 @@ pub enum LawCohesion {
     Liquid { force: f64, range: f64, remembers: bool },
     /// Attraction of the two bodies by a force that follows from their size.
     Pair(PairCohesion),
-    /// Bond that carries stresses (Pa) up to `normal` in traction and `tangential` in shear, and breaks for good.
-    Bond { normal: f64, tangential: f64 },
+    /// Bond that carries stresses (Pa) up to `normal` in traction and `tangential` in shear, and breaks for good. With a
+    /// `radius`, over the smaller radius of the two bodies, the bond of a sphere is a disc of this size that also carries
+    /// moments.
+    Bond { normal: f64, tangential: f64, radius: Option<f64> },
 }
 
 /// Coefficients of the moments of a contact. They multiply R r̂_n, where 1/R = 1/R_a + 1/R_b for bodies of the radii R_a and
@@ -619,7 +623,17 @@ contact_laws! {
                 [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
             ],
             friction: FrictionPair { static_friction, dynamic_friction },
-            cohesion: LawCohesion::Bond { normal: normal_cohesion, tangential: tangential_cohesion }
+            cohesion: LawCohesion::Bond { normal: normal_cohesion, tangential: tangential_cohesion, radius: None }
+        }
+        /// as `IQS_MOHR_DS_CLB`, with bonds of spheres that also carry bending and torsion; not in LMGC90
+        IqsBeamDsClb "IQS_BEAM_DS_CLB" {
+            lines: [
+                [normal_cohesion: NormalCohesion, tangential_cohesion: TangentialCohesion],
+                [bond_radius: BondRadius],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Bond { normal: normal_cohesion, tangential: tangential_cohesion, radius: Some(bond_radius) }
         }
         /// as `IQS_DS_CLB`, with moments against rolling and spinning; not in LMGC90
         IqsDsRollClb "IQS_DS_ROLL_CLB" {
@@ -920,7 +934,7 @@ impl LawModel {
                 }
             }
             Some(LawCohesion::Pair(_)) => self.friction().static_friction * (normal_force + attraction),
-            Some(LawCohesion::Bond { normal, tangential }) => {
+            Some(LawCohesion::Bond { normal, tangential, .. }) => {
                 if bonded {
                     tangential / normal * (normal_force + normal * area)
                 } else {
@@ -939,8 +953,27 @@ impl LawModel {
             Some(LawCohesion::Bond { .. }) => Some(ContactMemory::Bond),
         };
         let sliding = two_coefficients.then_some(ContactMemory::Sliding);
-        let moment = self.rolling().map(|_| ContactMemory::Moment);
+        let moment = self.has_moments().then_some(ContactMemory::Moment);
         [sliding, cohesion, moment, self.named_memory()].into_iter().flatten().collect()
+    }
+
+    /// Radius of a bond that carries moments over the smaller radius of its two bodies, if the law has such bonds.
+    pub fn bond_radius(&self) -> Option<f64> {
+        match self.cohesion() {
+            Some(LawCohesion::Bond { radius, .. }) => radius,
+            None | Some(LawCohesion::Liquid { .. } | LawCohesion::Pair(_)) => None,
+        }
+    }
+
+    /// Whether contacts may carry moments.
+    pub fn has_moments(&self) -> bool {
+        self.rolling().is_some() || self.bond_radius().is_some()
+    }
+
+    /// Area on which the stresses of a bond act between two bodies of these curvatures (1/m), one of which is a sphere, m²:
+    /// π R² with 1/R = 1/R_a + 1/R_b, or, of a bond that carries moments, with its radius.
+    pub fn bond_area(&self, [a, b]: [f64; 2]) -> f64 {
+        std::f64::consts::PI / self.bond_radius().map_or(a + b, |share| a.max(b) / share).powi(2)
     }
 
     /// Largest gap at which the two bodies attract each other, m; 0 for laws without attraction.
@@ -1006,11 +1039,21 @@ impl LawModel {
         }
         match self.cohesion() {
             // Shear without traction has no friction cone.
-            Some(LawCohesion::Bond { normal: 0.0, tangential }) if tangential > 0.0 => faults.push(ParameterFault {
-                parameter: LawParameter::TangentialCohesion,
-                found: format!("{} without normal_cohesion", number_text(tangential)),
-                expected: "both, or none".into(),
-            }),
+            Some(LawCohesion::Bond { normal: 0.0, tangential, .. }) if tangential > 0.0 => {
+                faults.push(ParameterFault {
+                    parameter: LawParameter::TangentialCohesion,
+                    found: format!("{} without normal_cohesion", number_text(tangential)),
+                    expected: "both, or none".into(),
+                })
+            }
+            // A bond that slides without resistance cannot hold a moment.
+            Some(LawCohesion::Bond { normal, tangential: 0.0, radius: Some(_) }) if normal > 0.0 => {
+                faults.push(ParameterFault {
+                    parameter: LawParameter::TangentialCohesion,
+                    found: format!("0 with normal_cohesion {}", number_text(normal)),
+                    expected: "both, or none, for bonds that carry moments".into(),
+                });
+            }
             Some(LawCohesion::Pair(PairCohesion { full_range, range, .. })) if full_range > range => {
                 faults.push(ParameterFault {
                     parameter: LawParameter::FullRange,

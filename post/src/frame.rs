@@ -212,7 +212,7 @@ pub struct Contact {
     pub soundness: f64,
     /// Attraction by a law with cohesion per pair, N; 0 for other laws.
     pub attraction: f64,
-    /// Area on which a bond's stresses act, m^2: the shared area of faces, else pi R^2, 1/R = 1/R_a + 1/R_b.
+    /// Area on which a bond's stresses act, m^2: the shared area of faces, else [`LawModel::bond_area`].
     pub area: f64,
 }
 
@@ -307,7 +307,12 @@ impl Frame {
                 };
                 let ((x, shift), (other, _)) = (position_and_shift(candidate), position_and_shift(antagonist));
                 let shared_area = shapes.as_ref().map_or(0.0, |shapes| shapes.contacts.contact_area[row]);
-                let [a, b] = pair.map(curvature);
+                let curvatures = pair.map(curvature);
+                let law = contacts.contact_law[row];
+                let disc = || match laws.get(law as usize) {
+                    Some(model) => model.bond_area(curvatures),
+                    None => std::f64::consts::PI / (curvatures[0] + curvatures[1]).powi(2),
+                };
                 Some(Contact {
                     candidate,
                     antagonist,
@@ -319,12 +324,12 @@ impl Frame {
                     tangential_force: f_t.hypot(f_s),
                     gap: contacts.contact_gap[row],
                     status: contacts.contact_status[row],
-                    law: contacts.contact_law[row],
+                    law,
                     active: contacts.contact_impulse[row].iter().any(|&r| r != 0.0),
                     bonded: memory.as_ref().is_some_and(|memory| memory.contact_bonded[row] != 0),
                     soundness: law_memory.as_ref().map_or(0.0, |memory| memory.contact_soundness[row]),
                     attraction: attractions.as_ref().map_or(0.0, |attractions| attractions.contact_attraction[row]),
-                    area: if shared_area > 0.0 { shared_area } else { std::f64::consts::PI / (a + b).powi(2) },
+                    area: if shared_area > 0.0 { shared_area } else { disc() },
                 })
             })
             .collect();

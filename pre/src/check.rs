@@ -104,7 +104,7 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
 /// Reports laws in use, with their names, whose moments `solver` does not support.
 pub(crate) fn check_moments(report: &mut FaultReport, solver: ContactSolver, laws: &[(&str, LawModel)]) {
     let has_moments = matches!(solver, ContactSolver::Auto | ContactSolver::Nlgs);
-    for (name, law) in laws.iter().filter(|(_, law)| law.rolling().is_some()) {
+    for (name, law) in laws.iter().filter(|(_, law)| law.has_moments()) {
         let found = format!("{solver} with law '{name}', {}", law.label());
         report.require(has_moments, "compute.solver", found, "auto or nlgs");
     }

@@ -42,6 +42,7 @@ pub fn resisting(mut system: ContactProblem) -> ContactProblem {
         radius: 0.5,
         rolling: 0.1,
         spinning: 0.05,
+        shear: 0.0,
         inverse_w: 0.2, // two spheres of 2.5/(kg m^2)
         shift: Vec3::zeros(),
         warm_start: Vec3::zeros(),

@@ -662,6 +662,12 @@ impl Scene {
         })
     }
 
+    /// Smaller radius of two contactors, each a body and the number of its part, m; infinite for two flat ones.
+    pub fn smaller_radius(&self, a: (BodyId, u16), b: (BodyId, u16)) -> f64 {
+        let [a, b] = [a, b].map(|contactor| self.contactor_curvature(contactor));
+        1.0 / a.next_to(&b).max(b.next_to(&a))
+    }
+
     /// Size of a pair of contactors, each a body and the number of its part, m: the radius of the smaller free body, limited
     /// to the sum of the inner radii, as a pair that overlaps by twice that sum may separate on the wrong side.
     pub fn pair_size(&self, a: (BodyId, u16), b: (BodyId, u16)) -> f64 {

@@ -198,7 +198,7 @@ pub struct SolvedContact {
     pub contact: Contact,
     /// Impulse on the candidate along n, t, s, N s.
     pub impulse: Vec3,
-    /// Moment on the candidate of rolling and spinning friction along n, t, s, N m s.
+    /// Moment on the candidate of rolling and spinning friction or of a bond along n, t, s, N m s.
     pub moment: Vec3,
     /// Relative velocity along n, t, s at the step's end, m/s.
     pub velocity: Vec3,

@@ -70,6 +70,17 @@ fn a_bond_has_a_limit_of_its_own() {
 }
 
 #[test]
+fn the_area_of_a_bond_with_moments_is_a_share_of_the_smaller_ball() {
+    // Radii 1/2 and 1/4 m, hence 1/R = 2 + 4; next to a plate R = R_a.
+    let area = |label: &str, values: &[f64], curvatures| {
+        LawModel::from_values(label, values).unwrap().bond_area(curvatures) / std::f64::consts::PI
+    };
+    assert_eq!(area("IQS_BEAM_DS_CLB", &[4.0, 2.0, 0.5, 0.3, 0.4], [2.0, 4.0]), 1.0 / 64.0);
+    assert_eq!(area("IQS_BEAM_DS_CLB", &[4.0, 2.0, 0.5, 0.3, 0.4], [2.0, 0.0]), 1.0 / 16.0);
+    assert_eq!(area("IQS_MOHR_DS_CLB", &[4.0, 2.0, 0.3, 0.4], [2.0, 2.0]), 1.0 / 16.0);
+}
+
+#[test]
 fn unknown_laws_and_values_out_of_range_are_reported() {
     let error = |label: &str, values: &[f64]| LawModel::from_values(label, values).unwrap_err().to_string();
     assert_eq!(error("IQS_CBL", &[0.1]), "its kind 'IQS_CBL' is not known; did you mean IQS_CLB?");
@@ -99,6 +110,11 @@ fn unknown_laws_and_values_out_of_range_are_reported() {
     assert_eq!(bond(0.0, 1.0), ["tangential_cohesion 1 without normal_cohesion; expected both, or none"]);
     assert_eq!(bond(1.0, -1.0), ["tangential_cohesion -1; expected a stress >= 0 Pa"]);
     assert!(bond(0.0, 0.0).is_empty() && bond(1.0, 0.0).is_empty());
+    let beam = |values: &[f64]| faults("IQS_BEAM_DS_CLB", values);
+    let both = "tangential_cohesion 0 with normal_cohesion 1; expected both, or none, for bonds that carry moments";
+    assert_eq!(beam(&[1.0, 0.0, 1.0, 0.2, 0.3]), [both]);
+    assert_eq!(beam(&[1.0, 1.0, 0.0, 0.2, 0.3]), ["bond_radius 0; expected a finite number > 0"]);
+    assert!(beam(&[0.0, 0.0, 1.0, 0.2, 0.3]).is_empty());
     assert_eq!(faults("IQS_WET_DS_CLB", &[-1.0, -9.0, -1.0, 0.1, 0.2]).len(), 2, "one is not used");
 }
 
@@ -125,5 +141,6 @@ fn memory_follows_from_the_parameters() {
     assert_eq!(memory("RST_DS_CLB"), [Sliding]);
     assert_eq!(memory("xQS_WET_DS_CLB"), [Sliding, LiquidBridge]);
     assert_eq!(memory("IQS_MOHR_DS_CLB"), [Sliding, Bond]);
+    assert_eq!(memory("IQS_BEAM_DS_CLB"), [Sliding, Bond, Moment]);
     assert_eq!(memory("IQS_WET_DS_ROLL_CLB"), [Sliding, Moment]);
 }

@@ -494,7 +494,7 @@ arrays! {
         contact_bonded: u8,
         /// Gap at which the contact was bonded, m; 0 without a bond
         contact_bond_gap: f64,
-        /// Angular impulse of rolling and spinning friction on the candidate along n, t, s, N m s
+        /// Angular impulse of rolling and spinning friction or of a bond on the candidate along n, t, s, N m s
         contact_moment: [f64; 3],
     }
 }

@@ -93,13 +93,16 @@ impl AssemblyContext<'_> {
         self.q_c.reach_time(self.scene)
     }
 
-    /// Radius of the contact, m. A stress acts on the area shared by faces; spheres have their own radius, edges and vertices
-    /// have 0.
+    /// Radius of the contact, m. A stress acts on the area shared by faces; spheres have their own radius, or that of their
+    /// bond if it carries moments, edges and vertices have 0.
     pub(super) fn contact_radius(&self, contact: &Contact) -> f64 {
         if contact.area > 0.0 {
             (contact.area / std::f64::consts::PI).sqrt()
         } else if self.carries_stress(contact) {
-            self.effective_radius(contact)
+            match self.state.laws[contact.law].bond_radius() {
+                Some(share) => share * self.smaller_radius(contact),
+                None => self.effective_radius(contact),
+            }
         } else {
             0.0
         }
@@ -140,6 +143,12 @@ impl AssemblyContext<'_> {
     pub(super) fn effective_radius(&self, contact: &Contact) -> f64 {
         let (a, b) = contact.part_numbers;
         self.scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
+    }
+
+    /// Smaller radius of the two bodies, m.
+    fn smaller_radius(&self, contact: &Contact) -> f64 {
+        let (a, b) = contact.part_numbers;
+        self.scene.smaller_radius((contact.candidate, a), (contact.antagonist, b))
     }
 
     /// Whether the antagonist is a plate whose motion is in the row's shift.

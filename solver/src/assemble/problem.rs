@@ -59,17 +59,19 @@ pub struct ContactConstraint {
     pub bond: Option<f64>,
 }
 
-/// Resistance of a row's contact to rolling and spinning, see [`crate::laws::RollingFriction`].
+/// Moments of a row's contact, by rolling and spinning friction or by a bond, see [`crate::laws::MomentLimits`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RollingConstraint {
     /// Row of the contact.
     pub row: ContactId,
-    /// 1/(1/R_a + 1/R_b), m.
+    /// R of the limits, m.
     pub radius: f64,
-    /// Coefficient of rolling friction.
+    /// Largest moment across the normal over R r̂_n: the coefficient of rolling friction.
     pub rolling: f64,
-    /// Coefficient of spinning friction.
+    /// Largest moment about the normal over R r̂_n, without shear: the coefficient of spinning friction.
     pub spinning: f64,
+    /// Share of R |r_T| by which the largest moment about the normal is smaller; 0 for friction.
+    pub shear: f64,
     /// 1/(1/I_a + 1/I_b) of spheres, else one over the largest eigenvalue of the sum of the inverse inertias, kg m^2.
     pub inverse_w: f64,
     /// Relative angular velocity due to a plate, rad/s.
@@ -140,6 +142,24 @@ pub struct BlockData {
     pub inverse_inertia: Vec<Matrix3<f64>>,
 }
 
+impl RollingConstraint {
+    /// Whether a bond carries the moments.
+    pub fn is_bond(&self) -> bool {
+        self.shear > 0.0
+    }
+
+    /// Largest moments across and about the normal over R, N s, of a row with the impulse `r` and the normal `n`.
+    pub fn moment_bounds(&self, r: &Vec3, n: &Vec3) -> (f64, f64) {
+        let normal_impulse = n.x * r.x + n.y * r.y + n.z * r.z;
+        let (across, about) = (self.rolling * normal_impulse, self.spinning * normal_impulse);
+        if self.is_bond() {
+            (across, (about - self.shear * (r - n * normal_impulse).norm()).max(0.0))
+        } else {
+            (across, about)
+        }
+    }
+}
+
 impl ContactConstraint {
     /// r̂_n that keeps the row's own attraction from moving the bodies, as far as its shift leaves the contact closed, N s; 0
     /// without an attraction. It is the solution of a contact without other loads.
@@ -170,6 +190,11 @@ impl ContactProblem {
     /// Whether one of the rows `active` has friction, or any row has moments.
     pub fn has_friction(&self, active: &[ContactId]) -> bool {
         !self.rolling_constraints.is_empty() || active.iter().any(|&k| self.rows[k.index()].friction > 0.0)
+    }
+
+    /// Whether bonds carry moments.
+    pub fn has_bond_moments(&self) -> bool {
+        self.rolling_constraints.iter().any(RollingConstraint::is_bond)
     }
 
     /// Regularisation of row `k`, if it has one.

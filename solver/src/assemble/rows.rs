@@ -12,7 +12,7 @@ use super::interface_row::InterfaceRow;
 use super::kinematics::{contact_arms, relative_velocity, velocity_at_arms};
 use super::problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
 use crate::integrate::ContactConfiguration;
-use crate::laws::{ContactLaw, GapForecast, LawInput, LawRegularisation, LawShift, RollingFriction, StrainSpring};
+use crate::laws::{ContactLaw, GapForecast, LawInput, LawRegularisation, LawShift, MomentLimits, StrainSpring};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
 use crate::scene::{BodyId, BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
@@ -218,11 +218,13 @@ impl AssemblyContext<'_> {
         history: &[Option<ContactId>],
         rows: &[ContactConstraint],
     ) -> Vec<RollingConstraint> {
-        if !self.state.laws.iter().any(|law| law.rolling_friction().is_some()) {
+        if !self.state.laws.iter().any(ContactLaw::has_moments) {
             return Vec::new();
         }
         let acting = (0..rows.len()).filter(|&k| rows[k].acts);
-        acting.filter_map(|k| self.rolling_constraint(k, &contacts[k], self.previous_end(history[k]))).collect()
+        acting
+            .filter_map(|k| self.rolling_constraint(&rows[k], k, &contacts[k], self.previous_end(history[k])))
+            .collect()
     }
 
     /// Contact at the end of the last step.
@@ -532,14 +534,18 @@ impl AssemblyContext<'_> {
         if pair.misses(*free_velocities, 0.0) { GapForecast::Passing } else { GapForecast::Due }
     }
 
-    /// Resistance to rolling and spinning at row `k`, if its law has one.
+    /// Moments at `row`, row `k`, if its law or its bond carries them. Faces that share an area have several contacts, whose
+    /// impulses carry the moments of a bond.
     fn rolling_constraint(
         &self,
+        row: &ContactConstraint,
         k: usize,
         contact: &Contact,
         previous: Option<&SolvedContact>,
     ) -> Option<RollingConstraint> {
-        let RollingFriction { rolling, spinning } = self.state.laws[contact.law].rolling_friction()?;
+        let bonded = row.bond.is_some() && contact.area == 0.0;
+        let law = &self.state.laws[contact.law];
+        let MomentLimits { bending, torsion, shear } = law.moment_limits(bonded)?;
         let bodies = [contact.candidate, contact.antagonist];
         let turns =
             |body: &BodyId| self.scene.bodies[body.index()].can_rotate() && !self.q_c.pushed_at_centre.contains(body);
@@ -550,9 +556,14 @@ impl AssemblyContext<'_> {
         let scale = self.q_c.h / self.state.h;
         Some(RollingConstraint {
             row: ContactId::new(k),
-            radius: self.effective_radius(contact),
-            rolling,
-            spinning,
+            radius: if law.bond_radius().is_some() {
+                self.contact_radius(contact)
+            } else {
+                self.effective_radius(contact)
+            },
+            rolling: bending,
+            spinning: torsion,
+            shear,
             inverse_w: 1.0 / (self.solver_bodies[a].inverse_inertia + self.solver_bodies[b].inverse_inertia),
             shift: if self.on_plate(contact) { -self.free.w[b] } else { Vec3::zeros() },
             warm_start: previous.map_or(Vec3::zeros(), |old| to_world(&old.contact.frame(), &old.moment) * scale),

@@ -13,8 +13,8 @@ impl AssemblyContext<'_> {
     /// rolling body moves: τ(ω_a, l_a) + ½ h α_a×l_a - τ(ω_b, l_b) - ½ h α_b×l_b + τ_R, 1/R the sum of the curvatures; see
     /// [`lever_velocity_change`] and [`rolling_velocity_change`]. With it, bodies that turn as one continue to do so.
     /// `moves_as_one`: whether a bond joins the two bodies. They then have one ω, even if an event has changed that of
-    /// one of them: arms that turn apart would strain the bond. A bonded sphere has no rolling term, since a bond at
-    /// one point lets it roll.
+    /// one of them: arms that turn apart would strain the bond. A sphere whose bond carries no moments keeps its own, since a
+    /// bond at one point lets it roll.
     pub(super) fn arm_turning_velocity(&self, contact: &Contact, [at_a, at_b]: &[Vec3; 2], moves_as_one: bool) -> Vec3 {
         let bodies = [contact.candidate, contact.antagonist].map(|body| body.index());
         // Angular velocities at the step's start: bodies that turn as one have the same one then, while free rotation differs
@@ -23,7 +23,8 @@ impl AssemblyContext<'_> {
         let [mut a, mut b] = bodies.map(|i| if is_pushed_at_centre(i) { Vec3::zeros() } else { self.state.w[i] });
         let own_w = [a, b];
         let radius = self.rolling_radius(contact);
-        if moves_as_one && radius == 0.0 {
+        let is_clamped = || self.state.laws[contact.law].bond_radius().is_some();
+        if moves_as_one && (radius == 0.0 || is_clamped()) {
             let shared = match bodies.map(|i| self.scene.bodies[i].driven) {
                 [_, true] => b,
                 [true, _] => a,

@@ -29,7 +29,8 @@
 //! | IQS_COH_DS_CLB, IQS_VDW_DS_CLB, with the share f of the contact in the attraction of the pair | max(0, g/T) | 0 | -h f | the same |
 //! | RST_COH_DS_CLB, RST_VDW_DS_CLB, the same | as RST_DS_CLB | as RST_DS_CLB | -h f | the same |
 //! | IQS_MOHR_DS_CLB while bonded over the area S | 0 | 0 | -h c_n S | c_t/c_n |
-//! | the same without a bond | max(0, g/T) | 0 | 0 | mu_d after sliding, else mu_s |
+//! | IQS_BEAM_DS_CLB, as IQS_MOHR_DS_CLB | the same | the same | the same | the same |
+//! | the same two without a bond | max(0, g/T) | 0 | 0 | mu_d after sliding, else mu_s |
 //!
 //! VEL_SGR_CLB and RST_CLB act on touching contacts. A pair that the free velocities would close within the step is thrown
 //! back at once, or brought to touch where the law does not throw back or u_n⁻ does not close it; a pair at rest is kept in
@@ -50,6 +51,9 @@
 //! IQS_DS_ROLL_CLB, IQS_WET_DS_ROLL_CLB, IQS_COH_DS_ROLL_CLB and IQS_VDW_DS_ROLL_CLB, which LMGC90 does not have, are the laws
 //! without ROLL with moments on top: up to mu_r R r̂_n against rolling and mu_s R r̂_n against spinning. Common models have such limits, e.g.
 //! J. Ai et al., Powder Technol. 206 (2011) 269-282; rigid here, without a spring.
+//!
+//! A bond of a sphere by IQS_BEAM_DS_CLB is a disc of the radius R_b and the area S = pi R_b², with I = S R_b²/4 and J = S
+//! R_b²/2. It also carries a bending moment and a torque, see [`MomentLimits`].
 //!
 //! Restitution also applies to a contact that was parting: thrown back by its neighbours within the step, it may close at e_n
 //! times its speed. So (v⁺ + e v⁻)/(1 + e) is the projection of v⁻ on the velocities that the contacts allow, and several
@@ -132,8 +136,22 @@ pub enum Cohesion {
     /// An attraction by a force that follows from the size of the two bodies.
     Pair(PairCohesion),
     /// A bond that carries stresses (Pa) up to `normal` in traction and `tangential` in shear, until it breaks; once an
-    /// event has changed them, up to `now` in traction and as much more or less in shear.
-    Bond { normal: f64, tangential: f64, now: f64 },
+    /// event has changed them, up to `now` in traction and as much more or less in shear. With a `radius`, over the smaller
+    /// radius of the two bodies, it is a disc of this size that also carries moments.
+    Bond { normal: f64, tangential: f64, now: f64, radius: Option<f64> },
+}
+
+/// Limits of the moments of a contact: |M_T| <= bending R r̂_n across the normal and |M_n| <= torsion R r̂_n - shear R |r_T| about
+/// it, N m s.
+///
+/// Rolling and spinning friction have R = 1/(1/R_a + 1/R_b). A bond has its own radius R_b. In it the traction of the outermost
+/// fibre is |M_T| R_b/I - r_n/S and its shear |r_T|/S + |M_n| R_b/J, per length of the step. With r̂_n = r_n + h c_n S, these
+/// reach c_n and c_t + (c_t/c_n) r_n/S at bending 1/4, torsion (c_t/c_n)/2 and shear 1/2.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MomentLimits {
+    pub bending: f64,
+    pub torsion: f64,
+    pub shear: f64,
 }
 
 /// Largest gap at which two bodies touch, for a bond, over 1/(1/R_a + 1/R_b).
@@ -229,12 +247,14 @@ pub struct ContactMotion {
     pub opens: bool,
     /// Whether they move along each other.
     pub slides: bool,
+    /// Whether a bond that carries moments bends or twists.
+    pub turns: bool,
 }
 
 impl ContactMotion {
     /// Whether it moves in any direction.
     pub fn is_any(self) -> bool {
-        self.opens || self.slides
+        self.opens || self.slides || self.turns
     }
 }
 
@@ -278,7 +298,8 @@ impl ContactLaw {
             | LawModel::IqsVdwDsClb { .. }
             | LawModel::IqsVdwDsRollClb { .. }
             | LawModel::XqsWetDsClb { .. }
-            | LawModel::IqsMohrDsClb { .. } => UnilateralLaw::InelasticShock { rescue: None },
+            | LawModel::IqsMohrDsClb { .. }
+            | LawModel::IqsBeamDsClb { .. } => UnilateralLaw::InelasticShock { rescue: None },
             LawModel::IqsClbRgr { relaxation_steps: steps, relaxation_gap: gap, .. } => {
                 UnilateralLaw::InelasticShock { rescue: Some(GapRescue { steps, gap }) }
             }
@@ -314,7 +335,9 @@ impl ContactLaw {
         let cohesion = model.cohesion().map(|cohesion| match cohesion {
             LawCohesion::Liquid { force, range, remembers } => Cohesion::Wet { force, range, remembers },
             LawCohesion::Pair(pair) => Cohesion::Pair(pair),
-            LawCohesion::Bond { normal, tangential } => Cohesion::Bond { normal, tangential, now: normal },
+            LawCohesion::Bond { normal, tangential, radius } => {
+                Cohesion::Bond { normal, tangential, now: normal, radius }
+            }
         });
         let FrictionPair { static_friction, dynamic_friction } = model.friction();
         ContactLaw {
@@ -376,7 +399,7 @@ impl ContactLaw {
         let (attraction, friction) = match self.cohesion() {
             Some(Cohesion::Wet { force, .. }) if self.attracts(input) => (force, friction),
             Some(Cohesion::Pair(_)) => (input.pair_attraction, friction),
-            Some(Cohesion::Bond { normal, tangential, now }) if input.bonded && now > 0.0 => {
+            Some(Cohesion::Bond { normal, tangential, now, .. }) if input.bonded && now > 0.0 => {
                 (now * std::f64::consts::PI * input.radius * input.radius, tangential / normal)
             }
             None | Some(Cohesion::Wet { .. } | Cohesion::Bond { .. }) => (0.0, friction),
@@ -445,6 +468,32 @@ impl ContactLaw {
     /// Rolling friction in effect in a step.
     pub fn rolling_friction(&self) -> Option<RollingFriction> {
         if BARE { None } else { self.rolling }
+    }
+
+    /// Radius of a bond that carries moments over the smaller radius of its two bodies, if the law has such bonds.
+    pub fn bond_radius(&self) -> Option<f64> {
+        match self.cohesion() {
+            Some(Cohesion::Bond { radius, .. }) => radius,
+            None | Some(Cohesion::Wet { .. } | Cohesion::Pair(_)) => None,
+        }
+    }
+
+    /// Whether contacts may carry moments.
+    pub fn has_moments(&self) -> bool {
+        self.rolling_friction().is_some() || self.bond_radius().is_some()
+    }
+
+    /// Limits of the moments of a contact, if it carries any. `bonded`: whether it has the bond of a sphere.
+    pub fn moment_limits(&self, bonded: bool) -> Option<MomentLimits> {
+        if let Some(RollingFriction { rolling, spinning }) = self.rolling_friction() {
+            return Some(MomentLimits { bending: rolling, torsion: spinning, shear: 0.0 });
+        }
+        match self.cohesion() {
+            Some(Cohesion::Bond { normal, tangential, now, radius: Some(_) }) if bonded && now > 0.0 => {
+                Some(MomentLimits { bending: 0.25, torsion: 0.5 * tangential / normal, shear: 0.5 })
+            }
+            None | Some(Cohesion::Wet { .. } | Cohesion::Pair(_) | Cohesion::Bond { .. }) => None,
+        }
     }
 
     /// Whether a contact may be bonded.
@@ -546,7 +595,7 @@ impl ContactLaw {
 
     /// Whether a contact may be bonded or have a moment, which snapshots hold.
     pub fn has_memory(&self) -> bool {
-        self.can_bond() || self.rolling_friction().is_some()
+        self.can_bond() || self.has_moments()
     }
 
     /// Gap of a bond made now, m; `None` if the law makes no bonds or the two bodies do not touch.
@@ -574,7 +623,7 @@ impl ContactLaw {
             Some(Cohesion::Wet { range, .. }) => gap <= range,
             // Without resistance to shear a bond slides from the beginning.
             Some(Cohesion::Bond { tangential, now, .. }) => {
-                now > 0.0 && !(motion.opens || motion.slides && tangential > 0.0)
+                now > 0.0 && !(motion.opens || motion.turns || motion.slides && tangential > 0.0)
             }
             None | Some(Cohesion::Pair(_)) => false,
         }
@@ -787,8 +836,8 @@ mod tests {
             (mohr.bond_gap(0.002, 2.0), mohr.bond_gap(-0.1, 2.0), mohr.bond_gap(0.0021, 2.0)),
             (Some(0.002), Some(-0.1), None)
         );
-        let [opens, slides] =
-            [ContactMotion { opens: true, slides: false }, ContactMotion { opens: false, slides: true }];
+        let rest = ContactMotion::default();
+        let [opens, slides] = [ContactMotion { opens: true, ..rest }, ContactMotion { slides: true, ..rest }];
         assert!(mohr.keeps_bond(1.0, ContactMotion::default()));
         assert!(!mohr.keeps_bond(0.0, opens) && !mohr.keeps_bond(0.0, slides));
         assert!(new_law("IQS_MOHR_DS_CLB", &[10.0, 0.0, 0.2, 0.3]).keeps_bond(0.0, slides));
@@ -798,8 +847,30 @@ mod tests {
         let bridged = LawShift { normal: 0.03125, impulse: -5.0, friction: 0.2, ..acting() };
         assert_eq!(wet.contact_shift(&bonded), Some(bridged));
         assert_eq!((wet.bond_gap(0.02, 2.0), wet.bond_gap(0.03, 2.0)), (Some(0.0), None));
-        let moves = ContactMotion { opens: true, slides: true };
+        let moves = ContactMotion { opens: true, slides: true, turns: false };
         assert!(wet.keeps_bond(0.02, moves) && !wet.keeps_bond(0.03, ContactMotion::default()));
+    }
+
+    /// The disc of the bond as a beam: at its limits the outermost fibre has the strength of the bond.
+    #[test]
+    fn moments_of_a_bond_are_limited_by_the_stress_of_its_outermost_fibre() {
+        let (c_n, c_t) = (10.0, 4.0);
+        let law = new_law("IQS_BEAM_DS_CLB", &[c_n, c_t, 0.5, 0.2, 0.3]);
+        assert_eq!((law.moment_limits(false), law.bond_radius()), (None, Some(0.5)));
+        let limits = law.moment_limits(true).unwrap();
+        let (radius, force, shear_force) = (0.25f64, -0.5, 0.125);
+        let area = std::f64::consts::PI * radius * radius;
+        let (i, j) = (0.25 * area * radius * radius, 0.5 * area * radius * radius);
+        let cohesive_force = force + c_n * area;
+        let bending = limits.bending * radius * cohesive_force;
+        let torque = radius * (limits.torsion * cohesive_force - limits.shear * shear_force);
+        let traction = bending * radius / i - force / area;
+        let shear = shear_force / area + torque * radius / j;
+        assert!((traction - c_n).abs() < 1e-14 * c_n && (shear - c_t - c_t / c_n * force / area).abs() < 1e-14 * c_t);
+        let turns = ContactMotion { turns: true, ..ContactMotion::default() };
+        assert!(!law.keeps_bond(0.0, turns) && law.keeps_bond(0.0, ContactMotion::default()));
+        let mut gone = law;
+        assert!(gone.set_cohesion(0.0) && gone.moment_limits(true).is_none());
     }
 
     #[test]

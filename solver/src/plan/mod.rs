@@ -177,7 +177,7 @@ pub fn roundoff_warning(scene: &Scene, state: &State) -> Option<String> {
 /// Models that are inactive because the scene does not use them, with the simpler form of the equations that follows.
 pub fn unused_models(scene: &Scene) -> Vec<&'static str> {
     let laws = &scene.laws;
-    let rolling = laws.iter().any(|law| law.rolling.is_some());
+    let rolling = laws.iter().any(crate::laws::ContactLaw::has_moments);
     let absent = [
         (!scene.walls.contains(&true), "walls"),
         (!scene.needs_blocks(), "full 3x3 contact blocks of polyhedra (the diagonal suffices)"),

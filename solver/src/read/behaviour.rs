@@ -128,7 +128,7 @@ fn set_laws(
                     format!("expected {expected}"),
                 );
             }
-        } else if (model.rolling().is_some() || ContactLaw::new(&model).is_regularised())
+        } else if (model.has_moments() || ContactLaw::new(&model).is_regularised())
             && !matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs)
         {
             let solver = scene.options.solver;
@@ -155,11 +155,11 @@ fn set_laws(
     scene.notes.extend(idle_rows_notes(tact, contactors));
     check_laws_of_points(file, tact, contactors, faults);
     let position = |is_sought: fn(&ContactLaw) -> bool| scene.laws.iter().position(is_sought);
-    if let (Some(roll), Some(spring)) = (position(|law| law.rolling.is_some()), position(ContactLaw::is_regularised)) {
+    if let (Some(roll), Some(spring)) = (position(ContactLaw::has_moments), position(ContactLaw::is_regularised)) {
         let [roll, spring] = [roll, spring].map(|k| &scene.law_names[k]);
         let line = tact.laws.iter().find(|law| law.nickname == roll.nickname).map(|law| law.line);
         let found = format!("{} next to law '{}', {}", roll.kind, spring.nickname, spring.kind);
-        let expected = "expected laws without rolling friction where a law has springs or couples bodies";
+        let expected = "expected laws without moments where a law has springs or couples bodies";
         faults.push(Fault::new(file, line, format!("law '{}'", roll.nickname), found, expected));
     }
     numbers
@@ -522,7 +522,7 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
     let without_gravity = !self_gravity;
     let without_fmm = without_gravity || scene.gravity_solver().method_for(scene.free.len()) == SummationMethod::Direct;
     let sweeps = matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs);
-    let sweeps_in_double = scene.laws.iter().any(|law| law.rolling_friction().is_some() || law.is_regularised());
+    let sweeps_in_double = scene.laws.iter().any(|law| law.has_moments() || law.is_regularised());
     let default = Compute::default();
     // Name of each option, whether it is set without an effect, and the feature that it needs.
     let table = [
@@ -544,7 +544,7 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
         (
             "sweep_precision",
             (!sweeps || sweeps_in_double) && scene.options.sweep_precision != default.sweep_precision,
-            "solver auto or nlgs, and laws without rolling friction, springs or interfaces",
+            "solver auto or nlgs, and laws without moments, springs or interfaces",
         ),
         ("check_every", !sweeps && scene.options.check_every.is_some(), "solver auto or nlgs"),
     ];

@@ -383,7 +383,7 @@ fn contacts_of_start<M: Default>(
     }
     for (solved, _) in &mut contacts {
         let law = &scene.laws[solved.contact.law];
-        solved.moment = if law.rolling.is_some() { solved.moment } else { Vec3::zeros() };
+        solved.moment = if law.has_moments() { solved.moment } else { Vec3::zeros() };
     }
     contacts.sort_by_key(|(solved, _)| solved.contact.key());
     contacts

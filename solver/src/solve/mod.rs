@@ -7,10 +7,12 @@
 //! | `cost_model` | costs and thresholds of that choice |
 //! | [`gauss_seidel`] | sweeps over the contacts: the solver of all scenes |
 //! | [`matrix`] | solvers of a problem given by its matrix W |
+//! | `bond_gradients` | bonds that carry moments, all at once |
 //! | `regularised` | sweeps of scenes whose laws have springs or hold bodies together |
 //! | [`residual`] | residual of a solution |
 //! | [`lmgc90_criteria`] | LMGC90's stopping criteria, for comparison |
 
+mod bond_gradients;
 mod cost_model;
 pub mod gauss_seidel;
 pub mod lmgc90_criteria;

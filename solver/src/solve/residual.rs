@@ -24,6 +24,10 @@ use crate::state::ContactId;
 /// rounding: steps in which no contact closes count as solved.
 const ROUNDING_FLOOR: f64 = 1e-15;
 
+/// The same where bonds carry moments: the velocities of a bar in free flight, which nothing loads, differ by some 20 units in the
+/// last place.
+const MOMENT_ROUNDING_FLOOR: f64 = 1e-14;
+
 /// Contacts evaluated at once.
 const GROUP_LANES: usize = 8;
 
@@ -162,7 +166,8 @@ impl<'a> ResidualEvaluator<'a> {
         let (trace, squared_speeds, attracts) =
             parts.iter().fold((0.0, 0.0, false), |sum, part| (sum.0 + part.0, sum.1 + part.1, sum.2 || part.2));
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
-        let floor = ROUNDING_FLOOR * rho * squared_speeds.sqrt();
+        let rounding = if problem.has_bond_moments() { MOMENT_ROUNDING_FLOOR } else { ROUNDING_FLOOR };
+        let floor = rounding * rho * squared_speeds.sqrt();
         let mut evaluator = ResidualEvaluator { problem, width, rows, contacts, levers, rho, initial_norm: 0.0, floor };
         let balance = |row: &ContactConstraint| match row.impulse_shift {
             0.0 => Vec3::zeros(),
@@ -345,14 +350,13 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// |F|^2 of the moment `m` of a contact with the impulse `r`, N^2 s^2.
     ///
-    /// With s = m/R and z = s - rho R w, F is rho R w plus the part of z beyond the bounds: mu_s r_n along n, mu_r r_n
-    /// across. Without a normal impulse F is s itself, without the rounding of w.
+    /// With s = m/R and z = s - rho R w, F is rho R w plus the part of z beyond the bounds of [`RollingConstraint::moment_bounds`].
+    /// Without a normal impulse F is s itself, without the rounding of w.
     fn moment_residual_squared(&self, roll: &RollingConstraint, m: &Vec3, r: &Vec3, motions: &[BodyMotion]) -> f64 {
         let row = &self.problem.rows[roll.row.index()];
         let [a, b] = row.bodies.map(|body| &motions[body.index()]);
         let n = row.normal;
-        let normal_impulse = n.x * r.x + n.y * r.y + n.z * r.z;
-        if normal_impulse <= 0.0 {
+        if n.x * r.x + n.y * r.y + n.z * r.z <= 0.0 {
             return (0..3).map(|k| (m[k] / roll.radius).powi(2)).sum();
         }
         let f = [0, 1, 2].map(|k| self.rho * roll.radius * (a[4 + k] - b[4 + k] + roll.shift[k]));
@@ -360,9 +364,9 @@ impl<'a> ResidualEvaluator<'a> {
         let along = n.x * z[0] + n.y * z[1] + n.z * z[2];
         let across = [0, 1, 2].map(|k| z[k] - along * n[k]);
         let length_across = across.iter().map(|c| c * c).sum::<f64>().sqrt();
-        let excess_along = (along.abs() - roll.spinning * normal_impulse).max(0.0).copysign(along);
-        let excess_share =
-            if length_across > 0.0 { (1.0 - roll.rolling * normal_impulse / length_across).max(0.0) } else { 0.0 };
+        let (bound_across, bound_along) = roll.moment_bounds(r, &n);
+        let excess_along = (along.abs() - bound_along).max(0.0).copysign(along);
+        let excess_share = if length_across > 0.0 { (1.0 - bound_across / length_across).max(0.0) } else { 0.0 };
         (0..3).map(|k| (f[k] + excess_along * n[k] + excess_share * across[k]).powi(2)).sum()
     }
 
@@ -720,6 +724,7 @@ mod tests {
             radius: 0.5,
             rolling: 0.1,
             spinning: 0.2,
+            shear: 0.0,
             inverse_w: 0.1,
             shift: -turning,
             warm_start: Vec3::zeros(),

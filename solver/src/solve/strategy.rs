@@ -9,6 +9,7 @@ use crate::activity;
 use crate::assemble::{ContactProblem, StoredProblem};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
+use crate::solve::bond_gradients::{GradientLimits, corrected_reactions};
 use crate::solve::cost_model::{COSTS, TOO_LARGE_REASON};
 use crate::solve::gauss_seidel::associated::{associated_law_applies, solve_associated};
 use crate::solve::gauss_seidel::driver::{closing_inactive_rows, solve_nlgs};
@@ -16,7 +17,7 @@ use crate::solve::gauss_seidel::momentum::MOMENTUM_CYCLE;
 use crate::solve::matrix::{self, MatrixProblem, MatrixSolver, SolverLimits, residual, solve};
 use crate::solve::regularised::solve_regularised;
 use crate::solve::residual::ResidualEvaluator;
-use crate::solve::types::{ContactSolution, StoppingCriteria};
+use crate::solve::types::{ContactReactions, ContactSolution, StoppingCriteria};
 use crate::state::ContactId;
 
 /// Requirements of a step for its solver.
@@ -126,6 +127,9 @@ fn solve_from_warm_start(
         |max_sweeps| solve_nlgs(contact_problem, StoppingCriteria { max_sweeps, ..request.criteria }, request.width);
     let (solver, max_cost) = match request.solver {
         ContactSolver::Nlgs => return sweep(max_sweeps),
+        ContactSolver::Auto if contact_problem.has_bond_moments() && request.criteria.check_every.is_none() => {
+            return solve_with_bond_corrections(contact_problem, request, max_sweeps);
+        }
         // The stored problem does not include moments.
         ContactSolver::Auto if request.skips_fallback() || !contact_problem.rolling_constraints.is_empty() => {
             return sweep(max_sweeps);
@@ -223,6 +227,61 @@ fn start_from(contact_problem: &mut ContactProblem, impulses: &[Vec3]) {
         row.warm_start = *r;
         row.can_close |= *r != Vec3::zeros();
     }
+}
+
+/// Sweeps before the first correction of the bonds, and between two: enough for a warm start, and to find the contacts that open
+/// or slide.
+const SWEEPS_BETWEEN_CORRECTIONS: u64 = 50;
+
+/// Share of the reduction to the sought residual to which the gradients reduce the velocities: the two are measured differently.
+const REDUCTION_MARGIN: f64 = 0.1;
+
+/// Share of the residual below which a correction of the bonds must bring it, so that another one is made.
+const MIN_CORRECTION_GAIN: f64 = 0.5;
+
+/// Alternates sweeps with the solution of all bonds and sticking contacts at once, by conjugate gradients whose iterations count as
+/// sweeps; continues with sweeps alone where that does not gain.
+fn solve_with_bond_corrections(
+    contact_problem: &ContactProblem,
+    request: SolveRequest,
+    max_sweeps: u64,
+) -> ContactSolution {
+    let StoppingCriteria { target_residual, .. } = request.criteria;
+    let sweep = |contact_problem: &ContactProblem, criteria| solve_nlgs(contact_problem, criteria, request.width);
+    let first = max_sweeps.min(SWEEPS_BETWEEN_CORRECTIONS.max(request.criteria.min_sweeps));
+    let mut best = sweep(contact_problem, StoppingCriteria { max_sweeps: first, ..request.criteria });
+    let is_reached = |solution: &ContactSolution| solution.residual <= target_residual && solution.left_out == 0;
+    let mut contact_problem = contact_problem.clone();
+    let mut gains = true;
+    while !is_reached(&best) && best.sweeps < max_sweeps && !activity::is_stopped() {
+        let left = max_sweeps - best.sweeps;
+        let start = ContactReactions { impulses: best.impulses.clone(), moments: best.moments.clone() };
+        let (start, iterations) = if gains {
+            let reduction = REDUCTION_MARGIN * target_residual / best.residual;
+            corrected_reactions(
+                &contact_problem,
+                start,
+                &best.solver_bodies,
+                GradientLimits { reduction, iterations: left },
+            )
+        } else {
+            (start, 0)
+        };
+        start_from(&mut contact_problem, &start.impulses);
+        contact_problem.rolling_constraints.iter_mut().zip(&start.moments).for_each(|(roll, m)| roll.warm_start = *m);
+        let left = left - iterations;
+        let round = if gains { left.min(SWEEPS_BETWEEN_CORRECTIONS) } else { left };
+        let last = sweep(&contact_problem, StoppingCriteria { max_sweeps: round, min_sweeps: 0, ..request.criteria });
+        let sweeps = best.sweeps + iterations + last.sweeps;
+        let is_last = !gains;
+        gains = last.residual <= MIN_CORRECTION_GAIN * best.residual;
+        best = if last.converged || last.residual < best.residual { last } else { best };
+        best.sweeps = sweeps;
+        if is_last || best.converged && !gains {
+            break;
+        }
+    }
+    best
 }
 
 /// Alternates sweeps with the direct solution of stagnating subproblems: the contacts in which the sweeps of a large scene

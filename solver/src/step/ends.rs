@@ -251,9 +251,8 @@ impl PostSolve<'_> {
         let local = to_local(&frame, r);
         let law = &state.laws[contact.law];
         let errors = self.velocity_errors.filter(|_| law.has_irreversible_loss());
-        let motion = errors.map_or(ContactMotion::default(), |errors| {
-            errors.contact_motion(k, row, &contact_problem.shifted_velocity(k, &solution.solver_bodies))
-        });
+        let motion =
+            errors.map_or(ContactMotion::default(), |errors| errors.contact_motion(contact_problem, solution, k));
         // Largest tangential impulse, N s, less rounding: the impulse at the limit lies on the cone.
         let bound = row.friction * local.x * (1.0 - 1e-12);
         let at_limit = if errors.is_some() && row.friction > 0.0 { motion.slides } else { local.yz().norm() >= bound };

@@ -15,7 +15,8 @@
 //! f_k = P/n + (T⁻¹ L) × x_k,   T = Σ (x_k² 1 - x_k x_kᵀ)
 //! ```
 //!
-//! on its n bonds, the least ones that do it. Bonds outside of the tree are weaker, and need not carry anything.
+//! on its n bonds, the least ones that do it. A bond that carries moments is a pair of its own: it stops the relative angular
+//! velocity, and L is its moment. Bonds outside of the tree are weaker, and need not carry anything.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -23,6 +24,7 @@ use std::collections::BinaryHeap;
 use crate::assemble::ContactProblem;
 use crate::math::{Mat3, Twist, Vec3, Wrench};
 use crate::solve::ContactSolution;
+use crate::state::ContactId;
 
 /// Smallest pressure on a bond from which its limit of shear is computed, over its strength: where traction uses up the
 /// strength, the limit would be 0.
@@ -40,6 +42,8 @@ struct BondedPair {
     arms: [Vec3; 2],
     /// T⁻¹, 1/m²; `None` if the bonds do not keep the bodies from turning.
     inverse_spread: Option<Mat3>,
+    /// Index of the moments of its bond, if it is one that carries moments.
+    moments: Option<usize>,
     /// Traction that it carries, N s.
     strength: f64,
 }
@@ -57,7 +61,10 @@ impl BondedPair {
             |side| rows.iter().map(|&k| contact_problem.contact_arm(k, side)).sum::<Vec3>() / rows.len() as f64;
         let strength = rows.iter().map(|&k| contact_problem.rows[k].impulse_shift.abs()).sum();
         let arms = [0, 1].map(mean_arm);
-        let mut pair = BondedPair { nodes, rows, arms, inverse_spread: None, strength };
+        let rolls = &contact_problem.rolling_constraints;
+        let moments = rolls.binary_search_by_key(&ContactId::new(rows[0]), |roll| roll.row).ok();
+        let moments = moments.filter(|&index| rolls[index].is_bond());
+        let mut pair = BondedPair { nodes, rows, arms, inverse_spread: None, moments, strength };
         let bond_spread = |k: &usize| {
             let x = pair.position(contact_problem, *k);
             Mat3::identity() * x.norm_squared() - x * x.transpose()
@@ -84,6 +91,10 @@ impl BondedPair {
             v += u / self.rows.len() as f64;
             turning_sum += self.position(contact_problem, k).cross(&u);
         }
+        if let Some(index) = self.moments {
+            let [a, b] = contact_problem.rows[self.rows[0]].bodies.map(|body| solution.solver_bodies[body.index()].w);
+            return Twist { v, w: a - b + contact_problem.rolling_constraints[index].shift };
+        }
         Twist { v, w: self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * turning_sum) }
     }
 
@@ -102,7 +113,15 @@ impl BondedPair {
             let shear = row.friction * pressure.max(MIN_SHEAR_SHARE * strength);
             (normal_impulse.abs() / strength).max((impulse - row.normal * normal_impulse).norm() / shear)
         };
-        self.rows.iter().map(share).fold(0.0, f64::max)
+        let moment_share = self.moments.map_or(0.0, |index| {
+            let (row, roll) = (&contact_problem.rows[self.rows[0]], &contact_problem.rolling_constraints[index]);
+            let moment = load.torque / roll.radius;
+            let along = row.normal.dot(&moment);
+            let pressure = pressure.max(MIN_SHEAR_SHARE * row.impulse_shift.abs());
+            let bending = (moment - row.normal * along).norm() / roll.rolling;
+            bending.max(along.abs() / roll.spinning) / pressure
+        });
+        self.rows.iter().map(share).fold(moment_share, f64::max)
     }
 }
 

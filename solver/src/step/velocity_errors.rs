@@ -16,12 +16,12 @@ use rayon::prelude::*;
 use super::bond_closing::LARGEST_OPENING;
 use super::context::{SolvedProblem, StepContext};
 use super::error_loads::largest_error_load;
-use crate::assemble::{ContactConstraint, ContactProblem, SolverBody, stored_problem};
+use crate::assemble::{ContactConstraint, ContactProblem, RollingConstraint, SolverBody, stored_problem};
 use crate::laws::{ContactLaw, ContactMotion};
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::BodyId;
 use crate::solve::{ContactSolution, MOMENTUM_CYCLE, SolveRequest, StoppingCriteria, solve_contact_problem};
-use crate::state::Contact;
+use crate::state::{Contact, ContactId};
 
 /// Smallest velocity of a contact that counts as motion, over the velocity error of its bodies. A face at rest has at
 /// least one point whose error is its own velocity.
@@ -71,11 +71,16 @@ impl VelocityErrors {
         let row_errors: Vec<f64> =
             solution.impulses.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(row_error).collect();
         let mut errors = vec![0.0f64; contact_problem.bodies.len()];
-        for (row, error) in contact_problem.rows.iter().zip(row_errors) {
+        let mut add_error = |row: &ContactConstraint, error: f64| {
             // A body that does not move transmits no error.
             for body in row.bodies.into_iter().filter(|&body| contact_problem.bodies[body.index()].inverse_mass > 0.0) {
                 errors[body.index()] = errors[body.index()].max(error);
             }
+        };
+        contact_problem.rows.iter().zip(row_errors).for_each(|(row, error)| add_error(row, error));
+        let bonds = contact_problem.rolling_constraints.iter().zip(&solution.moments);
+        for (roll, moment) in bonds.filter(|(roll, _)| roll.is_bond()) {
+            add_error(&contact_problem.rows[roll.row.index()], turning_error(contact_problem, solution, roll, moment));
         }
         VelocityErrors { errors, leverages: tangential_leverages(contact_problem), unsettled: Vec::new() }
     }
@@ -91,15 +96,28 @@ impl VelocityErrors {
         a.max(b)
     }
 
-    /// Motion of the contact of row `k` at the velocity `u` = û, none where the row is unsettled.
-    pub fn contact_motion(&self, k: usize, row: &ContactConstraint, u: &Vec3) -> ContactMotion {
+    /// Motion of the contact of row `k`, none where the row is unsettled.
+    pub fn contact_motion(
+        &self,
+        contact_problem: &ContactProblem,
+        solution: &ContactSolution,
+        k: usize,
+    ) -> ContactMotion {
         if self.unsettled.binary_search(&k).is_ok() {
             return ContactMotion::default();
         }
-        let opening = row.normal.dot(u);
+        let row = &contact_problem.rows[k];
+        let u = contact_problem.shifted_velocity(k, &solution.solver_bodies);
+        let opening = row.normal.dot(&u);
         let sliding = (u - row.normal * opening).norm();
+        let turning =
+            bond_moments(contact_problem, k).map_or(0.0, |roll| turning_speed(contact_problem, solution, roll));
         let (error, sliding_error) = (self.contact_error(row.bodies), self.tangential_error(k, row));
-        ContactMotion { opens: opening > ERROR_MARGIN * error, slides: sliding > ERROR_MARGIN * sliding_error }
+        ContactMotion {
+            opens: opening > ERROR_MARGIN * error,
+            slides: sliding > ERROR_MARGIN * sliding_error,
+            turns: turning > ERROR_MARGIN * error,
+        }
     }
 
     /// Whether the solution leaves open whether the bond of row `k` breaks. This is so if the bond is at its limit to
@@ -116,7 +134,7 @@ impl VelocityErrors {
     ) -> bool {
         let row = &contact_problem.rows[k];
         let error = self.contact_error(row.bodies);
-        if self.contact_motion(k, row, &contact_problem.shifted_velocity(k, &solution.solver_bodies)).is_any() {
+        if self.contact_motion(contact_problem, solution, k).is_any() {
             return false;
         }
         let sliding_error = self.tangential_error(k, row);
@@ -132,6 +150,18 @@ impl VelocityErrors {
             || is_at_limit(row.w_t * (row.friction * normal - tangential), sliding_error)
                 && sliding_error > MIN_RESOLVED_SHARE * shear_speed
             || error * h > LARGEST_OPENING * radius
+            || position(contact_problem, k).is_some_and(|index| {
+                let (roll, moment) = (&contact_problem.rolling_constraints[index], &solution.moments[index]);
+                let along = row.normal.dot(moment);
+                let (across_bound, along_bound) = roll.moment_bounds(r, &row.normal);
+                // The velocity at the distance R by an impulse M/R, as that of the impulses above.
+                let w = roll.radius * roll.radius / roll.inverse_w;
+                let across = (moment - row.normal * along).norm();
+                [(across_bound, across), (along_bound, along.abs())].into_iter().any(|(bound, moment)| {
+                    is_at_limit(w * (bound - moment / roll.radius), error)
+                        && error > MIN_RESOLVED_SHARE * w * bound.max(MIN_RESOLVED_SHARE * row.impulse_shift.abs())
+                })
+            })
     }
 }
 
@@ -158,10 +188,7 @@ impl StepBonds<'_> {
         errors: &VelocityErrors,
         rigid: &[usize],
     ) -> Vec<usize> {
-        let is_moving = |&k: &usize| {
-            let u = contact_problem.shifted_velocity(k, &solution.solver_bodies);
-            errors.contact_motion(k, &contact_problem.rows[k], &u).is_any()
-        };
+        let is_moving = |&k: &usize| errors.contact_motion(contact_problem, solution, k).is_any();
         rigid.iter().copied().filter(is_moving).collect()
     }
 
@@ -218,8 +245,10 @@ pub fn refine_until_decided(
         if !solved.solution.converged || is_decided || sweeps_left == 0 {
             break;
         }
-        let speed = |solved: &SolvedProblem, k: usize| {
-            solved.contact_problem.shifted_velocity(k, &solved.solution.solver_bodies).norm()
+        let speed = |SolvedProblem { contact_problem, solution, .. }: &SolvedProblem, k: usize| {
+            let sliding = contact_problem.shifted_velocity(k, &solution.solver_bodies).norm();
+            let turning = |roll| turning_speed(contact_problem, solution, roll);
+            bond_moments(contact_problem, k).map_or(sliding, |roll| sliding.max(turning(roll)))
         };
         let speeds: Vec<f64> = rigid.iter().map(|&k| speed(solved, k)).collect();
         let ContactSolution { residual, sweeps, .. } = solved.solution;
@@ -315,6 +344,50 @@ fn velocity_error(contact_problem: &ContactProblem, solution: &ContactSolution, 
     natural_map(&row.normal, row.friction, rho, &contact_problem.shifted_velocity(k, &solution.solver_bodies), r).norm()
         / rho
         + rounding
+}
+
+/// Index of the rolling constraint of row `k`, if a bond carries moments there.
+fn position(contact_problem: &ContactProblem, k: usize) -> Option<usize> {
+    let rolls = &contact_problem.rolling_constraints;
+    let index = rolls.binary_search_by_key(&ContactId::new(k), |roll| roll.row).ok()?;
+    rolls[index].is_bond().then_some(index)
+}
+
+/// Moments of the bond of row `k`, if it carries any.
+fn bond_moments(contact_problem: &ContactProblem, k: usize) -> Option<&RollingConstraint> {
+    position(contact_problem, k).map(|index| &contact_problem.rolling_constraints[index])
+}
+
+/// Relative angular velocity of the two bodies of a bond, rad/s.
+fn relative_spin(contact_problem: &ContactProblem, solution: &ContactSolution, roll: &RollingConstraint) -> Vec3 {
+    let [a, b] = contact_problem.rows[roll.row.index()].bodies.map(|body| solution.solver_bodies[body.index()].w);
+    a - b + roll.shift
+}
+
+/// Relative angular velocity of the two bodies of a bond times the radius of the bond, m/s.
+fn turning_speed(contact_problem: &ContactProblem, solution: &ContactSolution, roll: &RollingConstraint) -> f64 {
+    roll.radius * relative_spin(contact_problem, solution, roll).norm()
+}
+
+/// |F| R/ρ of the moment of a bond, with F = m - P(m - ρ w), the projection P on its bounds and ρ the inverse of W, and the
+/// rounding part of the velocity, m/s.
+fn turning_error(
+    contact_problem: &ContactProblem,
+    solution: &ContactSolution,
+    roll: &RollingConstraint,
+    moment: &Vec3,
+) -> f64 {
+    let (k, n) = (roll.row.index(), contact_problem.rows[roll.row.index()].normal);
+    let (across_bound, along_bound) = roll.moment_bounds(&solution.impulses[k], &n);
+    let z = moment - relative_spin(contact_problem, solution, roll) * roll.inverse_w;
+    let along = n.dot(&z);
+    let across = z - n * along;
+    let length = across.norm();
+    let (across_bound, along_bound) = (across_bound * roll.radius, along_bound * roll.radius);
+    let share = if length > across_bound { across_bound / length } else { 1.0 };
+    let nearest = across * share + n * along.clamp(-along_bound, along_bound);
+    let rounding = roll.shift.norm() + moment.norm() / roll.inverse_w;
+    ((moment - nearest).norm() / roll.inverse_w + ROUNDING_SHARE * rounding) * roll.radius
 }
 
 /// F = r - P(r - ρ (û + μ |û_T| n)) with the projection P on Coulomb's cone, N s. It is 0 for a contact that obeys Signorini

@@ -20,8 +20,8 @@ pub fn check_dump_step(scene: &Scene, state: &State, step: u64) -> Result<(), Fa
     if step <= first || step > last {
         fault(format!("{step}"), format!("expected a step that the run makes, after {first} and up to {last}"));
     }
-    if state.laws.iter().any(|law| law.rolling.is_some()) {
-        let expected = "expected laws without rolling friction: the format cannot hold moments";
+    if state.laws.iter().any(crate::laws::ContactLaw::has_moments) {
+        let expected = "expected laws without moments, which the format cannot hold";
         fault(format!("{step}"), expected.into());
     }
     if state.laws.iter().any(|law| law.is_regularised() || law.interface.is_some()) {

@@ -101,7 +101,9 @@ fn current_law(name: &LawName, law: &ContactLaw) -> LawName {
                 pair.strength_parameter()
             }
             (LawParameter::NormalCohesion, Some(Cohesion::Bond { now, .. })) => now,
-            (LawParameter::TangentialCohesion, Some(Cohesion::Bond { normal, tangential, now })) if normal > 0.0 => {
+            (LawParameter::TangentialCohesion, Some(Cohesion::Bond { normal, tangential, now, .. }))
+                if normal > 0.0 =>
+            {
                 tangential * (now / normal)
             }
             // No event changes the other parameters.

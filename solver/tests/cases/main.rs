@@ -3,6 +3,7 @@
 
 mod absence;
 mod adaptive;
+mod beams;
 mod bonds;
 mod breaking;
 mod case;

@@ -459,7 +459,7 @@ fn steps_of_which_no_problem_can_be_written() {
 
     case.law("IQS_DS_ROLL_CLB", &[0.3, 0.3, 0.1, 0.1]);
     fs::remove_dir_all(case.path().join("OUTBOX")).unwrap();
-    let moments = "expected laws without rolling friction: the format cannot hold moments";
+    let moments = "expected laws without moments, which the format cannot hold";
     written_refused(&case, &["--dump-problem", "1"], &[&format!("options: dump_problem: 1; {moments}")]);
     // The last step of a run is one of its steps.
     let case = sound();

@@ -145,7 +145,7 @@ fn iterate_sweeps(
     };
     let mut problem = pack(reactions, &best.1, single);
     let mut packing = PackingPoint { sweeps: *sweeps, residual: best.0.value };
-    let has_moments = !contact_problem.rolling_constraints.is_empty();
+    let has_rolling_friction = contact_problem.rolling_constraints.iter().any(|roll| !roll.is_bond());
     let frictional = contact_problem.has_friction(active);
     let mut momentum = SweepMomentum::new(frictional);
     let mut is_capped = false;
@@ -177,8 +177,10 @@ fn iterate_sweeps(
             problem.read_back(evaluator.width, contact_problem, &mut trial);
             let found = residual_and_motions(&trial);
             let residual = found.0;
-            momentum.sliding =
-                frictional && (has_moments || any_contact_slides(contact_problem, active, &trial.impulses));
+            momentum.sliding = frictional
+                && (has_rolling_friction
+                    || any_contact_slides(contact_problem, active, &trial.impulses)
+                    || any_bond_turns(contact_problem, &trial));
             is_capped |= momentum.sliding || frictional && residual.value >= best.0.value;
             momentum.frictional = is_capped;
             scale = Some(swept.change / residual.value);
@@ -219,6 +221,17 @@ fn sweeps_in_f32(contact_problem: &ContactProblem, active: &[ContactId], criteri
         let [smallest, largest] = ranges.reduce(|| [f64::INFINITY, 0.0], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         largest <= smallest * MAX_MASS_RATIO
     }
+}
+
+/// Whether a moment of a bond is at its bound, to rounding.
+fn any_bond_turns(contact_problem: &ContactProblem, ContactReactions { impulses, moments }: &ContactReactions) -> bool {
+    contact_problem.rolling_constraints.iter().zip(moments).any(|(roll, m)| {
+        let (k, n) = (roll.row.index(), contact_problem.rows[roll.row.index()].normal);
+        let along = n.dot(m);
+        let (across_bound, along_bound) = roll.moment_bounds(&impulses[k], &n);
+        let is_at = |moment: f64, bound: f64| moment >= roll.radius * bound * (1.0 - 1e-12);
+        is_at((m - n * along).norm(), across_bound) || is_at(along.abs(), along_bound)
+    })
 }
 
 /// Whether a contact is at the bound of its friction.

@@ -1,9 +1,10 @@
-//! Rolling and spinning friction: the moment of a contact is bounded by its impulse.
+//! Moments of contacts, by rolling and spinning friction or by bonds: the moment of a contact is bounded by its impulse.
 //!
 //! With the other impulses frozen, the moment m of two bodies acts on their relative angular velocity w = W_r m + b, with W_r
 //! = 1/I_a + 1/I_b for spheres. Its part in the tangent plane resists rolling and is at most mu_r R r̂_n, its part along n
 //! resists spinning and is at most mu_s R r̂_n. Below these bounds the contact does not roll or spin; at them the moment is
-//! opposite to w_T, or to w_n. It is solved as Coulomb's law of sliding friction, with r̂_n of the same contact, just solved.
+//! opposite to w_T, or to w_n. It is solved as Coulomb's law of sliding friction, with r̂ of the same contact, just solved. In a
+//! bond shear and torsion share one strength: there the second bound is smaller by a share of R |r_T|.
 //!
 //! This code is not used for scenes without such contacts.
 
@@ -20,6 +21,8 @@ pub struct RollingContacts<V> {
     pub n: LaneVector<V>,
     /// r̂_n, N s.
     pub normal_impulse: V,
+    /// |r_T|, N s.
+    pub tangential_impulse: V,
     /// Angular velocity of the candidate relative to the antagonist, world frame, rad/s.
     pub w: LaneVector<V>,
 }
@@ -35,6 +38,8 @@ pub struct RollingConstraintWide<T = f64> {
     /// Largest moment over the normal impulse against rolling and against spinning, m.
     rolling: [T; BATCH_LANES],
     spinning: [T; BATCH_LANES],
+    /// Loss of the largest moment against spinning over the tangential impulse, m.
+    shear: [T; BATCH_LANES],
     /// Moments on the candidates of the last sweep and of the one before, N m s.
     m: [[T; BATCH_LANES]; 3],
     previous: [[T; BATCH_LANES]; 3],
@@ -49,6 +54,7 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
         inverse_w: [T::ZERO; BATCH_LANES],
         rolling: [T::ZERO; BATCH_LANES],
         spinning: [T::ZERO; BATCH_LANES],
+        shear: [T::ZERO; BATCH_LANES],
         m: [[T::ZERO; BATCH_LANES]; 3],
         previous: [[T::ZERO; BATCH_LANES]; 3],
         indices: [NO_INDEX; BATCH_LANES],
@@ -63,6 +69,7 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
         self.inverse_w[lane] = T::from_f64(roll.inverse_w);
         self.rolling[lane] = T::from_f64(roll.rolling * roll.radius);
         self.spinning[lane] = T::from_f64(roll.spinning * roll.radius);
+        self.shear[lane] = T::from_f64(roll.shear * roll.radius);
         set_lane(&mut self.m, lane, m);
         set_lane(&mut self.previous, lane, m);
         self.indices[lane] = index as u32;
@@ -84,7 +91,7 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
         beta: L::V,
         contacts: RollingContacts<L::V>,
     ) -> LaneVector<L::V> {
-        let RollingContacts { n, normal_impulse, w } = contacts;
+        let RollingContacts { n, normal_impulse, tangential_impulse, w } = contacts;
         let (m, previous) = (load_vector(l, from, &self.m), load_vector(l, from, &self.previous));
         let shift = load_vector(l, from, &self.shift);
         let y = triple!(k => l.mul_add(beta, l.sub(m[k], previous[k]), m[k]));
@@ -92,7 +99,9 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
         let stopping = triple!(k => l.neg_mul_add(l.add(w[k], shift[k]), inverse_w, y[k]));
         let rolling = l.mul(load_column(l, from, &self.rolling), normal_impulse);
         let spinning = l.mul(load_column(l, from, &self.spinning), normal_impulse);
-        let new = clamp_moment(l, n, stopping, rolling, spinning);
+        let left_by_shear = l.neg_mul_add(load_column(l, from, &self.shear), tangential_impulse, spinning);
+        let zero = l.splat(0.0);
+        let new = clamp_moment(l, n, stopping, rolling, l.select_greater(left_by_shear, zero, left_by_shear, zero));
         for k in 0..3 {
             store_column(l, from, &mut self.previous[k], m[k]);
             store_column(l, from, &mut self.m[k], new[k]);

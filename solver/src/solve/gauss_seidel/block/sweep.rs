@@ -151,13 +151,13 @@ pub trait PairSweepKernel: PairContacts {
         sums_of_lanes: &mut LaneSums<L::V>,
     );
 
-    /// Normals, world frame, and r̂_n, N s, of the contacts from lane `from` on.
-    fn normal_impulse<L: Arithmetic<T = Self::T>>(
+    /// Normals, world frame, and r̂_n and |r_T|, N s, of the contacts from lane `from` on.
+    fn impulse_parts<L: Arithmetic<T = Self::T>>(
         &self,
         l: L,
         values: &Self::Impulses,
         from: usize,
-    ) -> ([L::V; 3], L::V);
+    ) -> ([L::V; 3], [L::V; 2]);
 }
 
 /// The part of a vector that acts on each of the two bodies.
@@ -243,13 +243,14 @@ impl<T: LaneFloat> PairSweepKernel for FrictionalPoint<T> {
     }
 
     #[inline(always)]
-    fn normal_impulse<L: Arithmetic<T = T>>(
+    fn impulse_parts<L: Arithmetic<T = T>>(
         &self,
         l: L,
         values: &FrictionalImpulses<T>,
         from: usize,
-    ) -> ([L::V; 3], L::V) {
-        (load_vector(l, from, &self.axes[0]), load_column(l, from, &values.r[0]))
+    ) -> ([L::V; 3], [L::V; 2]) {
+        let [normal, t, s] = load_vector(l, from, &values.r);
+        (load_vector(l, from, &self.axes[0]), [normal, l.sqrt(l.mul_add(t, t, l.mul(s, s)))])
     }
 }
 
@@ -296,8 +297,13 @@ impl<T: LaneFloat> PairSweepKernel for FrictionlessPoint<T> {
     }
 
     #[inline(always)]
-    fn normal_impulse<L: Arithmetic<T = T>>(&self, l: L, values: &NormalImpulses<T>, from: usize) -> ([L::V; 3], L::V) {
-        (load_vector(l, from, &self.normal), load_column(l, from, &values.r))
+    fn impulse_parts<L: Arithmetic<T = T>>(
+        &self,
+        l: L,
+        values: &NormalImpulses<T>,
+        from: usize,
+    ) -> ([L::V; 3], [L::V; 2]) {
+        (load_vector(l, from, &self.normal), [load_column(l, from, &values.r), l.splat(0.0)])
     }
 }
 
@@ -356,9 +362,10 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKer
         }
         point.solve_contacts::<HELD, L>(l, values, levers.get(i), from, beta, &mut pair, &mut sums_of_lanes);
         if let Some(rolls) = rolls.next() {
-            let (n, normal_impulse) = point.normal_impulse(l, values, from);
+            let (n, [normal_impulse, tangential_impulse]) = point.impulse_parts(l, values, from);
             let w = triple!(k => l.sub(pair.wa[k], pair.wb[k]));
-            let change = rolls.solve_moments(l, from, beta, RollingContacts { n, normal_impulse, w });
+            let contacts = RollingContacts { n, normal_impulse, tangential_impulse, w };
+            let change = rolls.solve_moments(l, from, beta, contacts);
             let zero = l.splat(0.0);
             pair.wa = apply_inverse_inertia(l, pair.inertia[0], change, pair.wa);
             pair.wb = apply_inverse_inertia(l, pair.inertia[1], triple!(k => l.sub(zero, change[k])), pair.wb);

@@ -250,8 +250,12 @@ fn solve_rolling<L: Arithmetic>(l: L, lines: &mut [[L::T; 8]], chunk: &mut Batch
         let (curvature_a, curvature_b) = (load_column(l, from, &curvatures[0]), load_column(l, from, &curvatures[1]));
         let w = triple!(k => l.neg_mul_add(line_b[4 + k], curvature_b, l.mul(line_a[4 + k], curvature_a)));
         let n = load_vector(l, from, &batch.n);
-        let normal_impulse = dot_product(l, n, load_vector(l, from, &r.0));
-        let change = rolls.solve_moments(l, from, beta, RollingContacts { n, normal_impulse, w });
+        let r = load_vector(l, from, &r.0);
+        let normal_impulse = dot_product(l, n, r);
+        let tangential = triple!(k => l.neg_mul_add(n[k], normal_impulse, r[k]));
+        let tangential_impulse = l.sqrt(dot_product(l, tangential, tangential));
+        let contacts = RollingContacts { n, normal_impulse, tangential_impulse, w };
+        let change = rolls.solve_moments(l, from, beta, contacts);
         let (response_a, response_b) = (l.mul(line_a[7], curvature_a), l.mul(line_b[7], curvature_b));
         for k in 0..3 {
             line_a[4 + k] = l.mul_add(response_a, change[k], line_a[4 + k]);

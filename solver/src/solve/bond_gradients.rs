@@ -1,0 +1,173 @@
+//! Conjugate gradients on the contacts that neither open nor slide, where sweeps are slow: along a chain of n bonds they would
+//! need some n⁴ of them.
+//!
+//! Within its limits a bond is linear: û = 0, and without a relative angular velocity if it carries moments. The same is true
+//! for contacts that stick. With all other impulses as they are, the corrections λ of these solve
+//!
+//! ```text
+//! Hᵀ M⁻¹ H λ = -(û, ω),
+//! ```
+//!
+//! here by conjugate gradients with the diagonal of the matrix, which is not stored. Redundant bonds make it singular, but the
+//! right side is in its range, as all rows can be at rest; where they cannot, the gradients end at their limit of iterations.
+//! Sweeps then find out which contacts reach their limits.
+//!
+//! Source: M.R. Hestenes, E. Stiefel, J. Res. Natl. Bur. Stand. 49 (1952) 409-436.
+
+use crate::activity;
+use crate::assemble::{ContactProblem, RollingConstraint, SolverBody};
+use crate::math::{Twist, Vec3};
+use crate::solve::types::ContactReactions;
+
+/// Share of a limit up to which an impulse is within it: impulses at the limit are on its side to rounding.
+const MAX_SHARE_OF_LIMIT: f64 = 1.0 - 1e-9;
+
+/// Three equations.
+enum StickingRow<'a> {
+    /// û = 0 of this row.
+    Impulse(usize),
+    /// No relative angular velocity; index in the list of moments.
+    Moment(usize, &'a RollingConstraint),
+}
+
+/// Equations of a contact problem.
+struct StickingSystem<'a> {
+    problem: &'a ContactProblem,
+    rows: Vec<StickingRow<'a>>,
+}
+
+impl<'a> StickingSystem<'a> {
+    /// Equations of the contacts whose reactions are within their limits.
+    fn new(problem: &'a ContactProblem, reactions: &ContactReactions) -> Self {
+        let is_within = |k: &usize| {
+            let (row, r) = (&problem.rows[*k], &reactions.impulses[*k]);
+            let normal = row.normal.dot(r);
+            normal > 0.0 && (r - row.normal * normal).norm() < MAX_SHARE_OF_LIMIT * row.friction * normal
+        };
+        let impulses = (0..problem.rows.len()).filter(is_within).map(StickingRow::Impulse);
+        let moments = problem.rolling_constraints.iter().enumerate().filter_map(|(index, roll)| {
+            let (row, r) = (&problem.rows[roll.row.index()], &reactions.impulses[roll.row.index()]);
+            let m = reactions.moments[index] / roll.radius;
+            let along = row.normal.dot(&m);
+            let (across_bound, along_bound) = roll.moment_bounds(r, &row.normal);
+            let is_within = (m - row.normal * along).norm() < MAX_SHARE_OF_LIMIT * across_bound
+                && along.abs() < MAX_SHARE_OF_LIMIT * along_bound;
+            is_within.then_some(StickingRow::Moment(index, roll))
+        });
+        let rows = impulses.chain(moments).collect();
+        StickingSystem { problem, rows }
+    }
+
+    /// Velocities of the rows at the motions of the bodies, without shifts.
+    fn velocities(&self, motions: &[Twist]) -> Vec<Vec3> {
+        let velocity = |row: &StickingRow| match *row {
+            StickingRow::Impulse(k) => {
+                let [a, b] = self.problem.rows[k].bodies.map(|body| &motions[body.index()]);
+                a.v + self.problem.turning_velocity(k, 0, &a.w) - b.v - self.problem.turning_velocity(k, 1, &b.w)
+            }
+            StickingRow::Moment(_, roll) => {
+                let [a, b] = self.problem.rows[roll.row.index()].bodies.map(|body| &motions[body.index()]);
+                a.w - b.w
+            }
+        };
+        self.rows.iter().map(velocity).collect()
+    }
+
+    /// Motions that impulses and moments of the rows give the bodies.
+    fn motions(&self, values: &[Vec3]) -> Vec<Twist> {
+        let mut motions = vec![Twist::default(); self.problem.bodies.len()];
+        for (row, value) in self.rows.iter().zip(values) {
+            let k = match row {
+                StickingRow::Impulse(k) => *k,
+                StickingRow::Moment(_, roll) => roll.row.index(),
+            };
+            for (side, body) in self.problem.rows[k].bodies.into_iter().enumerate() {
+                let value = if side == 0 { *value } else { -value };
+                let motion = &mut motions[body.index()];
+                match row {
+                    StickingRow::Impulse(_) => {
+                        motion.v += self.problem.velocity_change(body, &value);
+                        let turn = self.problem.angular_impulse(k, side, &value);
+                        motion.w += self.problem.angular_velocity_change(body, &turn);
+                    }
+                    StickingRow::Moment(..) => motion.w += self.problem.angular_velocity_change(body, &value),
+                }
+            }
+        }
+        motions
+    }
+
+    /// Values over the diagonal of the matrix.
+    fn preconditioned(&self, values: &[Vec3]) -> Vec<Vec3> {
+        let divide = |(row, value): (&StickingRow, &Vec3)| match *row {
+            StickingRow::Impulse(k) => {
+                let (w_n, w_t) = self.problem.delassus_diagonal(k);
+                let normal = self.problem.rows[k].normal * self.problem.rows[k].normal.dot(value);
+                normal / w_n + (value - normal) / w_t
+            }
+            StickingRow::Moment(_, roll) => value * roll.inverse_w,
+        };
+        self.rows.iter().zip(values).map(divide).collect()
+    }
+}
+
+/// Scalar product.
+fn dot(a: &[Vec3], b: &[Vec3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
+}
+
+/// End of the iteration.
+pub struct GradientLimits {
+    /// Share to which the velocities fall.
+    pub reduction: f64,
+    /// Largest number of iterations.
+    pub iterations: u64,
+}
+
+/// Corrected reactions, where `solver_bodies` have the velocities after them, and the number of iterations.
+pub fn corrected_reactions(
+    problem: &ContactProblem,
+    mut reactions: ContactReactions,
+    solver_bodies: &[SolverBody],
+    limits: GradientLimits,
+) -> (ContactReactions, u64) {
+    let system = StickingSystem::new(problem, &reactions);
+    let motions: Vec<Twist> = solver_bodies.iter().map(|body| Twist { v: body.v, w: body.w }).collect();
+    let shift = |row: &StickingRow| match *row {
+        StickingRow::Impulse(k) => problem.rows[k].shift,
+        StickingRow::Moment(_, roll) => roll.shift,
+    };
+    let shifts = system.rows.iter().map(shift);
+    let mut remaining: Vec<Vec3> =
+        system.velocities(&motions).iter().zip(shifts).map(|(u, shift)| -(u + shift)).collect();
+    let mut corrections = vec![Vec3::zeros(); remaining.len()];
+    let mut preconditioned = system.preconditioned(&remaining);
+    let mut direction = preconditioned.clone();
+    let mut size = dot(&remaining, &preconditioned);
+    let target = size * limits.reduction * limits.reduction;
+    let mut iterations = 0;
+    while size > target && iterations < limits.iterations && !activity::is_stopped() {
+        let response = system.velocities(&system.motions(&direction));
+        let curvature = dot(&direction, &response);
+        if curvature <= 0.0 {
+            break; // rounding
+        }
+        let length = size / curvature;
+        corrections.iter_mut().zip(&direction).for_each(|(x, p)| *x += p * length);
+        remaining.iter_mut().zip(&response).for_each(|(r, q)| *r -= q * length);
+        preconditioned = system.preconditioned(&remaining);
+        let next = dot(&remaining, &preconditioned);
+        let share = next / size;
+        direction.iter_mut().zip(&preconditioned).for_each(|(p, z)| *p = z + *p * share);
+        size = next;
+        iterations += 1;
+        activity::count_sweep();
+    }
+    for (row, correction) in system.rows.iter().zip(&corrections) {
+        match *row {
+            StickingRow::Impulse(k) => reactions.impulses[k] += correction,
+            StickingRow::Moment(index, _) => reactions.moments[index] += correction,
+        }
+    }
+    (reactions, iterations)
+}
