@@ -20,7 +20,7 @@ use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
 use crate::math::Vec3;
-use crate::scene::{EVENT_SLACK, Scene};
+use crate::scene::{EVENT_SLACK, RigidBody, Scene};
 use crate::state::{SolvedContact, State};
 
 /// Steps in the shortest orbit: a phase error of 1e-3 per orbit.
@@ -62,7 +62,12 @@ fn contact_time_limit(scene: &Scene, state: &State, solved: &SolvedContact) -> f
     let adaptive = scene.options.adaptive();
     let theta = scene.options.theta;
     let bodies = [contact.candidate, contact.antagonist].map(|i| &scene.bodies[i.index()]);
-    let radius = bodies.iter().filter(|body| !body.driven).map(|body| body.radius).fold(f64::INFINITY, f64::min);
+    let smallest = |is_meant: fn(&RigidBody) -> bool| {
+        bodies.iter().filter(|body| is_meant(body)).map(|body| body.radius).fold(f64::INFINITY, f64::min)
+    };
+    // Walls with a force, which are driven in part, count only against each other.
+    let free_radius = smallest(|body| !body.driven);
+    let radius = if free_radius.is_finite() { free_radius } else { smallest(RigidBody::is_driven_in_part) };
     let gap = (contact.gap + theta * state.h * velocity.x).max(0.0);
     let travel = (adaptive.travel * radius + 0.5 * gap) / velocity.norm();
     // Velocities of the step's start move bodies for (1-θ) h to the contact configuration; the least share keeps a limit where

@@ -212,7 +212,7 @@ fn body_tables(
     BodyTables { bodies, parts, part_starts, extents, colours, frames, axes_matches, shapes }
 }
 
-/// Rejects hollow cylinders that may move, and moving bodies that are too long for a period.
+/// Rejects hollow cylinders none of whose motion is imposed, and grains that are too long for a period.
 fn check_extents(
     file: &Path,
     records: &Bodies,
@@ -228,7 +228,9 @@ fn check_extents(
         let (line, object) = (Some(records.0[part.body.index()].line), format!("body {}", part.body.number()));
         faults.push(Fault::new(file, line, object, "a DNLYC that may move freely", expected));
     }
-    for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
+    let is_plate = |body: &RigidBody| matches!(body.shape, BodyShape::Plane { .. });
+    let moves = |body: &RigidBody| !body.driven || (body.is_driven_in_part() && !is_plate(body));
+    for (index, record) in records.0.iter().enumerate().filter(|(index, _)| moves(&bodies[*index])) {
         // A larger body would be met by more than its nearest image.
         let extent = 2.0 * extents[index];
         for period in

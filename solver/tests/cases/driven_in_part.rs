@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use cd_formats::compute::ContactSolver;
+use cd_formats::compute::{Adaptive, ContactSolver};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 
 use crate::case::{Case, Figures, equal, near};
@@ -54,6 +54,25 @@ fn what_does_not_turn_rests_on_a_floor() {
             assert!(case.column("converged").iter().all(|converged| *converged == 1.0), "{free:?} {block}");
         }
     }
+}
+
+/// Falls onto the floor by steps of the lengths of a free ball, whose travel and penetration limit them.
+#[test]
+fn adaptive_steps_are_as_short_as_those_of_a_free_body() {
+    let [free, held] = [false, true].map(|is_held| {
+        let mut case = on_floor("IQS_CLB", &[0.5]);
+        case.options.adaptive = Some(Adaptive { max_multiple: 64, ..Adaptive::default() });
+        case.options.dt = 1.0 / 1024.0;
+        let ball = case.sphere(0.5, [0.0, 0.0, 1.0]);
+        case.launch(ball, [0.0, 0.0, -2.0], [0.0; 3]);
+        if is_held {
+            hold(&mut case, ball, &[2]);
+        }
+        case.run(512);
+        case.column("h")
+    });
+    assert!(free.iter().any(|h| *h < 32.0 / 1024.0), "{free:?}");
+    assert_eq!(held, free);
 }
 
 #[test]
