@@ -10,7 +10,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::error::Faults;
-use crate::law_table::{INTERFACE_INTERNALS, INTERFACE_SLIDING};
+use crate::law_table::INTERFACE_SLIDING;
 use crate::ron_text::known_names;
 use crate::scan::{
     AsciiText, FRAME_TOLERANCE, GRID_COLUMNS, LenientForm, LineScanner, TextLine, format_d14, format_integer,
@@ -252,10 +252,10 @@ impl ContactRecord {
         }
     }
 
-    /// Sliding of the candidate of an interface along t and s, m; `None` for other laws.
+    /// Sliding of the candidate of an interface along t and s, m; `None` for other laws, which have fewer internal variables.
     pub fn sliding(&self) -> Option<[f64; 2]> {
-        let is_interface = self.internals.len() == INTERFACE_INTERNALS;
-        is_interface.then(|| INTERFACE_SLIDING.map(|k| self.internals[k]))
+        let has_sliding = INTERFACE_SLIDING.into_iter().all(|k| k < self.internals.len());
+        has_sliding.then(|| INTERFACE_SLIDING.map(|k| self.internals[k]))
     }
 
     /// Sets the sliding of the candidate of an interface along t and s, m.
@@ -428,6 +428,19 @@ fn make_right_handed(contact: &mut ContactRecord) -> bool {
     is_left_handed
 }
 
+/// Whether the tangents are those that LMGC90 computes for a contact of a kind. Those of a sphere on a polyhedron are the
+/// tangents of a face, also where n is that of an edge or a corner.
+fn has_axes_of_lmgc90(kind: &str, [n, t, s]: [Vector3<f64>; 3]) -> bool {
+    if kind == "SPPRx" {
+        let face_normal = t.cross(&s);
+        return n.dot(&face_normal) > FRAME_TOLERANCE
+            && frame_defect(&[face_normal, t, s].map(Into::into)) <= FRAME_TOLERANCE;
+    }
+    lmgc90_tangents(kind, n.into()).is_some_and(|[computed_t, computed_s]| {
+        (t - Vector3::from(computed_t)).amax().max((s - Vector3::from(computed_s)).amax()) <= FRAME_TOLERANCE
+    })
+}
+
 /// Turns t and s into the plane normal to n, if they are the axes of LMGC90 that are not orthogonal, and takes force,
 /// velocity and sliding with them. Returns whether it has changed the axes.
 ///
@@ -435,11 +448,8 @@ fn make_right_handed(contact: &mut ContactRecord) -> bool {
 /// projections on these.
 fn make_orthonormal(contact: &mut ContactRecord) -> bool {
     let [n, t, s] = contact.frame.map(Vector3::from);
-    let Some([computed_t, computed_s]) = lmgc90_tangents(&contact.kind, n.into()) else { return false };
-    let is_computed =
-        (t - Vector3::from(computed_t)).amax().max((s - Vector3::from(computed_s)).amax()) <= FRAME_TOLERANCE;
     let is_unit = (n.norm_squared() - 1.0).abs() <= FRAME_TOLERANCE;
-    if !is_computed || !is_unit || frame_defect(&contact.frame) <= FRAME_TOLERANCE {
+    if !is_unit || frame_defect(&contact.frame) <= FRAME_TOLERANCE || !has_axes_of_lmgc90(&contact.kind, [n, t, s]) {
         return false;
     }
     let rows = Matrix3::from_fn(|i, j| contact.frame[i][j]);
@@ -660,6 +670,29 @@ $icdan  SPCDx        1
         for (axis, value) in [(t_of_file, 1e-3), (s_of_file, 2e-3)] {
             assert!((axis.dot(&sliding) - value).abs() < 1e-9, "{axis} {value}");
         }
+        // Some laws have less than seven internal variables.
+        let shorter = read(with_sliding.trim_end().strip_suffix("  0.0000000D+00").unwrap()).unwrap().0;
+        assert_eq!(shorter.contacts[0].sliding(), contact.sliding());
+        // A sphere on an edge of a polyhedron, with the tangents of a face.
+        let edge = |n: &str| {
+            let text =
+                SPHERE_ON_CYLINDER.replace("SPCDx", "SPPRx").replace("CYLND      1  stick", "POLYR      1  stick");
+            let pair = " RBDY3      2  SPHER      1  iqsc0  RBDY3      1  POLYR      1  stick";
+            let lines = text.lines().map(|line| match line.trim_start().get(..4) {
+                Some("RBDY") => pair.to_string(),
+                Some("rls/") => format!("{:29}rlt/H 0.1000000D+01  rln/H 0.2000000D+01  rls/H 0.0000000D+00", ""),
+                Some("vls ") => format!("{:29}vlt = 0.1000000D+00  vln = 0.0000000D+00  vls = 0.0000000D+00", ""),
+                Some("gTT ") => line.replace("gTT =", "gapTT"),
+                Some("t(1)") => format!("{:29}t(1)=-0.7071068D+00  t(2)= 0.0000000D+00  t(3)= 0.7071068D+00", ""),
+                Some("n(1)") => format!("{:29}{n}", ""),
+                Some("s(1)") => format!("{:29}s(1)= 0.0000000D+00  s(2)= 0.1000000D+01  s(3)= 0.0000000D+00", ""),
+                _ => line.to_string(),
+            });
+            lines.collect::<Vec<_>>().join("\n") + "\n"
+        };
+        let on_edge = read(&edge("n(1)= 0.6000000D+00  n(2)= 0.0000000D+00  n(3)= 0.8000000D+00")).unwrap();
+        assert!(on_edge.1[0].contains("not orthogonal"), "{:?}", on_edge.1);
+        assert!(read(&edge("n(1)= 0.6000000D+00  n(2)= 0.1000000D+00  n(3)= 0.8000000D+00")).is_err());
         // Two spheres have such axes only with a normal in a coordinate plane, and with s = t x n.
         let spheres = SPHERE_ON_CYLINDER.replace("SPCDx", "SPSPx").replace("CYLND", "SPHER");
         assert!(read(&spheres).unwrap_err().to_string().contains("orthonormal"));

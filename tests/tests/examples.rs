@@ -75,9 +75,8 @@ fn makefiles_are_plain_and_say_what_can_be_set() {
 fn scripts_say_what_they_read_and_write() {
     let files = folders().into_iter().chain([examples()]).flat_map(|folder| fs::read_dir(folder).unwrap().flatten());
     // Not the functions that scripts share.
-    let is_script = |path: &PathBuf| {
-        path.extension().is_some_and(|ending| ending == "awk") && !path.ends_with("cases.sh")
-    };
+    let is_script =
+        |path: &PathBuf| path.extension().is_some_and(|ending| ending == "awk") && !path.ends_with("cases.sh");
     let scripts = files.map(|file| file.path()).filter(is_script);
     for path in scripts {
         let text = fs::read_to_string(&path).unwrap();

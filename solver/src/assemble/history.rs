@@ -232,11 +232,13 @@ impl AssemblyContext<'_> {
         (contact.point - self.q_c.x[old.candidate.index()] - self.carried_arm(old)).norm()
     }
 
-    /// Largest displacement of a contact, m: the slip since the last step, and some for digits of files and accelerations.
+    /// Largest displacement of a contact, m: the slip since the last step, the gap, as points of files may lie on either body,
+    /// and some for digits of files and accelerations.
     fn max_displacement(&self, old: &SolvedContact) -> f64 {
         // Corners are farther apart than this part of the radius, and acceleration and digits move points by much less.
         const NEAR_POSITION: f64 = 0.1;
-        old.velocity.norm() * self.configuration_interval() + NEAR_POSITION * self.effective_radius(&old.contact)
+        let slip = old.velocity.norm() * self.configuration_interval();
+        slip + old.contact.gap.max(0.0) + NEAR_POSITION * self.effective_radius(&old.contact)
     }
 
     /// Vector from the centre of the candidate to the point to which it has carried a contact of the last step, m.

@@ -736,9 +736,25 @@ impl ContactReader<'_> {
         };
         // The file has the tangents of LMGC90, which differ from the tangents of `local_frame`.
         let to_own_frame = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
+        let kind = &scene.law_names[rule.law].kind;
+        if has_interface(kind) {
+            let Some(soundness) = record.internals.get(INTERFACE_SOUNDNESS) else {
+                let found = count_text(record.internals.len(), "internal variable");
+                let expected =
+                    format!("expected those of {kind}, with the soundness β as number {}", INTERFACE_SOUNDNESS + 1);
+                return Err(fault("contact", &found, &expected));
+            };
+            if !(0.0..=1.0).contains(soundness) {
+                return Err(fault(
+                    "contact",
+                    &format!("the soundness β = {}", number_text(*soundness)),
+                    "expected 0 to 1",
+                ));
+            }
+        }
         // The sliding is that of the candidate, too.
         let tangents = [frame[1] * sign, frame[2] * sign];
-        let memory = law_memory(&scene.law_names[rule.law].kind, &record.internals, tangents);
+        let memory = law_memory(kind, &record.internals, tangents);
         let solved = SolvedContact {
             contact: Contact {
                 candidate: BodyId::new(candidate.body),

@@ -110,6 +110,9 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     bodies::check_within(&datbox, &bodies, &scene, &motion.x, &motion.q, &mut faults);
     let contacts = behaviour::initial_contacts(&datbox, &bodies, &history, &mut scene, &motion, &mut faults);
     let mut state = initial_state(&scene, &dof, motion, contacts, Vec3::from(bulk.gravity));
+    if history.step > 0 || !history.contacts.is_empty() {
+        state.bonding = BondingMode::No; // continues a run, in which new contacts begin broken and from touch
+    }
     let start = datbox.join(START_FILE);
     let has_start = path_exists(&start) && faults.0.is_empty();
     if has_start {

@@ -7,7 +7,7 @@
 use crate::assemble::{AppliedEvents, FreeMotion, relative_velocity};
 use crate::detect;
 use crate::integrate::{ContactConfiguration, MAX_STEP_GROWTH, predict_configuration};
-use crate::math::Vec3;
+use crate::math::{Vec3, to_world};
 use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, SolvedContact, State, UNKNOWN_FEATURE, Velocities};
 
@@ -24,6 +24,15 @@ const FILE_RESIDUAL: f64 = 2e-4;
 /// Whether velocities differ from those at the end of the last step and are not bounded by it.
 pub fn velocities_are_unbounded(scene: &Scene, state: &State, applied: &AppliedEvents) -> bool {
     state.step == scene.start.step || applied.velocities_changed || state.bodies_entered
+}
+
+/// Whether velocities differ from those at the end of the last step, or no last step is known.
+pub fn velocities_have_changed(scene: &Scene, state: &State, applied: &AppliedEvents) -> bool {
+    let continues_file = || {
+        FileStep::new(scene, state).is_some_and(|file| state.contacts.iter().all(|old| file.has_all_velocities(old)))
+    };
+    let is_new = || state.step == scene.start.step && !continues_file();
+    applied.velocities_changed || state.bodies_entered || is_new()
 }
 
 /// Whether the next step, of `step_multiple` times `dt`, is taken with θ = 1: with x_c = x + (1-θ) h V some bodies would close
@@ -101,20 +110,33 @@ impl<'a> FileStep<'a> {
     }
 
     /// Whether the bodies have the normal velocity that the file lists for a contact, in its frame and at its point.
+    fn has_velocity(&self, old: &SolvedContact) -> bool {
+        let (difference, limit) = self.velocity_difference(old);
+        old.contact.normal.dot(&difference).abs() <= limit
+    }
+
+    /// Whether the bodies have the velocity that the file lists for a contact, also along the surfaces.
+    fn has_all_velocities(&self, old: &SolvedContact) -> bool {
+        let (difference, limit) = self.velocity_difference(old);
+        difference.norm() <= limit
+    }
+
+    /// Difference of the relative velocity at a contact from that of the file, and its limit, m/s.
     ///
     /// Differences are the rounding of velocities, positions and points, the residual of the solution, and, for the rotation
     /// of a free body from there to the end of the step, at most ω² `time_after`: |J₂ - J₁| ≤ J₃ for all bodies.
-    fn has_velocity(&self, old: &SolvedContact) -> bool {
+    fn velocity_difference(&self, old: &SolvedContact) -> (Vec3, f64) {
         let FileStep { scene, state, ref x, time_after, residual } = *self;
         let Contact { candidate, antagonist, point, .. } = old.contact;
         let image = scene.nearest_image_shift(&point, &x[antagonist.index()]);
         let velocities = Velocities { v: &state.v, w: &state.w };
-        let u = old.contact.normal.dot(&relative_velocity(&Contact { image, ..old.contact }, x, velocities));
+        let u = relative_velocity(&Contact { image, ..old.contact }, x, velocities);
         let difference_limit = |body: BodyId| {
             let (v, w, x) = (&state.v[body.index()], state.w[body.index()].norm(), &x[body.index()]);
             SPEED_DIGITS * (v.norm() + w * (x.norm() + point.norm())) + w * w * (point - x).norm() * time_after
         };
-        (u - old.velocity.x).abs() <= residual + difference_limit(candidate) + difference_limit(antagonist)
+        let limit = residual + difference_limit(candidate) + difference_limit(antagonist);
+        (u - to_world(&old.contact.frame(), &old.velocity), limit)
     }
 }
 

@@ -86,8 +86,9 @@ fn begin_step(scene: &Scene, state: &mut State) -> (AppliedEvents, ContactConfig
     let events = assemble::apply_events(scene, state);
     let multiple = integrate::choose_step_multiple(scene, state, events.any_event || state.bodies_entered);
     assemble::apply_torque_and_damping(scene, state, multiple);
-    let changed = implicit_step::velocities_are_unbounded(scene, state, &events);
-    let is_implicit = implicit_step::needs_implicit_step(scene, state, multiple, changed);
+    let unbounded = implicit_step::velocities_are_unbounded(scene, state, &events);
+    let is_implicit = implicit_step::needs_implicit_step(scene, state, multiple, unbounded);
+    let changed = implicit_step::velocities_have_changed(scene, state, &events);
     let predict = if is_implicit { integrate::implicit_configuration } else { integrate::predict_configuration };
     (events, ContactConfiguration { changed, ..predict(scene, state, multiple) })
 }

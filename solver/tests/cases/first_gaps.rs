@@ -164,3 +164,17 @@ fn corners_without_force_keep_their_reference_gap_through_text() {
         assert_eq!(restarted.laws.unwrap().contact_reference_gap, [0.0; 4]);
     }
 }
+
+/// A run from text begins no reference gaps of its own: what comes into reach in its first step counts from touch.
+#[test]
+fn contacts_that_begin_in_the_first_step_after_text_count_from_touch() {
+    let mut case = over_floor("IQS_CLB_g0", 0.0625 + FIRST);
+    case.options.text = true;
+    let count_at = |case: &mut Case, step: u64| case.run(step).contacts.contact_gap.len();
+    // The last step before the ball is within the alert distance.
+    let before = (40..120).find(|&step| count_at(&mut case, step + 1) == 1).unwrap();
+    assert_eq!(count_at(&mut case, before), 0);
+    let restarted = case.run_from_text(&case.first_text_states(), 200);
+    near(restarted.x(1), [0.0, 0.0, 0.5], 1e-7);
+    assert_eq!(restarted.laws.unwrap().contact_reference_gap, [0.0]);
+}

@@ -327,3 +327,25 @@ fn sliding_is_kept_along_skew_and_left_handed_axes_of_files() {
         near(sliding(&restarted), sliding(&unbroken), 1e-9);
     }
 }
+
+/// Contacts of interfaces need their soundness in Vloc_Rloc.INI, as without it they would be broken.
+#[test]
+fn interfaces_without_a_soundness_are_rejected() {
+    let [(kind, parameters), ..] = interfaces();
+    let mut case = ball(kind, &parameters, 0.0, 0.0, -1.0);
+    case.options.text = true;
+    case.run(5);
+    let [dof, contacts] = case.first_text_states();
+    let (head, values) = contacts.split_once("#internals\n").unwrap();
+    let datbox = case.path().join("DATBOX");
+    std::fs::write(datbox.join("DOF.INI"), dof).unwrap();
+    let with_values = |values: &str| {
+        std::fs::write(datbox.join("Vloc_Rloc.INI"), format!("{head}#internals\n{values}\n")).unwrap();
+        case.solve(&["--force"])
+    };
+    assert_eq!(with_values(values.trim_end()), 0);
+    assert_eq!(with_values("  0.0000000D+00  0.0000000D+00  0.0000000D+00"), 2);
+    for soundness in ["2.0000000D+00", "-0.3000000D+00"] {
+        assert_eq!(with_values(&format!("{}  {soundness}", "  0.0000000D+00".repeat(4))), 2);
+    }
+}
