@@ -33,7 +33,7 @@ impl Accuracy {
         [DRAFT, STANDARD, FINE, REFERENCE][self as usize]
     }
 
-    /// Suitable time step over that of `Standard`: errors of impacts are of first order in the step.
+    /// Ratio of the suitable time step to that of `Standard`: errors of impacts are of first order in the step.
     pub fn step_factor(self) -> f64 {
         [4.0, 1.0, 0.25, 0.0625][self as usize]
     }
@@ -49,11 +49,12 @@ impl std::fmt::Display for Accuracy {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Adaptive {
-    /// Longest step over `dt`; 1: all steps are `dt`.
+    /// Ratio of the longest step to `dt`; 1: all steps are `dt`.
     pub max_multiple: u64,
-    /// Largest relative displacement of two neighbours in a step, over the smaller radius; separation counts half.
+    /// Largest relative displacement of two neighbours in a step, divided by the smaller radius; separation counts
+    /// half.
     pub travel: f64,
-    /// Largest penetration that a step may cause, over the smaller radius.
+    /// Largest penetration that a step may cause, divided by the smaller radius.
     pub penetration: f64,
 }
 

@@ -134,7 +134,7 @@ const HARMONIC_COLUMNS: [usize; 6] = [15, 30, 45, 60, 75, 90];
 const HARMONIC_NAMES: [&str; 6] = ["CT", "AMP", "OMEGA", "PHI", "RAMPI", "RAMP"];
 /// First and last column of the name of a table.
 const TABLE_NAME_COLUMNS: (usize, usize) = (25, 64);
-/// Line of titles over the components of a body.
+/// Line of titles above the components of a body.
 const TITLES: &str =
     "$dofty  numbr [CT......+......AMP..*..cos.(..OMEGA.*.time.+.PHI..)]...*...[RAMPI.....+.....RAMP.*.time]\n";
 

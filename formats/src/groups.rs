@@ -1,7 +1,7 @@
 //! Disjoint sets of connected items, and the choice of the largest remnant among fragments, sets of bodies in contact.
 
-/// Smallest number of members of the largest remnant, over that of the most numerous fragment: a planet, a lander or an impactor
-/// is not the remnant of an aggregate, however heavy.
+/// Smallest ratio of the number of members of the largest remnant to that of the most numerous fragment: a planet, a
+/// lander or an impactor is not the remnant of an aggregate, however heavy.
 const MIN_REMNANT_SHARE: f64 = 0.1;
 
 /// Size of a fragment.

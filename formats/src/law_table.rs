@@ -45,7 +45,7 @@ pub enum ParameterQuantity {
     SurfaceEnergy,
     Energy,
     DamageViscosity,
-    /// Force over rate of strain.
+    /// Ratio of force to rate of strain.
     StrainViscosity,
 }
 
@@ -160,25 +160,25 @@ law_parameters! {
     TangentialCohesion: "coht", "tangential_cohesion", "c_t", Stress, NonNegative, Finite;
     /// Radius of a bond that carries moments, over the smaller radius of its two bodies.
     BondRadius: "rbnd", "bond_radius", "λ", Number, Positive, NonNegative;
-    /// Moment against rolling over R times the normal force.
+    /// Moment against rolling divided by R times the normal force.
     RollingFriction: "roll", "rolling_friction", "μ_r", Number, NonNegative, NonNegative;
-    /// Moment against spinning over R times the normal force.
+    /// Moment against spinning divided by R times the normal force.
     SpinningFriction: "spin", "spinning_friction", "μ_s", Number, NonNegative, NonNegative;
     /// Largest tension of a capped bond.
     TensionCap: "sten", "tension_cap", "limit in tension", Stress, Finite, Finite;
     /// Largest compression of a capped bond.
     CompressionCap: "scom", "compression_cap", "limit in compression", Stress, Finite, Finite;
-    /// Relaxation of a gap: period over the time step.
+    /// Relaxation of a gap: ratio of the period to the time step.
     RelaxationSteps: "T/H", "relaxation_steps", "T/h", Number, Positive, Finite;
     /// Gap below which relaxation begins, at most 0.
     RelaxationGap: "gtol", "relaxation_gap", "gap", Length, NonPositive, Finite;
-    /// Force over gap.
+    /// Ratio of force to gap.
     Stiffness: "F/gp", "stiffness", "stiffness", Stiffness, Positive, NonNegative;
-    /// Force over velocity of the gap.
+    /// Ratio of force to velocity of the gap.
     NormalViscosity: "etan", "normal_viscosity", "viscosity", Viscosity, NonNegative, Finite;
-    /// Traction of an interface over opening.
+    /// Ratio of the traction of an interface to its opening.
     NormalStiffness: "cn", "normal_stiffness", "k_n", StiffnessPerArea, Positive, NonNegative;
-    /// Shear of an interface over sliding.
+    /// Ratio of the shear of an interface to its sliding.
     TangentialStiffness: "ct", "tangential_stiffness", "k_t", StiffnessPerArea, Positive, NonNegative;
     /// Largest traction of an interface.
     NormalStrength: "s1", "normal_strength", "s_n", Stress, Positive, NonNegative;
@@ -198,9 +198,9 @@ law_parameters! {
     DamageViscosity: "visc", "damage_viscosity", "b", DamageViscosity, NonNegative, Finite;
     /// Energy of adhesion.
     AdhesionEnergy: "dupr", "adhesion_energy", "w", SurfaceEnergy, NonNegative, Finite;
-    /// Force of a wire or rod over strain.
+    /// Ratio of the force of a wire or rod to its strain.
     WireStiffness: "F/gp", "stiffness", "stiffness", Force, Positive, NonNegative;
-    /// Force of a wire or rod over rate of strain.
+    /// Ratio of the force of a wire or rod to its rate of strain.
     WireViscosity: "F/vl", "viscosity", "viscosity", StrainViscosity, NonNegative, Finite;
     /// Strain of a wire or rod without force.
     Prestrain: "prst", "prestrain", "prestrain", Number, Finite, Finite;

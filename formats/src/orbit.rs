@@ -323,7 +323,7 @@ mod tests {
                 let h = 1.0;
                 let [before, now, after] = [-h, 0.0, h].map(|d| orbit.position_and_velocity(time + d));
                 let scale = now.1.norm();
-                // Central differences: the square of the angle in the time h, and the rounding of 1e9 m over h.
+                // Central differences: the square of the angle in the time h, and the rounding of 1e9 m divided by h.
                 let turn = (h * scale / now.0.norm()).powi(2) + 1e-6;
                 assert!(((after.0 - before.0) / (2.0 * h) - now.1).norm() < turn * scale, "{e} {time}");
                 let pull = -now.0 * (MU / now.0.norm().powi(3));

@@ -81,7 +81,7 @@ const ANTAGONIST_COLUMNS: [usize; 3] = [30, 37, 44];
 /// First column of the alert distance in a row.
 const ALERT_COLUMN: usize = 55;
 
-/// Line of titles over a row.
+/// Line of titles above a row.
 const TABLE_TITLES: &str = " cdbdy  cdtac  cdcol  behav  anbdy  antac  ancol       alert";
 
 /// Comment of a file without laws, to distinguish it from one that is empty by mistake, with which all bodies would pass

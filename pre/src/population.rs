@@ -23,8 +23,8 @@ use crate::sizes::MAX_BODIES;
 use crate::sphere::sphere_volume;
 use crate::{check, motion, orbits, walls, write};
 
-/// Largest overlap of touching bodies, over the smaller radius: rounding to 8 digits of a contact that the user has
-/// computed by hand.
+/// Largest overlap of touching bodies, divided by the smaller radius: rounding to 8 digits of a contact that the user
+/// has computed by hand.
 const TOUCHING_TOLERANCE: f64 = 1e-6;
 
 /// Largest number of overlaps that are reported one by one.

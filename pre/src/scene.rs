@@ -99,7 +99,7 @@ pub struct Grains {
     /// Number of grains; default: the length of the list of sizes or positions.
     #[serde(default)]
     pub number: Option<usize>,
-    /// Volume of the grains over that of the envelope, 0 to 1.
+    /// Ratio of the volume of the grains to that of the envelope, 0 to 1.
     #[serde(default)]
     pub solid_fraction: Option<f64>,
     #[serde(default)]
@@ -190,7 +190,7 @@ pub enum GrainShape {
     /// Regular polygon, extruded along the third axis.
     Prism {
         sides: usize,
-        /// Height over the diameter of the circle around the polygon.
+        /// Ratio of the height to the diameter of the circle around the polygon.
         slenderness: f64,
     },
     /// The convex hull of these points, m.

@@ -205,8 +205,8 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     summarise_run(case, scene, &state, &statistics)
 }
 
-/// Warns of the step, of rounding and of overlaps at the start of a run. Returns the overlap over the smaller radius from
-/// which on overlaps are attributed to the steps.
+/// Warns of the step, of rounding and of overlaps at the start of a run. Returns the ratio of overlap to smaller radius
+/// from which on overlaps are attributed to the steps.
 fn warn_at_start(
     statistics: &mut RunStatistics,
     scene: &Scene,

@@ -406,8 +406,9 @@ pub fn radius_of_curvatures([a, b]: [ContactorCurvature; 2], flat_radius: impl F
 /// Steps made when neither `steps` nor `end_time` is given.
 pub const DEFAULT_STEPS: u64 = 1000;
 
-/// Gap, over the smaller radius and per step of lookahead, up to which a pair is listed and solved in any direction of
-/// motion, if the speeds suffice, because contact impulses may close it. In a suitable step bodies move that far.
+/// Gap, divided by the smaller radius and the steps of lookahead, up to which a pair is listed and solved in any
+/// direction of motion, if the speeds suffice, because contact impulses may close it. In a suitable step bodies move
+/// that far.
 pub const NEARBY_GAP: f64 = 0.1;
 
 /// Number of bodies below which self-gravity is evaluated at every step: few bodies may be on orbits, and their sums are

@@ -24,9 +24,11 @@ const MAX_SPLIT_COMPARISONS: u64 = 40_000_000;
 const MAX_TRIED_PLANES: usize = 24;
 /// Number of comparisons beyond which fewer planes are tried for a cut: 500 faces in as many planes take this number.
 const MAX_CUT_COMPARISONS: usize = MAX_TRIED_PLANES * 500 * 500;
-/// Depth of dents over the size of a surface up to which they are attributed to the rounding of its coordinates, and not split.
+/// Ratio of the depth of dents to the size of a surface, up to which they are attributed to the rounding of its
+/// coordinates, and not split.
 const MIN_REFLEX_DEPTH: f64 = 1e-4;
-/// Largest difference of the volume of all pieces from that of the whole, over the latter: flatness of files, per face.
+/// Largest difference of the volume of all pieces from that of the whole, divided by the latter: flatness of files, per
+/// face.
 const VOLUME_TOLERANCE: f64 = 1e-5;
 
 /// Vertices (m) and triangles of a piece, counter-clockwise seen from outside.
@@ -156,7 +158,7 @@ impl FacePolygon {
         FacePolygon { plane, plane_number: 0, doubled_area: area.norm(), corners }
     }
 
-    /// Largest height of its corners over the plane of another, m.
+    /// Largest height of its corners above the plane of another, m.
     fn height_over(&self, other: &FacePolygon) -> f64 {
         self.corners.iter().map(|corner| other.plane.height(corner)).fold(f64::NEG_INFINITY, f64::max)
     }

@@ -32,7 +32,7 @@ pub struct PolyhedronEdge {
     pub faces: [FeatureIndex; 2],
 }
 
-/// Largest distance of a triangle from a face's plane, over the size: vertices are rounded to seven digits.
+/// Largest ratio of a triangle's distance from a face's plane to the size: vertices are rounded to seven digits.
 pub const FLATNESS_OF_FILES: f64 = 1e-6;
 /// Smaller values of [`FLATNESS_OF_FILES`], tried in turn for bodies that give no polyhedron with it: needles, whose
 /// sides it merges.
@@ -176,7 +176,7 @@ impl ConvexMesh {
         }
         let normal = area / area.norm();
         let offset = self.vertices.iter().map(|v| normal.dot(v)).fold(f64::NEG_INFINITY, f64::max);
-        // Accuracy of a sliver's plane: that of its corners over its width.
+        // Accuracy of a sliver's plane: that of its corners divided by its width.
         let width = area.norm() / longest;
         let allowed = 4.0 * flatness * self.circumradius * (1.0 + self.circumradius / width);
         let excess = (0..corners.len()).map(|k| offset - normal.dot(&corner_position(k))).fold(0.0, f64::max);

@@ -7,8 +7,8 @@
 //! g(x) = -G rho sum_f n_f I_f        U(x) = G rho/2 sum_f z_f I_f        g = grad U
 //! ```
 //!
-//! Near faces are integrated in closed form. Far ones are combined in a tree and expanded in powers of their size over the
-//! distance. The sums have a fixed order.
+//! Near faces are integrated in closed form. Far ones are combined in a tree and expanded in powers of the ratio of
+//! their size to the distance. The sums have a fixed order.
 //!
 //! Source: R. A. Werner, D. J. Scheeres, Exterior gravitation of a polyhedron derived and compared with harmonic and mascon
 //! gravitation representations of asteroid 4769 Castalia (1997), whose sums over edges and faces are these by face.
@@ -110,7 +110,7 @@ impl PolyhedronGravity {
     pub fn attraction_and_potential(&self, x: &Vec3) -> (Vec3, f64) {
         let d = x - self.centre;
         let distance = d.norm();
-        // The expansion of the whole leaves out the third power of extent over distance.
+        // The expansion of the whole leaves out the third power of extent / distance.
         if distance * MAX_FAR_RATIO > self.extent {
             return self.far_attraction_and_potential(&d, distance);
         }
@@ -210,7 +210,7 @@ impl LayerMoments {
         moments
     }
 
-    /// Integrals as seen from a point at `d`, of length `r`, from the centre, to the second power of the size over r.
+    /// Integrals as seen from a point at `d`, of length `r`, from the centre, to the second power of size / r.
     fn integrals(&self, d: &Vec3, r: f64) -> LayerIntegrals {
         let square = r * r;
         let cube = square * r;
@@ -357,7 +357,7 @@ mod tests {
             let inside = angle > 0.5 * four_pi;
             // Rounding of 512 terms.
             assert!((angle - if inside { four_pi } else { 0.0 }).abs() < 1e-11, "{x}: {angle}");
-            // Central differences: h^2 and rounding over h.
+            // Central differences: h^2 and rounding / h.
             assert!((divergence(&body, &x, 1e-4) + angle).abs() < 1e-5, "{x}: {} {angle}", divergence(&body, &x, 1e-4));
         }
     }
@@ -371,7 +371,7 @@ mod tests {
                 let step = Vec3::ith(k, h);
                 (exact(&body, &(x + step)).1 - exact(&body, &(x - step)).1) / (2.0 * h)
             });
-            // Central differences: h^2 and rounding over h.
+            // Central differences: h^2 and rounding / h.
             assert!((exact(&body, &x).0 + slope).norm() < 1e-6, "{x}");
         }
     }
@@ -411,8 +411,8 @@ mod tests {
             let x = body.centre + Vec3::ith(k, 1000.0);
             let (g, phi) = body.attraction_and_potential(&x);
             let (g_exact, phi_exact) = exact(&body, &x);
-            // The sum over faces cancels: its rounding is multiplied by the square of distance over extent, 4e5, and by the
-            // number of terms. The next moment is a part in 1e9.
+            // The sum over faces cancels: its rounding is multiplied by the square of distance / extent, 4e5, and by
+            // the number of terms. The next moment is a part in 1e9.
             assert!((phi / phi_exact - 1.0).abs() < 1e-6, "{phi} {phi_exact}");
             assert!((g - g_exact).norm() < 1e-6 * g.norm());
         }

@@ -26,9 +26,9 @@ pub struct MassProperties {
     pub inertia: [[f64; 3]; 3],
 }
 
-/// Height of a triangle over its longest side below which its normal is undefined.
+/// Ratio of the height of a triangle to its longest side, below which its normal is undefined.
 const FLAT_TRIANGLE: f64 = 1e-14;
-/// Volume over area times extent below which a surface encloses no volume; rounding leaves about 1e-16.
+/// Ratio of volume to area times extent, below which a surface encloses no volume; rounding leaves about 1e-16.
 const FLAT_BODY: f64 = 1e-12;
 
 /// Faults of a triangulated surface, each with the value that is expected; at least one.

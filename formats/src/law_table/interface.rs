@@ -6,9 +6,9 @@ use crate::names::{number_text, rounded_number};
 /// Elastic interface with damage between two surfaces, per unit of area.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LawInterface {
-    /// Traction over opening of the sound interface, Pa/m.
+    /// Ratio of traction to opening of the sound interface, Pa/m.
     pub normal_stiffness: f64,
-    /// Shear stress over sliding of the sound interface, Pa/m.
+    /// Ratio of shear stress to sliding of the sound interface, Pa/m.
     pub tangential_stiffness: f64,
     pub damage: DamageLaw,
 }

@@ -340,9 +340,9 @@ pub struct Ledger {
     pub angular_momentum_expected: [f64; 3],
     /// Largest sum so far over the free bodies of m |v|, or of the impulses of forces in a step, kg m/s.
     pub momentum_scale: f64,
-    /// Largest penetration over the mean radius so far.
+    /// Largest ratio of a penetration to the mean radius so far.
     pub penetration_largest: f64,
-    /// Part of the mean penetration left by unconverged solutions, over the mean radius.
+    /// Part of the mean penetration left by unconverged solutions, divided by the mean radius.
     #[serde(default)]
     pub penetration_left: f64,
     pub steps_unconverged: u64,

@@ -419,7 +419,7 @@ fn early_positions(case: &Path, from: f64) -> Result<Option<BodyPositions>, Faul
     Ok(best)
 }
 
-/// RMS distance over the mean radius; NaN at different times.
+/// Ratio of the RMS distance to the mean radius; NaN at different times.
 fn rms_distance(positions: &BodyPositions, others: &BodyPositions, radius: f64) -> f64 {
     if !same_time(positions.time, others.time) {
         return f64::NAN;
@@ -504,7 +504,7 @@ impl ReferenceRun<'_> {
         };
         let relative_error_of_mean = |value: &dyn Fn(&Observables) -> f64| {
             let [error, sum] = values_of(value).into_iter().fold([0.0; 2], |[error, sum], (found, exact)| {
-                [error + (found - exact), sum + exact] // both over the number of them
+                [error + (found - exact), sum + exact] // both divided by the number of them
             });
             (error / sum).abs()
         };

@@ -392,7 +392,7 @@ impl<'a> StudyPlots<'a> {
         plots
     }
 
-    /// Neighbours and solid fractions over N^(-1/3), with which the effect of a surface on the whole scales.
+    /// Neighbours and solid fractions against N^(-1/3), with which the effect of a surface on the whole scales.
     fn add_surface_effects(&mut self) {
         let surface = |run: &StudyRun| run.value_of("n_grains").powf(-1.0 / 3.0);
         for (name, title, quantity) in [
@@ -417,7 +417,7 @@ impl<'a> StudyPlots<'a> {
         }
     }
 
-    /// Mean pressure over that of a homogeneous ball of the same mass and radius.
+    /// Ratio of the mean pressure to that of a homogeneous ball of the same mass and radius.
     fn add_pressure(&mut self) {
         let homogeneous_pressure = |run: &StudyRun| run.value_of("pressure_homogeneous");
         let measured_pressure = |run: &StudyRun| run.value_of("pressure_sphere");
@@ -442,7 +442,7 @@ impl<'a> StudyPlots<'a> {
         );
     }
 
-    /// Time per step of each stage over the number of grains, in a figure for each group.
+    /// Time per step of each stage against the number of grains, in a figure for each group.
     fn add_costs(&mut self) {
         for (k, group) in self.groups.iter().enumerate() {
             let name = if self.groups.len() == 1 { "cost".to_string() } else { format!("cost-{}", k + 1) };
@@ -462,7 +462,7 @@ impl<'a> StudyPlots<'a> {
         }
     }
 
-    /// Sweeps of the contact solver over the number of grains.
+    /// Sweeps of the contact solver against the number of grains.
     fn add_sweeps(&mut self) {
         let sweeps = |group: &&str| {
             let mut points = self.points(group, grain_count, |run| run.value_of("sweeps"));

@@ -275,7 +275,8 @@ impl TrackRow {
     }
 }
 
-/// Change of velocity in excess of free fall, over the larger speed, that indicates a shock between two snapshots.
+/// Change of velocity in excess of free fall, divided by the larger speed, that indicates a shock between two
+/// snapshots.
 const SHOCK_THRESHOLD: f64 = 0.01;
 
 /// Row of impact.csv; empty if nothing touched the body. Contacts between two snapshots are recorded by the second. If it

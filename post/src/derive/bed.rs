@@ -110,7 +110,7 @@ impl Bed {
         self.grain_volume / (self.area * self.height)
     }
 
-    /// Mean stress over the same volume, Pa, walls included: at rest its vertical component is half of weight over area.
+    /// Mean stress over the same volume, Pa, walls included: at rest its vertical component is half of weight / area.
     pub fn stress(&self) -> Mat3 {
         self.moment / (self.area * self.height)
     }
@@ -120,7 +120,7 @@ impl Bed {
         self.interval_moment / (self.area * self.height)
     }
 
-    /// Mean of the two horizontal stresses over the vertical one; NaN without stress.
+    /// Ratio of the mean of the two horizontal stresses to the vertical one; NaN without stress.
     pub fn stress_ratio(&self) -> f64 {
         horizontal_stress(&self.moment, &self.up) / vertical_stress(&self.moment, &self.up)
     }
@@ -199,15 +199,15 @@ pub struct Layer {
     pub grains: f64,
     /// Number of neighbours that the layer's grains touch with force, summed over the grains.
     neighbours: f64,
-    /// Weight above the middle of the layer over the area, Pa: the vertical stress if walls carry nothing.
+    /// Weight above the middle of the layer divided by the area, Pa: the vertical stress if walls carry nothing.
     pub weight: f64,
     /// Stress of the grains, Pa.
     stress: Mat3,
-    /// Mass over the layer's volume, kg/m^3.
+    /// Mass divided by the layer's volume, kg/m^3.
     pub density: f64,
-    /// Momentum over the layer's volume, kg/(m^2 s).
+    /// Momentum divided by the layer's volume, kg/(m^2 s).
     momentum: Vec3,
-    /// sum m v (x) v over the layer's volume, Pa.
+    /// sum m v (x) v divided by the layer's volume, Pa.
     flux: Mat3,
 }
 
@@ -235,7 +235,7 @@ impl Layer {
         self.neighbours / self.grains
     }
 
-    /// Mean over the mass, m/s; NaN without grains.
+    /// Mean weighted by mass, m/s; NaN without grains.
     pub fn velocity(&self) -> Vec3 {
         self.momentum / self.density
     }
@@ -247,7 +247,7 @@ impl Layer {
 
     /// Stress of the motion about [`Layer::velocity`], Pa; NaN without grains.
     ///
-    /// sum m v' (x) v' over the volume, v' = v - v_mean, of translations: no part of [`Layer::contact_stress`].
+    /// sum m v' (x) v' divided by the volume, v' = v - v_mean, of translations: no part of [`Layer::contact_stress`].
     pub fn kinetic_stress(&self) -> LayerStress {
         LayerStress::new(&(self.flux - self.momentum * self.velocity().transpose()), &self.up)
     }
@@ -419,8 +419,8 @@ mod tests {
 
     #[test]
     fn a_bed_has_a_mean_pressure_of_the_steps_since_the_snapshot_before() {
-        // Six columns on an area of 6 m^2; 2 J s of each of two pairs in 4 s, one of them at a wall, over the volume of 5 m
-        // height.
+        // Six columns on an area of 6 m^2; 2 J s of each of two pairs in 4 s, one of them at a wall, divided by the
+        // volume of 5 m height.
         let mut scene = columns(5, true, [true; 4], UnitQuaternion::identity());
         let grain = scene.snapshot.contacts.contact_body[0][0];
         let wall = scene.snapshot.bodies.body_driven.iter().position(|driven| *driven != 0).unwrap() as u32;
@@ -449,7 +449,8 @@ mod tests {
         let empty = Layer { upper: 2.0, up: Vec3::z(), ..Layer::default() };
         let mean = Layer::mean_over_times([at(0.75, 2.0), at(0.25, 6.0), empty, empty].iter());
         assert_eq!((mean.upper, mean.nu, mean.grains, mean.density), (2.0, 0.25, 0.5, 0.25));
-        // Neighbours are a mean over grains, velocities over mass: that of 3 kg at 2 m/s and 1 kg at 6 m/s is 3 m/s.
+        // Neighbours are a mean over grains, velocities one weighted by mass: that of 3 kg at 2 m/s and 1 kg at 6 m/s
+        // is 3 m/s.
         assert_eq!((mean.mean_coordination(), mean.velocity()), (4.0, Vec3::z() * 3.0));
         // Motion with the mean velocity has no stress: 0.25 kg/m^3 of variance (3 1^2 + 1 3^2) / 4 = 3.
         assert_eq!((mean.kinetic_stress().vertical, mean.kinetic_stress().pressure), (0.75, 0.25));

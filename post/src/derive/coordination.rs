@@ -18,7 +18,7 @@ pub struct Coordination {
     pub z_no_rattlers: f64,
     /// Mean number of constraints per grain, see [`TouchingPair::constraint_count`].
     pub z_constraints: f64,
-    /// Rattlers over grains.
+    /// Ratio of rattlers to grains.
     pub rattler_fraction: f64,
     pub shares: ContactShares,
 }
@@ -389,7 +389,7 @@ mod tests {
         let frame = scene.frame();
         assert_eq!(neighbour_counts(&frame), [1, 1, 0]);
         assert_eq!((coordination(&frame).z, count_distant_pairs(&frame)), (2.0 / 3.0, 1));
-        // The mobilised share is that of the first: 1/4 over 1/2 (4 - 3).
+        // The mobilised share is that of the first: 1/4 divided by 1/2 (4 - 3).
         let mobilisation = crate::derive::fabric::mean_mobilisation(&frame);
         assert_eq!((mobilisation.mobilised_share, mobilisation.sliding_share), (0.5, 1.0));
         let row = crate::derive::Row::from_frame(&frame);

@@ -48,7 +48,7 @@ pub fn tangential_limit(contact: &Contact, law: &LawModel) -> f64 {
     law.friction_limit(&ContactLoad { gap, normal_force, area, bonded, soundness, attraction })
 }
 
-/// Mobilised share of the available friction: f_t over its [`tangential_limit`], 0 to 1; None if no friction is available, and
+/// Mobilised share of the available friction: f_t / [`tangential_limit`], 0 to 1; None if no friction is available, and
 /// for contacts with a sound interface, whose force in the snapshot contains that of the interface.
 pub fn mobilised_share(contact: &Contact, laws: &[LawModel]) -> Option<f64> {
     if contact.soundness > 0.0 {
@@ -79,7 +79,7 @@ pub fn mean_mobilisation(frame: &Frame) -> MeanMobilisation {
     MeanMobilisation { mobilised_share: sum / count, sliding_share: sliding / count }
 }
 
-/// Density of probability of values over their mean, in bins of equal width from 0 on.
+/// Density of probability of the ratios of values to their mean, in bins of equal width from 0 on.
 ///
 /// Returns the middle of each bin and the density P, with sum P x width = 1; values that are not > 0 are
 /// left out. None without values.

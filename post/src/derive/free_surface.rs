@@ -29,8 +29,9 @@ const PATCH_SHARE: f64 = 1.0 / 3.0;
 /// Ratio of the root mean square of the gradients' deviations from their mean to noise, above which a surface may be no plane.
 const SIGNIFICANCE_FACTOR: f64 = 1.5;
 
-/// Threshold of the root mean square of the gradients' deviations from their mean, times the reach over the mean radius, above
-/// which a surface may not be a plane: at 12 radii tan 6°, 1.7 times the largest value from undulations of eight level beds of 1000 and 3000 grains.
+/// Threshold of the root mean square of the gradients' deviations from their mean, times the ratio of reach to mean
+/// radius, above which a surface may not be a plane: at 12 radii tan 6°, 1.7 times the largest value from undulations
+/// of eight level beds of 1000 and 3000 grains.
 const MAX_UNDULATION: f64 = 12.0 * 0.105;
 
 /// Distance from a leaning wall, in mean radii, up to which a column may stand on the flank of the grains along it: between

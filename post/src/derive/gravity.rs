@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::math::{Mat3, Vec3};
 
-/// Opening: groups act as such from distances of more than the sum of their reaches over this value. With it and
+/// Opening: groups act as such from distances of more than the sum of their reaches divided by this value. With it and
 /// [`REACH_STRETCH`] the energy of 12000 to 20000 points in a ball, a disc, a stream and on a line is off by 4e-5 to 8e-5.
 const OPENING_ANGLE: f64 = 0.6;
 /// Extension of a group's reach beyond its radius, as a share of the radius, per square of |Q| / m r^2, which is 2/3 of a
@@ -23,8 +23,8 @@ const LEAF_SIZE: usize = 16;
 /// Number of points from which on the parts of a sum are separate tasks.
 const PARALLEL_POINTS: usize = 4096;
 
-/// sum_i m_i d_i . sum_j m_j (x_j - x_i) / |x_j - x_i|^3, kg^2/m: the virial of the attraction that `members` feel of `others`,
-/// over G.
+/// sum_i m_i d_i . sum_j m_j (x_j - x_i) / |x_j - x_i|^3, kg^2/m: the virial of the attraction that `members` feel of
+/// `others`, divided by G.
 ///
 /// `members`: positions d_i from `centre`, m, and masses, kg; `others`: positions x_j and masses. Sums every pair, in an
 /// order that does not depend on the number of threads.

@@ -10,7 +10,7 @@ const DIRECTION_COUNT: usize = 4000;
 /// Coordinates are integers of this many bits, so that a determinant of three differences fits 128 bits exactly.
 const COORDINATE_BITS: i32 = 38;
 
-/// Bound of the rounding errors of a distance and of a product of vectors, over their size: a few 10^-16.
+/// Bound of the rounding errors of a distance and of a product of vectors, divided by their size: a few 10^-16.
 const BOUND_ROUNDING: f64 = 1e-14;
 
 /// Points are displaced by up to this many units, 10^-8 of the extent, so that no four lie in one plane.
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn degenerate_hulls_of_equal_balls_are_exact() {
         let ball = 4.0 / 3.0 * PI * 8.0;
-        let tiny = 1e-7; // the displacement of points over the radius, some times
+        let tiny = 1e-7; // the ratio of the displacement of points to the radius, some times
         assert!(hull_volume(&[]).is_nan());
         assert_close(hull_volume(&at(&[[1e3, -2.0, 0.5]], 2.0)), ball, tiny);
         // A capsule; the same of a row with others between.

@@ -18,8 +18,8 @@ pub struct RadialShell {
     pub grains: u64,
     /// Mean number of neighbours that these grains touch with force; NaN without grains.
     pub z: f64,
-    /// sum V_i sigma_i over the grains, each with the share of its volume that lies in the shell, over the
-    /// volume of the shell, Pa: a third of the trace.
+    /// sum V_i sigma_i over the grains, each with the share of its volume that lies in the shell, divided by the volume
+    /// of the shell, Pa: a third of the trace.
     pub pressure: f64,
     /// Radial component of the stress, Pa.
     pub radial: f64,

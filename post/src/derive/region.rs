@@ -114,9 +114,9 @@ impl Region {
     /// Mean stress, Pa: (1/V) sum f ⊗ l over the contacts of its grains, walls too; > 0 in compression.
     ///
     /// f is the force on the candidate, l the branch from the antagonist's centre to the candidate's, at a wall to or from
-    /// the point of contact. Over grains between plates at rest, the stress is the force on a plate over its area. In a
-    /// probe each contact counts by the share of its branch inside. Source: Love (1892), Weber (1966); shares: Babic
-    /// (1997), a box weight along the branch.
+    /// the point of contact. Over grains between plates at rest, the stress is the force on a plate divided by its
+    /// area. In a probe each contact counts by the share of its branch inside. Source: Love (1892), Weber (1966);
+    /// shares: Babic (1997), a box weight along the branch.
     pub fn stress(&self, frame: &Frame) -> Mat3 {
         let end = |body: ContactBody, image: Vec3, point: Vec3| match body {
             ContactBody::Grain(i) => frame.grains[i].x_contact + image,

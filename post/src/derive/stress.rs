@@ -235,7 +235,7 @@ mod tests {
     #[test]
     fn a_simple_cubic_packing_under_uniform_stress_has_that_stress() {
         // Spheres of radius 1/2 on a lattice of 1, every contact along axis k pushed by p_k: each grain feels
-        // p_k on a square of 1, so its own stress is p_k times 1 over its volume, and the deviator is known.
+        // p_k on a square of 1, so its own stress is p_k divided by its volume, and the deviator is known.
         let p = [3.0, 2.0, 1.0];
         let mut scene = Scene::default();
         let side = 4;

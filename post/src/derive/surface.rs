@@ -121,7 +121,7 @@ pub fn aggregate_surface(
     let gradient = |k: usize| fits[k].map_or([f64::NAN; 2], |plane| plane.gradient);
     let mut facets = facets_of(&heights, gradient, sums.x, sums.spin(), gravity, grid);
     for (facet, fit) in facets.iter_mut().zip(&fits) {
-        // Slope by the arc, over the distance from the centre.
+        // Slope by the arc, divided by the distance from the centre.
         let noise = fit.map_or(f64::NAN, |plane| (density * plane.variance).sqrt() / plane.height);
         facet.error = noise.atan();
         facet.slope = without_noise(facet.slope, noise);
@@ -246,7 +246,7 @@ fn fit_planes(
     (heights, fits, density.mean_density())
 }
 
-/// Acceleration by a solid ball over G, kg/m^2: m r / r^3, within it m r / R^3.
+/// Acceleration by a solid ball divided by G, kg/m^2: m r / r^3, within it m r / R^3.
 pub fn ball_attraction(grain: &Grain, x: Vec3) -> Vec3 {
     let d = grain.x - x;
     let distance = d.norm().max(grain.radius);

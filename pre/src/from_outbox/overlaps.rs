@@ -24,7 +24,7 @@ use crate::walls::{self, WallBody};
 
 type Vec3 = Vector3<f64>;
 
-/// Overlap over the smaller radius that counts as touching: rounding to 8 digits of a contact computed by hand.
+/// Ratio of overlap to smaller radius that counts as touching: rounding to 8 digits of a contact computed by hand.
 const TOUCHING_TOLERANCE: f64 = 1e-6;
 /// Share by which an overlap may exceed the overlaps that the runs left: a wall that is put back has 8 digits.
 const ALLOWED_EXCESS: f64 = 1e-3;

@@ -32,7 +32,7 @@ use crate::scene::Material;
 
 type Vec3 = Vector3<f64>;
 
-/// Largest gap of touching bodies without contact force, over the smaller radius.
+/// Largest gap of touching bodies without contact force, divided by the smaller radius.
 const TOUCHING_GAP: f64 = 1e-3;
 
 /// DATBOX of a case and one of its snapshots.

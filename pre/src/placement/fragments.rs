@@ -10,7 +10,7 @@ use crate::random::RandomStream;
 use crate::shapes::hull::{self, HullError};
 use crate::sphere::sphere_spiral;
 
-/// Distance over the solid's extent below which vertices count as one.
+/// Ratio of a distance to the solid's extent, below which vertices count as one.
 const SAME_VERTEX_TOLERANCE: f64 = 1e-12;
 
 /// Number of nearest seeds that nearly always suffice to cut out a cell.

@@ -102,7 +102,7 @@ mod tests {
         Surface::new(&vertices, ball.triangles()).unwrap()
     }
 
-    /// Winding number of the surface about a point: the sum of the solid angles of its triangles over 4 pi.
+    /// Winding number of the surface about a point: the sum of the solid angles of its triangles, divided by 4 pi.
     ///
     /// A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
     fn winding(vertices: &[[f64; 3]], triangles: &[[u32; 3]], point: &Vector3<f64>) -> f64 {

@@ -77,8 +77,8 @@ impl FccLattice<'_> {
             GrainRegion::Box(_) => reach.map(|reach| 0.5 * (2.0 * reach).floor()), // layers 0, 1 ... fill the box evenly
             _ => self.offset.into(),
         };
-        // Limits a row to the inside of an ellipsoid; `used_squares` is the sum of the squares of the other coordinates over the
-        // semi-axes.
+        // Limits a row to the inside of an ellipsoid; `used_squares` is the sum of the squares of the other coordinates
+        // divided by the semi-axes.
         let outer = self.region.half_extents().map(|half| half / edge);
         let squared_share = |k: usize, index: i64| match self.region {
             GrainRegion::Ball(_) | GrainRegion::Ellipsoid(_) => ((index as f64 - offset[k]) / outer[k]).powi(2),
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn large_regions_are_filled_as_the_lattice_allows() {
         // The sites fill the ball that is smaller by d/2, a volume of d^3 / sqrt(2) each; the offsets
-        // that were tried gain less than 2 % of d over the mean.
+        // that were tried exceed the mean by less than 2 % of d.
         let (_, d) = lattice_sites(&GrainRegion::Ball(10.0), 5000, 0.1, &mut random()).unwrap();
         let mean = (2f64.sqrt() * GrainRegion::Ball(10.0 - 0.5 * d).volume() / 5000.0).cbrt();
         assert!((1.0..1.02).contains(&(d / mean)), "{d} {mean}");

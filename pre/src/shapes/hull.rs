@@ -6,17 +6,19 @@ use parry3d_f64::math::Vector as Point;
 use parry3d_f64::transformation::try_convex_hull;
 use rustc_hash::FxHashMap;
 
-/// Largest distance of a point outside a face, over the extent: rounding, and the error of the hull for coplanar points.
+/// Largest distance of a point outside a face, divided by the extent: rounding, and the error of the hull for coplanar
+/// points.
 const OUTSIDE_TOLERANCE: f64 = 1e-9;
 
-/// Volume over that of the cube around the points, or thickness over length, below which points count as coplanar.
+/// Ratio of the volume to that of the cube around the points, or of thickness to length, below which points count as
+/// coplanar.
 const FLATNESS_LIMIT: f64 = 1e-9;
 
 /// Largest number of rotations of the points that are tried until a hull is found that contains all of them.
 const MAX_ROTATIONS: usize = 20;
 
-/// Relative outward shift of a point, over the square of its distance from the middle of points that have size 1. The shift
-/// puts points in faces and edges behind the corners.
+/// Relative outward shift of a point, divided by the square of its distance from the middle of points that have size 1.
+/// The shift puts points in faces and edges behind the corners.
 const BULGE_FACTOR: f64 = 1e-10;
 
 /// Reason why points have no hull, or a hull or surface makes no body.
@@ -161,7 +163,7 @@ mod tests {
             let turn = Rotation3::from_scaled_axis(Vector3::new(0.4, 0.9, -0.2) * k as f64);
             let turned: Vec<[f64; 3]> = points.iter().map(|&p| (turn * Vector3::from(p)).into()).collect();
             let found = convex_hull(&turned).unwrap_or_else(|misfit| panic!("{misfit}")).volume();
-            // Rounding of the turned points, which moves a face of a body by eps over its thinness.
+            // Rounding of the turned points, which moves a face of a body by eps divided by its thinness.
             assert!((found / volume - 1.0).abs() < 1e-9, "{found} {volume}");
         }
     }

@@ -15,17 +15,17 @@ use crate::shapes::principal::PrincipalSolid;
 use crate::shapes::read::{self, RepairedSurface};
 use crate::sphere::sphere_spiral;
 
-/// Largest shift of vertices, over the extent, for which a surface counts as convex: files have seven digits.
+/// Largest shift of vertices, divided by the extent, for which a surface counts as convex: files have seven digits.
 const CONVEXITY_TOLERANCE: f64 = 1e-6;
 
-/// Deviations from convexity, over the extent, up to which a surface is replaced by its hull, as its coordinates have few
-/// digits. Six decimals of a cube of 1 cm give 5e-5.
+/// Deviations from convexity, divided by the extent, up to which a surface is replaced by its hull, as its coordinates
+/// have few digits. Six decimals of a cube of 1 cm give 5e-5.
 const ROUNDING_DEVIATIONS: [f64; 6] = [2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4];
 
 /// Number of voxels along the longest side for the convex decomposition.
 const VOXEL_RESOLUTION: u32 = 64;
 
-/// Smallest volume of a piece over the whole; smaller pieces are left out as slivers.
+/// Smallest ratio of the volume of a piece to that of the whole; smaller pieces are left out as slivers.
 const MIN_PIECE_VOLUME: f64 = 1e-6;
 
 /// Reads the surface of a file and scales it. Errors: the errors of [`read::read_surface`].

@@ -8,8 +8,8 @@ use nalgebra::{Matrix3, Vector3};
 use crate::rounding::{round_14_columns, round_axes};
 use crate::shapes::hull;
 
-/// Distance from the centre over the extent, or error of the principal axes, below which vertices stay as they are. A
-/// file with twelve digits leaves about 1e-12.
+/// Ratio of the distance from the centre to the extent, or error of the principal axes, below which vertices stay as
+/// they are. A file with twelve digits leaves about 1e-12.
 const ALIGNMENT_TOLERANCE: f64 = 1e-10;
 
 /// Body of density 1 in its principal axes about its centre of mass.

@@ -51,7 +51,7 @@ mod tests {
     use crate::shapes::{PrincipalSolid, hull};
     use nalgebra::{Matrix3, Vector3};
 
-    /// Volume over the cube of the circumscribed radius, from Coxeter, Regular Polytopes (1973), table I.
+    /// Ratio of the volume to the cube of the circumscribed radius, from Coxeter, Regular Polytopes (1973), table I.
     #[test]
     fn regular_solids_have_their_volumes_and_keep_their_vertices() {
         let (r3, r5) = (3f64.sqrt(), 5f64.sqrt());

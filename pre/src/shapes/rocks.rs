@@ -17,12 +17,12 @@ pub struct RockGenerator {
     pub angularity: f64,
 }
 
-/// Spacing of vertices over the widest possible one at angularity 0: about the jamming limit of vertices that are placed
-/// one after the other.
+/// Ratio of the spacing of vertices to the widest possible one at angularity 0: about the jamming limit of vertices
+/// that are placed one after the other.
 const EVEN_SPACING: f64 = 0.75;
-/// Spacing over the widest possible one at angularity 1: nearer vertices would make negligible edges.
+/// Ratio of the spacing to the widest possible one at angularity 1: nearer vertices would make negligible edges.
 const MIN_SPACING: f64 = 0.1;
-/// Smallest distance of a face from the centre of mass over the circumscribed radius, before the ratios: flatter
+/// Smallest ratio of a face's distance from the centre of mass to the circumscribed radius, before the ratios: flatter
 /// polyhedra are redrawn.
 const MIN_INRADIUS: f64 = 0.1;
 /// Largest number of draws of one polyhedron.

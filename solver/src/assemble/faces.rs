@@ -41,30 +41,32 @@ use crate::math::{PAR_MIN_LEN, Vec3, run_ranges, to_world};
 use crate::scene::{BodyId, BodyPart, ContactorShape, Scene};
 use crate::state::Contact;
 
-/// Gap over the size of a face up to which corners without load belong to the pressed area: vertices read from text have 7
-/// digits.
+/// Ratio of the gap to the size of a face, up to which corners without load belong to the pressed area: vertices read
+/// from text have 7 digits.
 const FLUSH_GAP: f64 = 1e-6;
-/// Area over the square of the size of a face below which it is an edge: its corners are rounded to about 1e-9 of the size.
+/// Ratio of the area to the square of the size of a face, below which it is an edge: its corners are rounded to about
+/// 1e-9 of the size.
 const MIN_FACE_AREA: f64 = 1e-6;
 /// Largest λ: a few corners near the centroid that carry all the load would move the friction far outside the face.
 const MAX_OFFSET_SCALE: f64 = 2.0;
-/// Distance of the load from p̄ over the size of the face, below which one corner carries the whole load.
+/// Ratio of the distance of the load from p̄ to the size of the face, below which one corner carries the whole load.
 const SINGLE_CORNER_DISTANCE: f64 = 1e-9;
-/// Largest area of a common part over that of the polygon of its acting points for which the part counts as round: a disc has
-/// π/2 times the area of its inscribed square. The ratio is larger if some corners are apart.
+/// Largest ratio of the area of a common part to that of the polygon of its acting points, for which the part counts as
+/// round: a disc has π/2 times the area of its inscribed square. The ratio is larger if some corners are apart.
 const LARGEST_AREA_RATIO: f64 = 1.6;
 /// Iterations for the centre of a bonded face: the sum of distances in a triangle whose best centre is a corner is then
 /// within 1 %.
 const WEISZFELD_ITERATIONS: usize = 30;
 /// Largest 1 - cos of the angle between the normals of contacts of one face: 1e-4 rad.
 const MAX_NORMAL_DEVIATION: f64 = 5e-9;
-/// Height over distance up to which points are in one plane: larger than the overlaps of solutions.
+/// Ratio of height to distance, up to which points are in one plane: larger than the overlaps of solutions.
 const MAX_HEIGHT_RATIO: f64 = 1e-4;
 /// Relative difference of velocities up to which driven bodies move as one.
 const MAX_SPEED_DIFFERENCE: f64 = 1e-9;
-/// Twice the area of a triangle over the square of its size, up to which its corners are collinear.
+/// Twice the area of a triangle, divided by the square of its size, up to which its corners are collinear.
 const MAX_COLLINEAR_AREA: f64 = 1e-9;
-/// Smallest area of the contacts of a face over that of their hull, below which the contactors under it leave gaps.
+/// Smallest ratio of the area of the contacts of a face to that of their hull, below which the contactors under it
+/// leave gaps.
 const MIN_FILLED_SHARE: f64 = 0.99;
 /// Rows per task.
 const ROWS_PER_TASK: usize = 256;
@@ -178,7 +180,7 @@ pub(super) fn has_joints(scene: &Scene) -> bool {
         && (parts.clone().any(is_piece) || parts.filter(is_fixed).count() > 1)
 }
 
-/// Faces over flush joints. The friction of a face that lies on several adjacent contactors, of one body or of bodies with
+/// Faces that flush joints cross. The friction of a face that lies on several adjacent contactors, of one body or of bodies with
 /// the same imposed motion, acts as that of one face, since the distribution of the load over the contactors is not
 /// determined. On separate bodies that move freely each part has its own friction.
 ///
@@ -189,7 +191,7 @@ pub(super) struct Joints<'a, L, S, C> {
     pub last_loads: C,
 }
 
-/// Friction offsets of [`BlockData`], including those of faces over joints, and the initial impulses (world frame, N s) of
+/// Friction offsets of [`BlockData`], including those of joined faces, and the initial impulses (world frame, N s) of
 /// rows in such faces that do not start from those of the last step.
 pub(super) struct JoinedFaces {
     pub offsets: Vec<Vec3>,

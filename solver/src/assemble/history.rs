@@ -53,12 +53,12 @@ fn pair_range<T>(list: &[T], pair: ContactorPair, contact: impl Fn(&T) -> &Conta
 pub(super) struct BondState {
     /// Gap at which the contact is bonded, m.
     pub bond: Option<f64>,
-    /// Whether bonds join its bodies, directly or over other bodies.
+    /// Whether bonds join its bodies, directly or through other bodies.
     pub in_aggregate: bool,
 }
 
-/// Whether each body is in one of the contacts `chosen`, or is connected to one of these over others. `contacts` are all that
-/// can close. Bodies that never move are not counted.
+/// Whether each body is in one of the contacts `chosen`, or is connected to one of these through others. `contacts` are
+/// all that can close. Bodies that never move are not counted.
 pub fn connected_bodies(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]) -> Vec<bool> {
     let mut rests: Vec<bool> = scene.bodies.iter().map(|body| body.driven && !body.is_driven_in_part()).collect();
     scene.drives.iter().filter(|drive| drive.ever_moves()).for_each(|drive| rests[drive.body.index()] = false);

@@ -34,7 +34,7 @@ pub struct ContactConstraint {
     /// Candidate and antagonist.
     pub bodies: [BodyId; 2],
     pub normal: Vec3,
-    /// Distance from each centre to the contact point, over the radius of its sphere.
+    /// Distance from each centre to the contact point, divided by the radius of its sphere.
     pub arm: f64,
     /// û = u + shift, world frame, m/s: the law's shifts and the motion of a plate.
     pub shift: Vec3,
@@ -72,7 +72,8 @@ pub struct RollingConstraint {
     pub spinning: f64,
     /// Share of R |r_T| by which the largest moment about the normal is smaller; 0 for friction.
     pub shear: f64,
-    /// 1/(1/I_a + 1/I_b) of spheres, else one over the largest eigenvalue of the sum of the inverse inertias, kg m^2.
+    /// 1/(1/I_a + 1/I_b) of spheres, else the inverse of the largest eigenvalue of the sum of the inverse inertias, kg
+    /// m^2.
     pub inverse_w: f64,
     /// Relative angular velocity due to a plate, rad/s.
     pub shift: Vec3,
@@ -176,7 +177,7 @@ impl ContactConstraint {
 
     /// Gives the two bodies the impulse `r` on the candidate and -r on the antagonist, N s.
     pub fn apply_impulse(&self, solver_bodies: &mut [SolverBody], r: &Vec3) {
-        let turn = r.cross(&self.normal) * self.arm; // moment over the radius, the same for both sides
+        let turn = r.cross(&self.normal) * self.arm; // moment divided by the radius, the same for both sides
         let a = &mut solver_bodies[self.bodies[0].index()];
         a.v += r * a.inverse_mass;
         a.w += turn * (a.radius * a.inverse_inertia);
@@ -403,8 +404,8 @@ impl BlockData {
     }
 }
 
-/// Smallest velocity along the normal that an impulse along it gives to one of two partly driven bodies at their contact
-/// point, over that of the free mass, at which the contact acts: the square of the cosine between the normal and a free
-/// direction. Within 1e-3 rad of the plane of the imposed components the normal differs from this plane only by rounding,
-/// and an impulse along it would accelerate the body along the free axis.
+/// Smallest velocity along the normal that an impulse along it gives to one of two partly driven bodies at their
+/// contact point, divided by that of the free mass, at which the contact acts: the square of the cosine between the
+/// normal and a free direction. Within 1e-3 rad of the plane of the imposed components the normal differs from this
+/// plane only by rounding, and an impulse along it would accelerate the body along the free axis.
 const MIN_FREE_MOBILITY: f64 = 1e-6;

@@ -28,8 +28,8 @@ const PREFETCH_CONTACTS: usize = 8;
 /// Bodies per task.
 const BODIES_PER_TASK: usize = 256;
 
-/// Normal velocity, over that due to the impulse of the last step alone, up to which a contact rests: larger than the errors
-/// of solutions, smaller than the rebound with a restitution of 0.06.
+/// Normal velocity, divided by that due to the impulse of the last step alone, up to which a contact rests: larger than
+/// the errors of solutions, smaller than the rebound with a restitution of 0.06.
 const MAX_RESTING_VELOCITY_SHARE: f64 = 0.05;
 
 /// Assembles the rows of all contacts, in their order.

@@ -17,7 +17,7 @@ use crate::state::{BodyLoad, GravityHistory, State};
 /// Accuracy of self-gravity.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct GravityReport {
-    /// RMS of the correction that makes forces and torques sum to zero, over that of the accelerations.
+    /// RMS of the correction that makes forces and torques sum to zero, divided by that of the accelerations.
     pub removed: f64,
     /// Error against the direct sum, in steps that sample it.
     pub sampled: Option<SampledError>,
@@ -51,11 +51,11 @@ const ENERGY_ERROR: f64 = 1e-6;
 /// Share of the error allowed for self-gravity that its extrapolation may reach.
 const EXTRAPOLATION_ERROR_SHARE: f64 = 0.25;
 
-/// Largest time of extrapolation of self-gravity over the time between its last two evaluations.
+/// Largest ratio of the time of extrapolation of self-gravity to the time between its last two evaluations.
 const MAX_EXTRAPOLATION_RATIO: f64 = 2.0;
 
-/// Largest distance, over the sum of the radii, at which bodies feel each other's quadrupoles if attraction is not summed
-/// pair by pair.
+/// Largest distance, divided by the sum of the radii, at which bodies feel each other's quadrupoles if attraction is
+/// not summed pair by pair.
 const QUADRUPOLE_RANGE: f64 = 3.0;
 
 /// Self-gravity at each free body; no accelerations if the scene has none.

@@ -79,8 +79,9 @@ impl AssemblyContext<'_> {
     }
 
     /// Approach velocity of the inside of a hollow cylinder to a point that slides round it, m/s, as the surface curves away
-    /// from its tangent. For a point at the distance D from the axis, which moves by h u_θ along the tangent, it is (D - √(D²
-    /// - (h u_θ)²))/h, minus the distance by which the point leaves its tangent as it turns about its body's centre, over h.
+    /// from its tangent. For a point at the distance D from the axis, which moves by h u_θ along the tangent, it is
+    /// (D - √(D² - (h u_θ)²))/h - d/h, with the distance d by which the point leaves its tangent as it turns about its
+    /// body's centre.
     ///
     /// 0 at other contacts: the gap opens between convex surfaces.
     pub(super) fn curvature_velocity(&self, contact: &Contact) -> f64 {
@@ -120,8 +121,8 @@ impl AssemblyContext<'_> {
     }
 }
 
-/// Largest displacement along the inside of a cylinder in a step over the distance from its axis, for which the curvature is
-/// corrected: about two tangent planes of [`far_walls`](crate::geometry::far_walls) apart.
+/// Largest ratio of a displacement along the inside of a cylinder in a step to the distance from its axis, for which
+/// the curvature is corrected: about two tangent planes of [`far_walls`](crate::geometry::far_walls) apart.
 const MAX_CURVED_SHARE: f64 = 0.75;
 
 /// Cosine between the normal and the axis up to which a contact is on the round side of a cylinder: 0 up to rounding there,

@@ -14,15 +14,16 @@ use crate::state::NeighbourList;
 // Wider skins make searches rarer, and more pairs that are not near are examined in every step. The values of the first
 // three constants are a compromise between the two; no result depends on them.
 
-/// Skin of a body at rest, over the mean radius: a packed bed, whose grains shift by less, is not searched again.
+/// Ratio of the skin of a body at rest to the mean radius: a packed bed, whose grains shift by less, is not searched
+/// again.
 const MIN_SKIN: f64 = 0.01;
 /// Displacements of the last step that are added to the skin of a moving body: at constant velocity the list is valid
 /// for six steps.
 const SKIN_STEPS: f64 = 6.0;
-/// Largest mean skin over the mean radius; with wider skins the pairs that are not near cost more than the list saves.
-/// The balls of a dense packing have 1.2³ = 1.7 times as many neighbours with it.
+/// Largest ratio of the mean skin to the mean radius; with wider skins the pairs that are not near cost more than the
+/// list saves. The balls of a dense packing have 1.2³ = 1.7 times as many neighbours with it.
 const MAX_MEAN_SKIN: f64 = 0.2;
-/// Skin over the mean radius where a list saves nothing: covers the rounding of distances.
+/// Ratio of skin to mean radius where a list saves nothing: covers the rounding of distances.
 const ROUNDING_SKIN: f64 = 1e-9;
 /// Ratio of the pairs per ball in the cells with and without travel beyond which paths are searched instead of cells,
 /// which only know speeds relative to the mean.

@@ -183,8 +183,8 @@ struct NarrowPhaseScratch<'a> {
     prefetcher: Prefetcher<'a>,
 }
 
-/// Applies the narrow phase to the pairs that are not known to be apart. `nearby`: gap over the smaller radius, up to which
-/// points are listed in any direction, as in [`TravelBounds`].
+/// Applies the narrow phase to the pairs that are not known to be apart. `nearby`: ratio of gap to smaller radius, up
+/// to which points are listed in any direction, as in [`TravelBounds`].
 fn narrow_phase_chunk<'a>(
     scene: &Scene,
     contactors: &'a [PosedContactor<'a>],

@@ -106,8 +106,8 @@ fn posed_contactor<'a>(
     }
 }
 
-/// Gap over the smaller radius up to which a pair gets all its points even if it does not close: faces in contact during
-/// a common fall are pushed together at all their points once something stops them.
+/// Ratio of gap to smaller radius, up to which a pair gets all its points even if it does not close: faces in contact
+/// during a common fall are pushed together at all their points once something stops them.
 const FULL_MANIFOLD_GAP: f64 = 1e-3;
 
 /// Two contactors that may be near each other.

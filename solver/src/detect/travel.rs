@@ -21,7 +21,7 @@ pub struct TravelBounds<'a> {
     pub velocities: Velocities<'a>,
     /// Time for which contacts are predicted, s.
     pub lookahead: f64,
-    /// [`NEARBY_GAP`] scaled to the lookahead: a gap over the smaller radius.
+    /// [`NEARBY_GAP`] scaled to the lookahead: a ratio of gap to smaller radius.
     pub nearby: f64,
 }
 

@@ -162,8 +162,8 @@ const MAX_HALVINGS: i32 = 30;
 /// Angle between two axes, rad, up to which radial directions count as perpendicular to both: far above that of rounding, 1e-8,
 /// below which their cross product has no better direction, and far below one that moves a contact point.
 const MAX_PARALLEL_TILT: f64 = 1e-6;
-/// Sideways distance of the ends of two nearly parallel sides over the smaller radius up to which they touch along a line: the
-/// gap at these ends exceeds that of the middle by half its square of the radius.
+/// Sideways distance of the ends of two nearly parallel sides, divided by the smaller radius, up to which they touch
+/// along a line: the gap at these ends exceeds that of the middle by half its square of the radius.
 const MAX_SIDE_SKEW: f64 = 1e-2;
 
 impl TwoCylinders<'_> {

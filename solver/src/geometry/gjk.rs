@@ -14,7 +14,7 @@ use super::search::RIDGE_ANGLE;
 use crate::math::simd::{F64Arithmetic, LaneOperation};
 use crate::math::{Vec3, vector_length};
 
-/// Gap between the bounds, over the distance, at which the search ends.
+/// Gap between the bounds, divided by the distance, at which the search ends.
 const RELATIVE_TOLERANCE: f64 = 1e-15;
 /// Larger than any observed number of steps; every step but the last brings the simplex nearer.
 const MAX_STEPS: usize = 64;

@@ -54,8 +54,8 @@ pub fn polyhedron_hollow_cylinder(
 /// Tangent planes of the side of [`far_walls`]. The polygon of their faces is at most 2 % wider than the cylinder.
 const TANGENT_PLANES: u32 = 16;
 
-/// Displacement in a step over the smaller of the cylinder's radius and half height, above which the wall ahead of a body
-/// differs from the one nearest to it.
+/// Ratio of the displacement in a step to the smaller of the cylinder's radius and half height, above which the wall
+/// ahead of a body differs from the one nearest to it.
 const FAR_DISPLACEMENT: f64 = 0.25;
 
 /// First feature of a hollow cylinder that is a tangent plane of its side or the farther end.

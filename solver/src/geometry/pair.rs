@@ -126,13 +126,13 @@ pub(super) fn dot_columns<L: F64Arithmetic>(l: L, v: &Vec3, [x, y, z]: [L::V; 3]
     l.mul_add(l.splat(v.z), z, l.mul_add(l.splat(v.y), y, l.mul(l.splat(v.x), x)))
 }
 
-/// Returns the first vertex farthest along the unit vector `n` (world frame), and its height over the centre, m.
+/// Returns the first vertex farthest along the unit vector `n` (world frame), and its height above the centre, m.
 pub(super) fn support_vertex(posed: &PosedPolyhedron, n: &Vec3) -> (u32, f64) {
     let (vertex, height) = lowest_vertex(Scalar, posed, &-n);
     (vertex, -height)
 }
 
-/// Returns the first vertex lowest along the unit vector `n` (world frame), and its height over the centre, m.
+/// Returns the first vertex lowest along the unit vector `n` (world frame), and its height above the centre, m.
 #[inline(always)]
 pub(super) fn lowest_vertex<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: &Vec3) -> (u32, f64) {
     let n = posed.local_vector(n);

@@ -9,12 +9,13 @@ use super::outline::collect_common_corners;
 use super::pair::{PatchCorner, PatchCorners, PolyhedronPair, SearchAxis};
 use crate::math::Vec3;
 
-/// Distance from a side, over the smaller circumradius, up to which a vertex is on the side, so that aligned faces keep
-/// their vertices and have no crossings next to them.
+/// Distance from a side, divided by the smaller circumradius, up to which a vertex is on the side, so that aligned
+/// faces keep their vertices and have no crossings next to them.
 pub(super) const ON_SIDE_DISTANCE: f64 = 1e-11;
-/// Distance, over the smaller circumradius, up to which two corners count as one.
+/// Distance, divided by the smaller circumradius, up to which two corners count as one.
 pub(super) const SAME_CORNER_DISTANCE: f64 = 1e-9;
-/// Distance of a corner from the line between its neighbours, over the size of the patch, up to which it may be left out.
+/// Distance of a corner from the line between its neighbours, divided by the size of the patch, up to which it may be
+/// left out.
 const FLAT_CORNER_HEIGHT: f64 = 1e-2;
 /// Number of ties by which a corner must be deeper than its neighbours to be kept always.
 const DEEPER_TIES: f64 = 4.0;
@@ -199,7 +200,8 @@ fn convex_order(corners: &[PatchCorner]) -> SmallVec<[u32; 12]> {
 }
 
 /// Tilt of two faces, rad, from which on they have no common area if a range counts: an edge on a face. The part of a
-/// tilted face that is within the range of a bond, a thousandth of the size over the tilt, is 1 % of the face there.
+/// tilted face that is within the range of a bond, a thousandth of the size divided by the tilt, is 1 % of the face
+/// there.
 pub(super) const MAX_AREA_TILT: f64 = 0.1;
 
 /// Fraction of the area of a convex polygon of corners x, y and gap that counts at the tilt θ of its gap: 1 - (θ/0.1)²,

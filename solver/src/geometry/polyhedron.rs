@@ -127,7 +127,7 @@ impl From<ConvexMesh> for Polyhedron {
 }
 
 impl Polyhedron {
-    /// Distance from a face's plane, over the size, up to which triangles belong to it.
+    /// Distance from a face's plane, divided by the size, up to which triangles belong to it.
     pub const FLATNESS: f64 = 1e-10;
 
     /// Builds the polyhedron of a closed, outward triangulated surface about the body's centre of mass, m.

@@ -26,8 +26,8 @@ pub(super) enum SearchStart {
     Direction(Vec3),
 }
 
-/// Products of the two dots of a Gauss-map test above which edges count as parallel, over the squared length of the edge:
-/// 4e-12 rad. Skipping such edges changes s by at most [`PolyhedronPair::tie_tolerance`].
+/// Products of the two dots of a Gauss-map test above which edges count as parallel, divided by the squared length of
+/// the edge: 4e-12 rad. Skipping such edges changes s by at most [`PolyhedronPair::tie_tolerance`].
 const PARALLEL_EDGE_PRODUCT: f64 = 1.6e-23;
 /// Angle up to which edges count as parallel ridges, rad.
 pub(super) const RIDGE_ANGLE: f64 = 1e-11;

@@ -11,7 +11,7 @@ use super::polyhedron::PosedPolyhedron;
 use crate::math::Vec3;
 use crate::math::simd::{Arithmetic, F64Arithmetic, LaneOperation, SimdWidth};
 
-/// Distance from a side, over the distance up to which two corners count as one, below which `outline` decides.
+/// Ratio of the distance from a side to that up to which two corners count as one, below which `outline` decides.
 const MIN_SIDE_CLEARANCE: f64 = 4.0;
 /// Number of candidates for corners of the common part: vertices of A, of B, crossings of side i of A with side j of B at
 /// 6 + 3 i + j.

@@ -9,7 +9,8 @@ use crate::math::{Vec3, Wrench};
 const BODIES_PER_SUM: usize = 4096;
 
 /// Removes the rigid motion that errors of the accelerations cause: a_i -= F/M + (I^-1 T) x x_i about the centre of mass,
-/// with F = sum m a, T = sum x x m a. Returns the RMS of the removed part over that of `a`, weighted by mass.
+/// with F = sum m a, T = sum x x m a. Returns the ratio of the RMS of the removed part to that of `a`, weighted by
+/// mass.
 pub fn balance_accelerations(positions: &[Vec3], masses: &[f64], acceleration: &mut [Vec3]) -> f64 {
     let Some(origin) = positions.first() else { return 0.0 };
     let parts = positions

@@ -72,7 +72,8 @@ pub struct GravityField {
     pub acceleration: Vec<Vec3>,
     /// Potential, J/kg, negative; empty if only the acceleration was requested.
     pub potential: Vec<f64>,
-    /// RMS of the correction that makes forces and torques sum to zero, over the RMS acceleration, weighted by mass.
+    /// RMS of the correction that makes forces and torques sum to zero, divided by the RMS acceleration; weighted by
+    /// mass.
     pub removed: f64,
 }
 
@@ -291,7 +292,7 @@ mod tests {
         (square / b.iter().map(|b| b.norm_squared()).sum::<f64>()).sqrt()
     }
 
-    /// |sum m a| over sum m |a|, and the same of torques about the centre of mass.
+    /// |sum m a| / sum m |a|, and the same of torques about the centre of mass.
     fn imbalance(x: &[Vec3], m: &[f64], a: &[Vec3]) -> (f64, f64) {
         let centre = x.iter().zip(m).map(|(x, m)| x * *m).sum::<Vec3>() / m.iter().sum::<f64>();
         let (mut force, mut torque, mut scale, mut arm) = (Vec3::zeros(), Vec3::zeros(), 0.0, 0.0);

@@ -121,7 +121,7 @@ mod tests {
             for r in [0.01, 0.2, 0.39, 0.41, 0.9, 1.3] {
                 let at = |r: f64| ball_attraction(&(Vec3::x() * r), [1.0; 2], radii, 1.0);
                 let slope = (at(r + 1e-5).energy - at(r - 1e-5).energy) / 2e-5;
-                assert!((slope - at(r).force.x).abs() < 1e-9, "{radii:?} {r}"); // second differences, and rounding over 1e-5
+                assert!((slope - at(r).force.x).abs() < 1e-9, "{radii:?} {r}"); // second differences, rounding / 1e-5
             }
         }
         let deep = ball_attraction(&(Vec3::x() * 1e-12), [1.0; 2], [1.0; 2], 1.0).force.x;

@@ -1,4 +1,4 @@
-//! Effect of the shapes of two near bodies on their attraction, to second order in size over distance.
+//! Effect of the shapes of two near bodies on their attraction, to second order in the ratio of size to distance.
 
 use nalgebra::Matrix3;
 

@@ -45,7 +45,7 @@ struct SettingsRow {
     error: f64,
     /// Total order of the expansions.
     order: usize,
-    /// Largest error of one expansion over the target error, for 1e5 bodies.
+    /// Largest ratio of the error of one expansion to the target error, for 1e5 bodies.
     share: f64,
     /// Relative increase of `share` for a thousand bodies, which have few cells far enough away to err.
     few_bodies_gain: f64,

@@ -121,7 +121,7 @@ impl StrainSpring {
 /// Regularisation of the row of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LawRegularisation {
-    /// Compliance along the normal, 1/kg: velocity over impulse.
+    /// Compliance along the normal, 1/kg: velocity per impulse.
     Compliance(f64),
     /// No relative velocity.
     Coupling,
@@ -154,11 +154,11 @@ pub struct MomentLimits {
     pub shear: f64,
 }
 
-/// Largest gap at which two bodies touch, for a bond, over 1/(1/R_a + 1/R_b).
+/// Largest gap at which two bodies touch, for a bond, divided by 1/(1/R_a + 1/R_b).
 pub const MAX_TOUCHING_GAP: f64 = 1e-3;
 
-/// Largest gap at which two bodies touch, for laws on the velocity, over the same length: the corners of a face that lies
-/// flat are within this gap, to rounding.
+/// Largest gap at which two bodies touch, for laws on the velocity, divided by the same length: the corners of a face
+/// that lies flat are within this gap, to rounding.
 const CLOSED_GAP: f64 = 1e-9;
 
 /// Contact law: condition along the normal, cohesion and friction.
@@ -182,7 +182,7 @@ pub struct ContactLaw {
 /// Push against overlaps that are deeper than a bound, as of an oscillator that closes them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GapRescue {
-    /// Period of the oscillator over the length of the step.
+    /// Ratio of the period of the oscillator to the length of the step.
     pub steps: f64,
     /// Gap below which it pushes, m, at most 0.
     pub gap: f64,
@@ -236,8 +236,8 @@ pub enum GapForecast {
     Due,
 }
 
-/// Overlap that other contacts may bring in a step to a pair that throws back, and velocities to a pair with a damped spring,
-/// over the size of the pair.
+/// Overlap that other contacts may bring in a step to a pair that throws back, and velocities to a pair with a damped
+/// spring, divided by the size of the pair.
 pub const MAX_STEP_OVERLAP: f64 = 0.1;
 
 /// Motion of a contact by more than the errors of its velocity.

@@ -169,7 +169,7 @@ pub fn part_number_in_scene(scene: &Scene, body: BodyId, contactor: usize, point
     nearest.map(|part| part.number)
 }
 
-/// Largest height of a point in the body's frame over the faces of a polyhedron, m; 0 for other shapes.
+/// Largest height of a point in the body's frame above the faces of a polyhedron, m; 0 for other shapes.
 fn height_over(part: &BodyPart, point: &Vec3) -> f64 {
     let ContactorShape::Polyhedron(shape) = &part.geometry else { return 0.0 };
     let local = part.axes.inverse_transform_vector(&(point - part.offset));

@@ -3,7 +3,7 @@
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
 
-/// Distance over the size up to which a vertex is the mirror image of another: files have seven digits.
+/// Ratio of distance to size, up to which a vertex is the mirror image of another: files have seven digits.
 const MIRROR_TOLERANCE: f64 = 1e-5;
 
 /// Axis that can be reversed without changing the shape of a body: its shape, with the points of wires and rods, is symmetric to

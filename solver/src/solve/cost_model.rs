@@ -23,14 +23,15 @@ pub struct CostModel {
     pub min_fallback_steps: f64,
     /// Number of contacts from which factors take gigabytes of memory: sweeps replace the solvers that need them. Chosen.
     pub max_factored_contacts: usize,
-    /// Tolerance of the stored solvers over that of the step: a little below 1, since the residual of the step is computed by
-    /// other sums than theirs.
+    /// Ratio of the tolerance of the stored solvers to that of the step: a little below 1, since the residual of the
+    /// step is computed by other sums than theirs.
     pub tolerance_share: f64,
-    /// Largest rounding of a stored solver's impulses over the bodies' momenta. Impulses that brace bodies against each other
-    /// may grow until the momenta are lost in their rounding. Chosen: half of the digits of a number.
+    /// Largest ratio of the rounding of a stored solver's impulses to the bodies' momenta. Impulses that brace bodies
+    /// against each other may grow until the momenta are lost in their rounding. Chosen: half of the digits of a
+    /// number.
     pub max_rounding_share: f64,
-    /// Largest E after the fallback over that of the sweeps at which it counts as a success, even if rounding keeps E above
-    /// the tolerance. Chosen.
+    /// Largest ratio of E after the fallback to that of the sweeps, at which it counts as a success, even if rounding
+    /// keeps E above the tolerance. Chosen.
     pub success_residual_share: f64,
     /// Largest exponent k of the back-off: after k failures in a row the fallback is attempted again 2^k steps later. Chosen:
     /// a failed attempt costs as much as hundreds of steps.

@@ -192,7 +192,7 @@ impl<'a> ResidualEvaluator<'a> {
         if self.initial_norm > 0.0 { self.floor / self.initial_norm } else { 0.0 }
     }
 
-    /// Rounding of the impulses over the sum of the momenta of the bodies and |F(r_0)|.
+    /// Ratio of the rounding of the impulses to the sum of the momenta of the bodies and |F(r_0)|.
     pub fn rounding_share(&self, impulses: &[Vec3]) -> f64 {
         let impulse_sum: f64 = self.rows.iter().map(|&k| impulses[k.index()].norm_squared()).sum();
         let is_movable = |body_start: &&SolverBody| body_start.inverse_mass > 0.0;

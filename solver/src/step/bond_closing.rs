@@ -22,9 +22,9 @@ use crate::math::{PAR_MIN_LEN, Vec3, rotate_by_vector};
 use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, SolvedContact, State};
 
-/// Opening of a bond over its effective radius above which positions are corrected. A bond is made at a gap of up to
-/// [`MAX_TOUCHING_GAP`] and acts up to twice that gap. One step opens a corner by up to three times the error that
-/// [`super::velocity_errors`] accepts, which is `LARGEST_OPENING` per step.
+/// Ratio of the opening of a bond to its effective radius, above which positions are corrected. A bond is made at a gap
+/// of up to [`MAX_TOUCHING_GAP`] and acts up to twice that gap. One step opens a corner by up to three times the error
+/// that [`super::velocity_errors`] accepts, which is `LARGEST_OPENING` per step.
 pub const LARGEST_OPENING: f64 = 0.25 * MAX_TOUCHING_GAP;
 
 /// Sweeps of a correction: the four corners of a cube are then closed to a hundredth of their opening. The remaining opening

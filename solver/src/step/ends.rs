@@ -118,7 +118,8 @@ struct PostSolve<'a> {
     warning_depth: f64,
 }
 
-/// Overlap over the smaller radius above which a run warns: no law causes it, and volumes are off by three times as much.
+/// Ratio of overlap to smaller radius, above which a run warns: no law causes it, and volumes are off by three times as
+/// much.
 pub const OVERLAP_WARNING_SHARE: f64 = 1e-2;
 
 /// Two bodies that overlap.
@@ -127,7 +128,7 @@ pub struct Overlap {
     pub bodies: [BodyId; 2],
     /// Depth of the overlap, m.
     pub depth: f64,
-    /// Depth over the smaller radius of the two bodies; bodies whose motion is all imposed do not count.
+    /// Ratio of the depth to the smaller radius of the two bodies; bodies whose motion is all imposed do not count.
     pub share: f64,
 }
 

@@ -26,11 +26,12 @@ use crate::math::{Mat3, Twist, Vec3, Wrench};
 use crate::solve::ContactSolution;
 use crate::state::ContactId;
 
-/// Smallest pressure on a bond from which its limit of shear is computed, over its strength: where traction uses up the
-/// strength, the limit would be 0.
+/// Smallest pressure on a bond from which its limit of shear is computed, divided by its strength: where traction uses
+/// up the strength, the limit would be 0.
 const MIN_SHEAR_SHARE: f64 = 0.01;
 
-/// Determinant of T over the cube of its trace below which bonds are in a line, to rounding: an area of 1:1000 has 1e-7.
+/// Ratio of the determinant of T to the cube of its trace, below which bonds are in a line, to rounding: an area of
+/// 1:1000 has 1e-7.
 const MIN_SPREAD: f64 = 1e-12;
 
 /// Bonds between two bodies.
@@ -98,7 +99,8 @@ impl BondedPair {
         Twist { v, w: self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * turning_sum) }
     }
 
-    /// Largest impulse with which a bond carries the impulse `load` about the centre of the bonds, over its limit.
+    /// Largest impulse with which a bond carries the impulse `load` about the centre of the bonds, divided by its
+    /// limit.
     fn load_share(&self, contact_problem: &ContactProblem, solution: &ContactSolution, load: Wrench) -> f64 {
         let count = self.rows.len() as f64;
         let turn = self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * load.torque);
@@ -157,8 +159,8 @@ struct Branch {
     motion: Twist,
 }
 
-/// Largest impulse by which the velocity errors load one of the `bonded` rows in the next step, over its strength. The
-/// `broken` rows carry nothing; both are sorted.
+/// Largest impulse by which the velocity errors load one of the `bonded` rows in the next step, divided by its
+/// strength. The `broken` rows carry nothing; both are sorted.
 pub fn largest_error_load(
     contact_problem: &ContactProblem,
     solution: &ContactSolution,

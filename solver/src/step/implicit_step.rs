@@ -11,14 +11,15 @@ use crate::math::{Vec3, to_world};
 use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, SolvedContact, State, UNKNOWN_FEATURE, Velocities};
 
-/// Closing beyond a gap that counts as rounding, over the effective radius: that of laws that act on touching contacts.
+/// Closing beyond a gap that counts as rounding, divided by the effective radius: that of laws that act on touching
+/// contacts.
 const CLOSING_ROUNDING: f64 = 1e-9;
 
 /// Relative change of an approach speed since the last step that is attributed to the digits of text files.
 const SPEED_DIGITS: f64 = 1e-6;
 
-/// Error of a relative velocity that LMGC90's solution leaves, over the largest relative velocity in the file: its usual
-/// tolerance is 1.666e-4, and velocities of its files differ from those of the bodies by up to 4e-5.
+/// Error of a relative velocity that LMGC90's solution leaves, divided by the largest relative velocity in the file:
+/// its usual tolerance is 1.666e-4, and velocities of its files differ from those of the bodies by up to 4e-5.
 const FILE_RESIDUAL: f64 = 2e-4;
 
 /// Whether velocities differ from those at the end of the last step and are not bounded by it.

@@ -66,7 +66,7 @@ pub struct StepReport {
     /// Potential energy in the contact configuration, J.
     pub potential: f64,
     pub gravity: GravityReport,
-    /// |momentum - expected| over the largest sum of m |v| so far.
+    /// |momentum - expected| divided by the largest sum of m |v| so far.
     pub momentum_drift: f64,
     /// Bodies as the step began, if commands of POSTPRO.DAT need them.
     pub start: Option<StepStart>,
@@ -257,14 +257,15 @@ impl Add for MotionTotals {
 /// Errors of the balances at the end of a step.
 #[derive(Debug, Clone, Copy)]
 pub struct BalanceErrors {
-    /// Unaccounted energy, E - E_start - work of contacts - work from outside, over `energy_scale`.
+    /// Unaccounted energy, E - E_start - work of contacts - work from outside, divided by `energy_scale`.
     pub energy: f64,
     /// Largest of kinetic and potential energy, |E_start| and the works, J.
     pub energy_scale: f64,
-    /// Change of momentum that no wall, field or event explains, over the largest sum so far of m |v|, or of the impulses in
-    /// a step.
+    /// Change of momentum that no wall, field or event explains, divided by the largest sum so far of m |v|, or of the
+    /// impulses in a step.
     pub momentum: f64,
-    /// Unexplained change of angular momentum, over the sum of `momentum` times the largest distance from the origin.
+    /// Unexplained change of angular momentum, divided by the sum of `momentum` times the largest distance from the
+    /// origin.
     pub angular_momentum: f64,
 }
 

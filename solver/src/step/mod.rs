@@ -127,8 +127,8 @@ fn travel_tolerance(scene: &Scene, q_c: &ContactConfiguration, contacts: &[Conta
     allowed / closing.reduce(|| 0.0, f64::max)
 }
 
-/// Largest error of a displacement by unfinished solutions, over the smallest radius. The residual is a mean over contacts: a
-/// single one may err by several times as much.
+/// Largest error of a displacement by unfinished solutions, divided by the smallest radius. The residual is a mean over
+/// contacts: a single one may err by several times as much.
 const MAX_TRAVEL_ERROR: f64 = 0.01;
 
 /// Requirements of the step for its solver.
@@ -180,8 +180,8 @@ const LOSS_TOLERANCE_FACTOR: f64 = 0.1;
 /// Largest residual with which irreversible losses are decided: a load of 0.9 or 1.1 of a limit is then on its side of it.
 const MAX_LOSS_RESIDUAL: f64 = 1e-3;
 
-/// Factor on `tol` for the residual sought, <= 1, where the penetration that earlier solutions have left (over the mean
-/// radius) exceeds `penetration_tol`: with twice as much, 1/4.
+/// Factor on `tol` for the residual sought, <= 1, where the penetration that earlier solutions have left (divided by
+/// the mean radius) exceeds `penetration_tol`: with twice as much, 1/4.
 ///
 /// The approach velocity that a residual leaves becomes overlap, which laws keep. Where loaded grains move slowly for a long
 /// time it accumulates, and a smaller residual is needed.

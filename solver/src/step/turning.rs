@@ -30,8 +30,8 @@ const MIN_TURN: f64 = 0.1;
 /// surface in any orientation.
 const MAX_TURN: f64 = 1.0;
 
-/// Largest depth to which the centre of a body that keeps its orientation may take it into a surface in a step, over half the
-/// thickness of the thinner one: overlaps above a hundredth of the radius are worth a warning.
+/// Largest depth to which the centre of a body that keeps its orientation may take it into a surface in a step, divided
+/// by half the thickness of the thinner one: overlaps above a hundredth of the radius are worth a warning.
 const MAX_PUSHED_DEPTH: f64 = 0.01;
 
 /// Bodies that contacts turn in this step by more than [`MAX_TURN`], or so far that a contactor ends behind the surface

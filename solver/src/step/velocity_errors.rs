@@ -23,9 +23,9 @@ use crate::scene::BodyId;
 use crate::solve::{ContactSolution, MOMENTUM_CYCLE, SolveRequest, StoppingCriteria, solve_contact_problem};
 use crate::state::{Contact, ContactId};
 
-/// Smallest velocity of a contact that counts as motion, over the velocity error of its bodies. A face at rest has at
-/// least one point whose error is its own velocity.
-/// A point far from it, as face corners are from each other, moves by up to three times that velocity as the face turns.
+/// Smallest velocity of a contact that counts as motion, divided by the velocity error of its bodies. A face at rest
+/// has at least one point whose error is its own velocity. A point far from it, as face corners are from each other,
+/// moves by up to three times that velocity as the face turns.
 const ERROR_MARGIN: f64 = 3.0;
 
 /// Share of the summed velocities at a contact that is rounding: a hundred sweeps of a few units in the last place.
@@ -35,8 +35,8 @@ const ROUNDING_SHARE: f64 = 1e-13;
 /// bodies: a load that is off by three times as much, [`ERROR_MARGIN`], is still distinguished from the strength.
 const MIN_RESOLVED_SHARE: f64 = 0.01;
 
-/// Largest load of a bond in the next step by velocity errors, over its strength: bonds that are loaded by 0.95 or 1.05 of
-/// their strength are then still on their side of it.
+/// Largest load of a bond in the next step by velocity errors, divided by its strength: bonds that are loaded by 0.95
+/// or 1.05 of their strength are then still on their side of it.
 const MAX_ERROR_LOAD: f64 = 0.02;
 
 /// Largest number of tenfold refinements of a step for its bonds: to 1e-9 of the residual of the unsolved problem.
@@ -51,7 +51,7 @@ const MAX_REFINEMENT_COST: u64 = 1_000_000;
 pub struct VelocityErrors {
     /// Error by body, m/s; 0 for a body without contact impulses.
     errors: Vec<f64>,
-    /// Error of the tangential velocity at each row over that of the velocity; empty if no face is bonded.
+    /// Ratio of the error of the tangential velocity at each row to that of the velocity; empty if no face is bonded.
     leverages: Vec<f64>,
     /// Rows of bonds whose velocity fell with the residual: it is an error, however large against the others. Sorted.
     unsettled: Vec<usize>,
@@ -302,10 +302,10 @@ fn refine(
     };
 }
 
-/// Error of the tangential velocity at each row over that of the velocity; empty if no face is bonded.
+/// Ratio of the error of the tangential velocity at each row to that of the velocity; empty if no face is bonded.
 ///
-/// Errors of the normal velocity at the bonds of a face, at distances s from its centre, turn a body by as much over s. About
-/// its centre of mass, at a distance l, this is a tangential velocity of l/s times the error.
+/// Errors of the normal velocity at the bonds of a face, at distances s from its centre, turn a body by as much divided
+/// by s. About its centre of mass, at a distance l, this is a tangential velocity of l/s times the error.
 fn tangential_leverages(contact_problem: &ContactProblem) -> Vec<f64> {
     if contact_problem.block_data.is_none() || !contact_problem.rows.iter().any(has_active_bond) {
         return Vec::new();

@@ -6,13 +6,13 @@
 //!
 //! | source | estimate | option |
 //! |---|---|---|
-//! | contacts | the smaller of two changes of Σ f·l (three volumes times the pressure), over its median. First: twice the median change from one step to the next, which includes noise that averages out in an interval. Second: the median change of its mean over the n steps between two snapshots from one such interval to the next, over √n. The mean varies with the motion, which all runs share, and with the noise of each step, which averages out as 1/√n: runs with intervals of one step share nothing, and differ by as much as these do. The factor 2, as successive steps are alike, is from the scenes of examples/accuracy-study | `tol` |
-//! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, with a pressure proportional to the -4th power of the length; plus, for bodies in flight (without contact), Σ ¼ m \|h a\|² over the largest of the energies involved, a the acceleration beyond uniform gravity: the fluctuation of the kinetic energy on a circular orbit | `dt` |
+//! | contacts | the smaller of two changes of Σ f·l (three volumes times the pressure), divided by its median. First: twice the median change from one step to the next, which includes noise that averages out in an interval. Second: the median change of its mean over the n steps between two snapshots from one such interval to the next, divided by √n. The mean varies with the motion, which all runs share, and with the noise of each step, which averages out as 1/√n: runs with intervals of one step share nothing, and differ by as much as these do. The factor 2, as successive steps are alike, is from the scenes of examples/accuracy-study | `tol` |
+//! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, with a pressure proportional to the -4th power of the length; plus, for bodies in flight (without contact), Σ ¼ m \|h a\|² divided by the largest of the energies involved, a the acceleration beyond uniform gravity: the fluctuation of the kinetic energy on a circular orbit | `dt` |
 //! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean over the diagnostic steps | `gravity_error` |
 //! | narrow | 2 δ/r̄, δ the mean error of the fast narrow phase in the gap of a touching pair, mean over the diagnostic steps | `narrow_phase` |
 //! | chance | w (0.35/√N + s/√D): N is the number of pairs in contact, whose forces vary as much as their mean (the points of one pair count once); s is the fraction of the forces of driven bodies that balance among themselves, since grains between walls can be wedged by any force; D is the number of pairs that carry them; w is the fraction of the energy that contacts have dissipated, through which the result could have been different; 0.35 is from the scenes of examples/accuracy-study | none |
-//! | energy | energy that the ledger does not explain, over the largest of the energies involved | `theta` |
-//! | momentum | kinetic energy of its drift as a motion of all bodies together, over the same | none: rounding |
+//! | energy | energy that the ledger does not explain, divided by the largest of the energies involved | `theta` |
+//! | momentum | kinetic energy of its drift as a motion of all bodies together, divided by the same | none: rounding |
 
 use std::path::Path;
 use std::time::Duration;
@@ -30,7 +30,7 @@ use super::log::{LogRow, figures, narrow_phase, row_steps, seconds};
 /// File next to OUTBOX; it contains durations.
 pub const ERRORS_FILE: &str = "ERRORS.csv";
 
-/// Random variation of the force of one pair, over the mean force, in the scenes of examples/accuracy-study.
+/// Random variation of the force of one pair, divided by the mean force, in the scenes of examples/accuracy-study.
 const SAMPLING_FACTOR: f64 = 0.35;
 
 /// Figures of the steps so far, in bounded memory.
@@ -48,7 +48,8 @@ pub struct ErrorEstimator {
     flights: ThinnedRows<FlightRow>,
     /// Relative errors of the virial in the diagnostic steps.
     virial_error: ErrorMean,
-    /// Errors of the fast narrow phase in the diagnostic steps, each a mean over touching pairs, over the mean radius.
+    /// Errors of the fast narrow phase in the diagnostic steps, each a mean over touching pairs, divided by the mean
+    /// radius.
     narrow_phase_error: ErrorMean,
     /// Seconds of the steps by stage.
     clock: StageTimes,
@@ -87,7 +88,7 @@ struct LoadedRow {
     /// Σ f·l, J, and its change since the previous such row; the change is NaN in the first.
     virial: f64,
     virial_change: f64,
-    /// Mean penetration over the mean radius.
+    /// Ratio of the mean penetration to the mean radius.
     penetration_mean: f64,
 }
 
@@ -187,7 +188,7 @@ pub struct ErrorSource {
     pub name: &'static str,
     /// Option that controls the error; empty if there is none.
     pub option: &'static str,
-    /// Error over the mean pressure, or over the corresponding energy.
+    /// Error divided by the mean pressure, or by the corresponding energy.
     pub error: f64,
     /// Time that the stages that the option controls took, s.
     pub seconds: f64,
@@ -339,7 +340,7 @@ impl ErrorEstimator {
 const MIN_INTERVALS: usize = 4;
 
 /// Noise of steps in the mean of an interval: twice the median change of values from one step to the next, or the median
-/// change of means from one interval to the next over √n for n steps, whichever is smaller.
+/// change of means from one interval to the next divided by √n for n steps, whichever is smaller.
 fn step_noise(steps: &[f64], means: &[f64]) -> f64 {
     let change = |values: &[f64]| median(values.windows(2).map(|pair| (pair[1] - pair[0]).abs()));
     let change_of_steps = 2.0 * change(steps);
@@ -347,8 +348,8 @@ fn step_noise(steps: &[f64], means: &[f64]) -> f64 {
     if means.len() < MIN_INTERVALS { change_of_steps } else { change_of_steps.min(change(means) / number.sqrt()) }
 }
 
-/// Fraction of the forces of driven bodies on free ones that cancel in the sum, over the root of the number of such
-/// pairs.
+/// Fraction of the forces of driven bodies on free ones that cancel in the sum, divided by the root of the number of
+/// such pairs.
 fn self_balanced_wall_share(scene: &Scene, state: &State) -> f64 {
     let (mut sum_of_norms, mut resultant) = (0.0, Vec3::zeros());
     let mut pairs = Vec::new();

@@ -395,7 +395,7 @@ impl<'a> StepFigures<'a> {
         })
     }
 
-    /// Sweeps, criteria over the tolerance, and the number of contacts.
+    /// Sweeps, criteria divided by the tolerance, and the number of contacts.
     fn solver_row(&self) -> String {
         let norms = self.report.norms.unwrap_or_default();
         let criteria =

@@ -273,7 +273,7 @@ fn add_cost(summary: &mut SummaryLines, statistics: &RunStatistics) {
     summary.add("seconds", format!("{:.2} on {threads}: {}", statistics.wall_time.as_secs_f64(), stages.join(", ")));
 }
 
-/// Number of ranks, of sweeps that they have divided, and the largest traffic of a rank over the number of these
+/// Number of ranks, of sweeps that they have divided, and the largest traffic of a rank divided by the number of these
 /// sweeps.
 fn traffic_text(traffic: &[RankTraffic]) -> String {
     let sweeps = traffic.iter().map(|rank| rank.divided_sweeps).max().unwrap_or(0);

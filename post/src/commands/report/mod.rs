@@ -121,7 +121,7 @@ struct PageContent<'a> {
     rows: &'a [Row],
     states: &'a [grains::PageState],
     last: &'a Frame,
-    /// Reach of slopes over the mean radius, if it is not the default.
+    /// Ratio of the reach of slopes to the mean radius, if it is not the default.
     reach: Option<f64>,
     /// Stages of cd-solve with their durations, s.
     seconds: &'a [(&'static str, f64)],

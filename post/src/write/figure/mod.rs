@@ -47,7 +47,7 @@ impl Curve {
     }
 }
 
-/// Curves over two axes.
+/// Curves in two axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
     pub title: String,

@@ -9,13 +9,13 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use cd_formats::mesh::PolygonMesh;
 
-/// Distances up to which points of an open surface are welded, over the largest coordinate: the last digit of numbers in
-/// single precision, of seven, six and five digits.
+/// Distances up to which points of an open surface are welded, divided by the largest coordinate: the last digit of
+/// numbers in single precision, of seven, six and five digits.
 const WELD_TOLERANCES: [f64; 3] = [2e-7, 2e-6, 2e-5];
-/// Largest welding distance over the extent: far from the origin the last digit may be as large as details of the
-/// surface.
+/// Largest ratio of the welding distance to the extent: far from the origin the last digit may be as large as details
+/// of the surface.
 const WELD_OF_EXTENT: f64 = 1e-3;
-/// Height of a triangle over its longest side below which it has no area; same value as in
+/// Ratio of the height of a triangle to its longest side, below which it has no area; same value as in
 /// [`cd_formats::surface::Surface`].
 const FLATNESS_LIMIT: f64 = 1e-14;
 

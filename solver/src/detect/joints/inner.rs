@@ -5,8 +5,8 @@ use smallvec::SmallVec;
 use super::solid::ConvexSolid;
 use crate::math::Vec3;
 
-/// Height over the radius of A's ball up to which surfaces are flush: above the overlaps that a sound solution leaves, and
-/// less than a third of the smallest step that must stop a body, 1e-4 of its size.
+/// Ratio of height to radius of A's ball, up to which surfaces are flush: above the overlaps that a sound solution
+/// leaves, and less than a third of the smallest step that must stop a body, 1e-4 of its size.
 pub const FLUSH_TOLERANCE: f64 = 3e-5;
 
 /// Relative error of numbers in files, which have eight digits.
@@ -23,7 +23,8 @@ const SAME_DIRECTION_TOLERANCE: f64 = 5e-9;
 /// Sine of the angle between two faces beyond which they form no common surface.
 const MAX_FACE_BEND: f64 = 1e-2;
 
-/// Largest free displacement of B relative to C along the normal in the step, over the radius of the ball about A.
+/// Largest free displacement of B relative to C along the normal in the step, divided by the radius of the ball about
+/// A.
 const MAX_RELATIVE_RISE: f64 = 1e-2;
 
 /// Largest number of contacts of one contactor for which all pairs are tested; beyond it only pairs near each other are.

@@ -20,12 +20,13 @@ use tokens::logical_lines;
 use values::{Evaluation, ScriptValue};
 use walk::{LoopEnd, ScriptCall, walk};
 
-/// Tolerance of cd-solve over that of LMGC90's norms `Quad ` and `QM/16`: with 1.666e-4, the value of LMGC90's examples,
-/// `tol` is 1e-3. The norm is 1/20 to 1/400 of the residual in masonry and about equal to it in granular matter; with the
-/// sweeps between two checks it is met in 88 % to 100 % of the steps, see docs/reference/lmgc90.md.
+/// Ratio of the tolerance of cd-solve to that of LMGC90's norms `Quad ` and `QM/16`: with 1.666e-4, the value of
+/// LMGC90's examples, `tol` is 1e-3. The norm is 1/20 to 1/400 of the residual in masonry and about equal to it in
+/// granular matter; with the sweeps between two checks it is met in 88 % to 100 % of the steps, see
+/// docs/reference/lmgc90.md.
 const QUAD_TOL_FACTOR: f64 = 6.0;
 
-/// Tolerance of cd-solve over that of the norm `Maxm `, which is 3 to 20 times `Quad ` in the same scenes.
+/// Ratio of the tolerance of cd-solve to that of the norm `Maxm `, which is 3 to 20 times `Quad ` in the same scenes.
 const MAXM_TOL_FACTOR: f64 = 1.0;
 
 /// Largest tolerance that is set.

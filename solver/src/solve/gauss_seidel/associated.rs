@@ -31,8 +31,9 @@ const MAX_STALLED_SWEEPS: u64 = 256;
 /// Largest share of the contacts that may slide. Columns and boxes of spheres that come to rest converge with up to 3.5 % of
 /// sliding contacts; with 5 % and more, Coulomb's law on all contacts takes fewer sweeps.
 const MAX_SLIDING_SHARE: f64 = 0.05;
-/// Residual of the convex problem, over `tol`, at which its sliding contacts return to Coulomb's law, and residual that the
-/// separation of the remaining ones may add to E, over `tol`. Chosen: both are below `tol` together.
+/// Residual of the convex problem, divided by `tol`, at which its sliding contacts return to Coulomb's law, and
+/// residual that the separation of the remaining ones may add to E, divided by `tol`. Chosen: both are below `tol`
+/// together.
 const SHARE_OF_TOLERANCE: f64 = 0.5;
 
 /// Impulses found by sweeps with the associated law.

@@ -18,8 +18,8 @@ use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
 use crate::solve::types::{ContactReactions, ContactSolution, StoppingCriteria};
 use crate::state::ContactId;
 
-/// Largest E over `tol` with which a step may keep the impulses of the last one without a sweep: with a larger E,
-/// contacts at rest would creep forever. Single precision reaches it.
+/// Largest ratio of E to `tol` with which a step may keep the impulses of the last one without a sweep: with a larger
+/// E, contacts at rest would creep forever. Single precision reaches it.
 const REST_TOLERANCE_SHARE: f64 = 1e-2;
 
 /// Smallest number of contacts for which sweeps in single precision pay.

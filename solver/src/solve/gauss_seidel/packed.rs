@@ -174,7 +174,8 @@ impl FrictionCones {
     }
 }
 
-/// Rounding of an impulse in single precision over its normal part: some units in the last place of each component.
+/// Rounding of an impulse in single precision, divided by its normal part: some units in the last place of each
+/// component.
 const F32_ROUNDING: f64 = 1e-6;
 
 /// Moves the impulses `r` that single precision has put on the surface of their friction cone, to its rounding, onto the

@@ -35,7 +35,7 @@ pub struct RollingConstraintWide<T = f64> {
     shift: [[T; BATCH_LANES]; 3],
     /// Inverse of W_r, kg m²; 0 for contacts without resistance, as all other data.
     inverse_w: [T; BATCH_LANES],
-    /// Largest moment over the normal impulse against rolling and against spinning, m.
+    /// Largest ratios to the normal impulse of the moments against rolling and against spinning, m.
     rolling: [T; BATCH_LANES],
     spinning: [T; BATCH_LANES],
     /// Loss of the largest moment against spinning over the tangential impulse, m.

@@ -21,7 +21,7 @@ use super::run::SolverRun;
 use super::scaled::ScaledProblem;
 use super::types::{LocalVector, MatrixBlock};
 
-/// Length of a step over that at which it reaches the cones' sides.
+/// Ratio of the length of a step to that at which it reaches the cones' sides.
 const STEP_SHARE: f64 = 0.99;
 /// Smallest share of a step: shorter steps make no progress.
 const MIN_STEP_SHARE: f64 = 1e-8;

@@ -216,7 +216,7 @@ const MAX_ITERATIONS: usize = 60;
 /// Impulse r that solves one contact with Signorini's condition and Coulomb's law, and the multiplier of its sliding.
 ///
 /// * `u`: û with the impulse `y` applied, m/s; `y`, N s; components along n and the block's two axes.
-/// * `guess`: the multiplier found before, over w_nn; 0 if there is none.
+/// * `guess`: the multiplier found before, divided by w_nn; 0 if there is none.
 ///
 /// A contact that would part without an impulse gets none; one that can stick does, u = 0; else it slides, u_n = 0 and u_T =
 /// -w_nn s r_T, where s > 0 is the root of psi(s) = mu r_n/|r_T| - 1. psi increases from below 0 to infinity and is nearly
@@ -278,7 +278,7 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
         for _ in 0..MAX_ITERATIONS {
             let SlidingState { e, d, r, n, square, length } = sliding_state(l, axes, p, c, free, s);
             let miss = l.sub(l.mul(friction, n), length); // psi |r|
-            // psi over its slope with one division.
+            // psi / slope with one division.
             let f = [l.mul(r[0], e[1]), l.mul(r[1], e[0])];
             let along = l.mul_add(r[0], f[0], l.mul(r[1], f[1]));
             let across = l.mul_add(c[0], f[0], l.mul(c[1], f[1]));
@@ -424,7 +424,7 @@ mod tests {
         }
     }
 
-    /// Masses and velocities of any size: impulses scale with velocity over W.
+    /// Masses and velocities of any size: impulses scale with velocity / W.
     #[test]
     fn no_unit_matters() {
         let (w_nn, c, s, q) = (0.7, [0.4, -0.3], [0.9, 0.2], [-1.0, 0.8, -0.5]);
