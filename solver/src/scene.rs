@@ -144,13 +144,13 @@ pub struct RigidBody {
     pub mass: f64,
     /// Principal moments of inertia, kg m^2; a sphere's are equal.
     pub inertia: [f64; 3],
-    /// Whether some or all of its motion is imposed: a wall, or a grain that is held in part.
+    /// Whether it is a driven body: some or all components of its velocity are imposed, or it is absent.
     pub driven: bool,
     /// Components of the velocity that forces and moments change: along the fixed axes, then about the body's axes. A body
     /// without any has no inverse mass; a body that is not driven has all.
     pub free_components: [bool; 6],
-    /// Whether the body has not yet entered or has left the run. Such a body is a free one, kept as one that is held and has
-    /// no contacts.
+    /// Whether the body has not yet entered or has left the run. Such a body is a free one, kept as an imposed one without
+    /// contacts.
     pub absent: bool,
     /// Index into `Scene::materials`.
     pub material: u16,
@@ -166,12 +166,12 @@ impl RigidBody {
         if self.is_imposed() { 0.0 } else { 1.0 / self.mass }
     }
 
-    /// Whether all of its motion is imposed.
+    /// Whether it is an imposed body: all components of its velocity are imposed.
     pub fn is_imposed(&self) -> bool {
         self.driven && !self.is_driven_in_part()
     }
 
-    /// Whether some components of the velocity are imposed, and others are not.
+    /// Whether it is driven in part: some components of its velocity are imposed, and others are not.
     pub fn is_driven_in_part(&self) -> bool {
         self.driven && self.free_components.contains(&true)
     }
@@ -467,11 +467,11 @@ pub struct Scene {
     pub axes: Vec<Quat>,
     /// Lists with all bodies, if the run has sinks or sources.
     pub roster: Option<Arc<BodyRoster>>,
-    /// Free bodies, in order.
+    /// Free bodies, of which no component of the velocity is imposed, in order.
     pub free: Vec<BodyId>,
     /// Whether each body is a [wall](cd_formats::snapshot::are_walls): one that the energies do not count.
     pub walls: Vec<bool>,
-    /// Bodies driven in part that are no walls, in order.
+    /// Grains that are driven in part, in order.
     pub held_grains: Vec<BodyId>,
     /// Spheres, free or driven, in order.
     pub spheres: Vec<BodyId>,

@@ -135,7 +135,7 @@ pub struct BlockData {
     /// Vector from the contact point to the point at which friction acts about the normal, by row, m, in the tangent plane;
     /// see `assemble/faces.rs`. Empty if friction acts at every contact point.
     pub friction_offsets: Vec<Vec3>,
-    /// 1 for each fixed axis along which the velocity of a partly driven body is imposed, else 0; by body. Empty if there is
+    /// 1 for each fixed axis along which the velocity of a body driven in part is imposed, else 0; by body. Empty if there is
     /// no such body.
     pub locked_axes: Vec<Vec3>,
     /// Inverse inertia about the centre of mass in the contact configuration, by body, world frame, 1/(kg m²); 0 about axes
@@ -404,7 +404,7 @@ impl BlockData {
     }
 }
 
-/// Smallest velocity along the normal that an impulse along it gives to one of two partly driven bodies at their
+/// Smallest velocity along the normal that an impulse along it gives to one of two bodies driven in part at their
 /// contact point, divided by that of the free mass, at which the contact acts: the square of the cosine between the
 /// normal and a free direction. Within 1e-3 rad of the plane of the imposed components the normal differs from this
 /// plane only by rounding, and an impulse along it would accelerate the body along the free axis.

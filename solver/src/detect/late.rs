@@ -82,6 +82,7 @@ pub fn late_contacts(
     for &plane in &scene.planes {
         let rule_with_plate = |&sphere: &BodyId| {
             let [s, p] = [sphere, plane].map(|i| &scene.bodies[i.index()]);
+            // In a scene without parts, spheres and plates that are driven have their whole motion imposed.
             let rule = scene.visibility.interaction_rule(s.class, p.class).filter(|_| !(s.driven && p.driven))?;
             Some(([sphere, plane], rule.law))
         };

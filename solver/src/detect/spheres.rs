@@ -71,6 +71,7 @@ pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, bounds: &Tr
             let from_plate = q_c.x[s] - q_c.x[p] - scene.nearest_image_shift(&q_c.x[s], &q_c.x[p]);
             let gap = ((into_axes * from_plate).abs() - half_lengths).max() - scene.bodies[s].radius;
             let [sphere, plane] = [s, p].map(|i| &scene.bodies[i]);
+            // In a scene without parts, spheres and plates that are driven have their whole motion imposed.
             let is_near = gap <= scene.listing_range + travel && !(sphere.driven && plane.driven);
             let rule = scene.visibility.interaction_rule(sphere.class, plane.class).filter(|_| is_near)?;
             let found = contact_geometry(scene, q_c, pair);

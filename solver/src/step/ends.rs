@@ -185,7 +185,7 @@ impl PostSolve<'_> {
             let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
             let rolling_moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, moment)| moment);
             self.finish_contact(k, contact, rolling_moment, end);
-            // Penetration between two driven bodies is imposed, not an error of the contact.
+            // A row does not act between bodies whose motion is imposed: their penetration is no error of the contact.
             let gap = contact.gap - contact_problem.law_memory(k).reference_gap;
             let depth = if row.acts { (-gap).max(0.0) } else { 0.0 };
             totals.penetration_largest = totals.penetration_largest.max(depth);
@@ -364,7 +364,7 @@ pub struct ContactTotals {
     pub friction_work: f64,
     /// Sum of impulses times branches, N m s.
     pub virial: f64,
-    /// Work by walls, and by the reactions of partly driven grains to contacts, J.
+    /// Work by walls, and by the reactions of held grains to contacts, J.
     pub outside_work: f64,
     /// Impulse of driven bodies on free ones, N s.
     pub momentum: Vec3,
