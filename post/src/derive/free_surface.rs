@@ -214,6 +214,7 @@ impl<'a> LeaningWall<'a> {
 struct MeanPlane {
     /// Mean position of the heights along the axes, m, at which the plane has the height of `plane`.
     middle: [f64; 2],
+    /// Plane in coordinates (m) along the axes from `middle`.
     plane: FittedPlane,
 }
 
@@ -455,7 +456,7 @@ impl ColumnGrid {
                 fit.add(at, height, 1.0);
             }
         }
-        (fit.weight >= 0.5 * all).then(|| fit.fitted_plane())?
+        (fit.weight_sum >= 0.5 * all).then(|| fit.fitted_plane())?
     }
 
     /// Plane through all heights, level along a period, and level if these lie on a line. None without heights.

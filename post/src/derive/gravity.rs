@@ -48,7 +48,9 @@ struct TreeNode {
     halves: Option<[usize; 2]>,
     /// Index into [`GravityTree::leaves`], of a leaf.
     leaf: usize,
+    /// Mass of its points, kg.
     mass: f64,
+    /// Centre of mass, m.
     centre: Vec3,
     /// Largest distance of the node's points from the centre, m, extended for flat or long nodes.
     reach: f64,

@@ -133,8 +133,10 @@ fn triangle_edges([a, b, c]: &[usize; 3]) -> [[usize; 2]; 3] {
 
 /// A triangle, counter-clockwise seen from outside.
 struct HullFace {
+    /// Indices of the corners in the list of points.
     corners: [usize; 3],
-    /// Plane of the triangle in floating point, with rounding errors.
+    /// Plane of the triangle, normal . x = offset, in floating point with rounding errors: an outward vector of twice the
+    /// triangle's area, in units of the integer coordinates, and its product with a corner.
     normal: Vec3,
     offset: f64,
 }

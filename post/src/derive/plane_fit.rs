@@ -6,22 +6,25 @@ use crate::math::{Mat3, Vec3};
 /// grains is 5 degrees at 6 radii, 1.8 at 10 and 1.3 at 12.
 pub const DEFAULT_FIT_REACH: f64 = 10.0;
 
-/// Sums of weighted heights about a point.
+/// Sums for the least-squares plane through weighted heights about a point.
 ///
-/// The weight of a height at the distance d is (1 - (d / reach)^2)^2 times the part of the surface that the height
-/// represents.
+/// A height represents a part of the surface: its solid angle (sr) on an aggregate, where coordinates are angles (rad), or
+/// 1, a column, on a bed, where coordinates are in m. The height at the distance d is weighted by w part, with
+/// w = (1 - (d / reach)^2)^2. In the matrices, row = (1, x / reach, y / reach).
 #[derive(Debug, Clone, Default)]
 pub struct PlaneFit {
-    /// Reach, m.
+    /// Distance up to which heights count, in the unit of the coordinates.
     reach: f64,
+    /// Matrix of the normal equations: sum of w part row (x) row.
     matrix: Mat3,
+    /// Right side of the normal equations: sum of w part height row, m times the unit of the parts.
     sums: Vec3,
-    /// sum w^2 x (x) x over the parts, from which the variance due to noise follows.
+    /// Sum of w^2 part row (x) row, from which the variance due to noise follows.
     noise: Mat3,
-    /// sum w over the parts.
-    pub weight: f64,
-    /// sum w^2 over the parts.
-    square: f64,
+    /// Sum of w part.
+    pub weight_sum: f64,
+    /// Sum of w^2 part.
+    square_sum: f64,
 }
 
 /// A plane through the heights about a point.
@@ -29,19 +32,21 @@ pub struct PlaneFit {
 pub struct FittedPlane {
     /// Height of the plane at the point, m.
     pub height: f64,
-    /// Gradient of the height along both axes.
+    /// Gradient of the height along both axes, m per unit of the coordinates.
     pub gradient: [f64; 2],
-    /// Variance of the gradient's two components together, over the density of the noise.
+    /// Var(∂h/∂x) + Var(∂h/∂y) for noise of density 1, see [`NoiseDensity`].
     pub variance: f64,
-    /// Fraction of the sum of products of residuals within a patch that the fit removes, over the density of the noise
-    /// and the patch.
+    /// Fraction by which the fit lowers the expected sum of the products of a residual with those in its patch, per unit
+    /// of the patch's area.
     removed_fraction: f64,
-    /// Area of equal weights that averages noise as much as the weights of the fit: (sum w)^2 / sum w^2.
+    /// Area of equal weights that averages noise as much as the weights of the fit, in the unit of the parts:
+    /// (sum of w part)^2 / sum of w^2 part.
     pub effective_area: f64,
 }
 
 impl FittedPlane {
-    /// The plane through `count` heights of equal weight.
+    /// The plane through `count` heights of equal weight, each of which represents a part of 1, so that the area is their
+    /// number.
     pub fn through_all(height: f64, gradient: [f64; 2], variance: f64, count: f64) -> FittedPlane {
         FittedPlane { height, gradient, variance, removed_fraction: 1.0 / count, effective_area: count }
     }
@@ -53,26 +58,27 @@ impl PlaneFit {
         PlaneFit { reach, ..PlaneFit::default() }
     }
 
-    /// The weight of a height at (x, y) from the point.
+    /// The weight w of a height at (x, y) from the point, for a part of 1.
     pub fn weight_at(&self, [x, y]: [f64; 2]) -> f64 {
         (1.0 - (x * x + y * y) / (self.reach * self.reach)).max(0.0).powi(2)
     }
 
-    /// Adds a height at (x, y) from the point, which represents `part` of the surface.
+    /// Adds a height (m) at (x, y) from the point, which represents `part` of the surface.
     pub fn add(&mut self, at: [f64; 2], height: f64, part: f64) {
-        let weight = self.weight_at(at) * part;
+        let weighted_part = self.weight_at(at) * part;
         let row = Vec3::new(1.0, at[0] / self.reach, at[1] / self.reach);
-        self.matrix += weight * row * row.transpose();
-        self.sums += weight * height * row;
-        self.noise += weight * weight / part * row * row.transpose();
-        self.weight += weight;
-        self.square += weight * weight / part;
+        self.matrix += weighted_part * row * row.transpose();
+        self.sums += weighted_part * height * row;
+        self.noise += weighted_part * weighted_part / part * row * row.transpose();
+        self.weight_sum += weighted_part;
+        self.square_sum += weighted_part * weighted_part / part;
     }
 
     /// The plane; None where the heights lie on a line.
     pub fn fitted_plane(&self) -> Option<FittedPlane> {
         // Coordinates are of order 1: points in a strip narrower than a thousandth of the reach are a line.
-        let inverse = (self.matrix / self.weight).try_inverse().filter(|inverse| inverse.amax() < 1e6)? / self.weight;
+        let scaled_inverse = (self.matrix / self.weight_sum).try_inverse().filter(|inverse| inverse.amax() < 1e6)?;
+        let inverse = scaled_inverse / self.weight_sum;
         let fit = inverse * self.sums;
         let spread = inverse * self.noise * inverse;
         Some(FittedPlane {
@@ -80,23 +86,24 @@ impl PlaneFit {
             gradient: [fit.y / self.reach, fit.z / self.reach],
             variance: (spread[(1, 1)] + spread[(2, 2)]) / (self.reach * self.reach),
             removed_fraction: 2.0 * inverse[(0, 0)] - spread[(0, 0)],
-            effective_area: self.weight * self.weight / self.square,
+            effective_area: self.weight_sum * self.weight_sum / self.square_sum,
         })
     }
 }
 
-/// Density of the noise of single grains: the sum over a patch of the covariance of heights, m^2 times a part of the
-/// surface.
+/// Density of the noise of single grains: the covariance of the height at a point with those around it, integrated over the
+/// surface; m^2 times the unit of the parts (see [`PlaneFit`]).
 ///
 /// Averages over many grains of white noise of this density have the variances of averages of the surface.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoiseDensity {
-    /// Sum of the products of residuals.
+    /// Sum over the heights k, and over the heights j in the patch of each, of e_k e_j part_j; e are residuals, m.
     covariances: f64,
-    /// Sum of the squares of residuals times their parts.
+    /// Sum of part e^2.
     variances: f64,
-    /// Sum of the fractions that the fits remove.
+    /// Sum of the fractions of the covariances that the fits remove.
     removed_fractions: f64,
+    /// Number of heights.
     count: f64,
 }
 

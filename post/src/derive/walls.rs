@@ -28,7 +28,9 @@ pub struct WallFace {
 /// Plane of the faces of one or more walls that lie flush: n.x >= offset for the centres of nearly all grains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WallPlane {
+    /// Unit vector n towards the grains.
     pub normal: Vec3,
+    /// Offset of the plane along n, m.
     pub offset: f64,
     pub faces: Vec<WallFace>,
 }

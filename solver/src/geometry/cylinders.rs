@@ -319,7 +319,7 @@ impl TwoCylinders<'_> {
             return;
         }
         let (end, feature_above) = (above.end_centre(&-n), above.end_feature(&-n));
-        // Points of the end above: the plane of the end over a point of the end below.
+        // Points of the end above: the plane of the end above a point of the end below.
         let on_end_above = |x: Vec3| x - n * (above.axis().dot(&(x - end)) / tilt);
         let rim_offset = |cylinder: &PosedCylinder, k: u32| {
             let axis = if k.is_multiple_of(2) { Vec3::x() } else { Vec3::y() };

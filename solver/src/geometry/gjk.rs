@@ -44,9 +44,12 @@ pub(super) fn nearest_points(pair: &PolyhedronPair, n: Vec3, alert: f64) -> Near
     pair.width.run(GjkSearch { pair, n, alert })
 }
 
+/// Search for the nearest points of two polyhedra.
 struct GjkSearch<'a> {
     pair: &'a PolyhedronPair<'a>,
+    /// Direction from A to B from which the search starts.
     n: Vec3,
+    /// Gap beyond which the search ends, m.
     alert: f64,
 }
 

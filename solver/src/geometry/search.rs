@@ -80,6 +80,7 @@ impl SearchResult {
     }
 }
 
+/// Search for the axis of a pair; see [`SearchResult`].
 struct AxisSearch<'a> {
     pair: &'a PolyhedronPair<'a>,
     start: SearchStart,

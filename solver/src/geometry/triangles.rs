@@ -52,6 +52,7 @@ pub(super) const BATCH_PAIRS: usize = 8;
 
 /// Pairs whose faces are triangles.
 pub(super) struct TriangleBatch {
+    /// Rows of the data of the pairs, from [`TURN_ROWS`] to [`INPUT_ROWS`]; lane k of a row is pair k.
     input: [[f64; BATCH_PAIRS]; INPUT_ROWS],
     /// Features of the two faces of each pair.
     features: [FaceFeatures; BATCH_PAIRS],
@@ -184,6 +185,7 @@ impl TriangleBatch {
     }
 }
 
+/// Operation that clips the triangles of a batch.
 struct ClipKernel<'a> {
     batch: &'a mut TriangleBatch,
 }

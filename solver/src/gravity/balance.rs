@@ -47,12 +47,15 @@ pub fn balance_accelerations(positions: &[Vec3], masses: &[f64], acceleration: &
 /// Sums over bodies at r from an origin.
 #[derive(Default)]
 struct ForceSums {
-    /// Sum of m (r r^T | r).
+    /// Sum of m (r r^T | r): second moments, kg m², then the first, kg m.
     second_moments: Matrix3x4<f64>,
+    /// Sum of m, kg.
     mass: f64,
+    /// Sum of m a, N.
     force: Vec3,
+    /// Sum of r x m a, N m.
     torque: Vec3,
-    /// Sum of m a^2.
+    /// Sum of m a^2, N m/s².
     square: f64,
 }
 

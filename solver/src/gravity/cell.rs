@@ -1,6 +1,7 @@
 //! Cells of the tree, and the summaries of their masses.
 
-/// Eight numbers of a cell, as [`CellSummary::cell_line`] orders them.
+/// Eight numbers of a cell: a summary, ordered as in [`CellSummary::cell_line`], or a part of its moments, see
+/// [`super::expansion`].
 pub type CellLine = [f64; 8];
 
 /// Number of bodies below which a subtree is one task: large against the cost of a task, small against a thread's share.

@@ -16,7 +16,7 @@ const PARTIAL_SUMS: usize = 8;
 /// 0.02 ms.
 const MIN_DIVIDED_BODIES: usize = 256;
 
-/// Positions and masses arranged for the inner loop, padded with masses of zero.
+/// Positions (m) and masses (kg) of the sources, by columns for the inner loop, padded with masses of zero.
 struct SourceColumns {
     x: Vec<[f64; PARTIAL_SUMS]>,
     y: Vec<[f64; PARTIAL_SUMS]>,
@@ -141,7 +141,7 @@ fn source_attraction(
     (Vec3::new(x, y, z), -potential)
 }
 
-/// Sums of m_p m d/|d|^3 (three components) and m_p m/|d| over all sources, with `BALLS` over those that do not overlap the
+/// Sums of m_p m d/|d|^3 (three components, kg²/m²) and m_p m/|d| (kg²/m) over all sources, with `BALLS` over those that do not overlap the
 /// ball of the radius `radius` (m) at p.
 struct SourceSums<'a, const BALLS: bool> {
     sources: &'a SourceColumns,

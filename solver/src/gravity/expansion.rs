@@ -32,9 +32,9 @@ pub const fn wide_len(p: usize) -> usize {
     1 + 3 * p * (p + 1) / 2
 }
 
-/// Narrow row with space for the highest order.
+/// Narrow row of moments M_n or of coefficients L_n, ordered by [`narrow_index`], with space for the highest order.
 pub type NarrowRow<V> = [V; NARROW_LEN];
-/// Wide row with space for the highest order.
+/// Wide row of derivatives D_n, ordered by [`wide_index`], with space for the highest order.
 pub type WideRow<V> = [V; WIDE_LEN];
 /// Length of a [`NarrowRow`], in whole lines.
 pub const NARROW_LEN: usize = narrow_len(HIGHEST_ORDER).next_multiple_of(8);

@@ -83,14 +83,19 @@ struct WalkScratch {
     todo: IndexList,
     far: IndexList,
     near: IndexList,
-    /// Partial sums of the far field.
+    /// Partial sums of the far field: eight for each number of a narrow row.
     sums: Vec<[f64; 8]>,
+    /// Leaves whose bodies attract those of the present leaf pair by pair.
     sources: Vec<SourceLeaf>,
+    /// Bodies of these leaves, packed in either precision.
     singles: PackedBodies<f32>,
     doubles: PackedBodies<f64>,
+    /// Positions of the present leaf's bodies.
     targets: Vec<[f64; 3]>,
     targets_f32: Vec<[f32; 3]>,
+    /// Smallest squared distance of each target from a source, see [`PullF32`].
     nearest: Vec<f32>,
+    /// Pull on each target.
     pulls: Vec<BodyPull>,
 }
 
@@ -110,7 +115,7 @@ struct AncestorPull {
 struct CellVisit<'a> {
     /// Index of the cell.
     a: usize,
-    /// Local expansion about its centre.
+    /// Coefficients L_n of the local expansion about its centre, see [`super::expansion`].
     local: &'a mut NarrowRow<f64>,
     above: AncestorPull,
 }

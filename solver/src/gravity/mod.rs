@@ -80,8 +80,11 @@ pub struct GravityField {
 /// Input and requested outputs of a sum, see [`GravitySolver::full_field`].
 #[derive(Clone, Copy)]
 struct FieldRequest<'a> {
+    /// Positions, m.
     positions: &'a [Vec3],
+    /// Masses, kg.
     masses: &'a [f64],
+    /// G, m³/(kg s²).
     constant: f64,
     /// Whether the potential is computed, too.
     potential: bool,

@@ -78,6 +78,7 @@ impl<const POTENTIAL: bool> PullKernel for RoughKernel<POTENTIAL> {
     }
 }
 
+/// STEP, SCALE and NEWTON of [`FineKernel`].
 const FIRST_STEP_COEFFICIENT: f32 = 2.389_244_6;
 const FIRST_STEP_SCALE: f64 = 0.703_952_253;
 const NEWTON_COEFFICIENT: f32 = (3.0 / (FIRST_STEP_SCALE * FIRST_STEP_SCALE)) as f32;
@@ -107,13 +108,15 @@ const SELF_DISTANCE2: [[f32; PARTIAL_SUMS_F32]; PARTIAL_SUMS_F32] = {
     apart
 };
 
-/// Sums over m d/|d|^3 (three components) and m/|d|.
+/// Sums over the sources of m d/|d|^3 (three components) and of m/|d|, m the mass of a source and d the vector to it; in the units
+/// of the tree, so that G is left out.
 pub type BodyPull = [f64; 4];
 
 /// Columns x, y, z, m, filled up with far bodies of no mass to a multiple of the partial sums.
 #[derive(Default)]
 pub struct PackedBodies<T> {
     columns: [Vec<T>; 4],
+    /// Number of bodies in a column, those that fill it up included.
     count: usize,
 }
 
@@ -139,7 +142,7 @@ impl<T: Copy + Default> PackedBodies<T> {
 pub struct SourceLeaf {
     /// Positions of its bodies in the tree's order.
     pub bodies: Range<usize>,
-    /// Its centre in the targets' frame, in packed units; not used in double precision.
+    /// Centre of the leaf in the targets' frame, in packed units; not used in double precision.
     pub centre: [f32; 3],
 }
 
@@ -298,7 +301,9 @@ impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_
 
 /// Running sums over sources, by target.
 struct PullSums<S> {
+    /// [`BodyPull`] of each target.
     pulls: [[S; 4]; TARGETS_AT_ONCE],
+    /// Smallest squared distance of a target from a source.
     near: S,
 }
 

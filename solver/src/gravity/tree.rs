@@ -27,7 +27,7 @@ pub struct MassTree {
     pub moments: Vec<CellLine>,
     /// Index of the body in the input, by position in the tree.
     pub index: Vec<u32>,
-    /// x, y, z, m by position in the tree.
+    /// x, y, z, m by position in the tree, in its units.
     pub bodies: [Vec<f64>; 4],
     /// x, y, z, m in single precision, relative to the leaf's centre, with 16 more.
     pub offsets: [Vec<f32>; 4],

@@ -21,7 +21,7 @@ pub struct UpwardPass<'a, L, const P: usize> {
     pub lanes: L,
     /// Number of lines of a cell's moments.
     pub lines: usize,
-    /// x, y, z, m in the tree's order.
+    /// x, y, z, m by position in the tree, in its units.
     pub bodies: &'a [Vec<f64>; 4],
     /// Result of [`axis_derivatives`].
     pub axes: &'a [CellLine; NARROW_LEN],
@@ -29,8 +29,11 @@ pub struct UpwardPass<'a, L, const P: usize> {
 
 /// Parts of a [`MassTree`](super::tree::MassTree) that belong to a subtree.
 pub struct SubtreeOutput<'a> {
+    /// Summary of each cell, root first.
     pub outlines: &'a mut [CellLine],
+    /// Narrow moments of each cell, `lines` lines a cell.
     pub moments: &'a mut [CellLine],
+    /// x, y, z, m of each body, relative to its leaf's centre.
     pub offsets: [&'a mut [f32]; 4],
 }
 

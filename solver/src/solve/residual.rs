@@ -43,6 +43,7 @@ const MIN_DIVIDED_TASKS: usize = 4;
 /// Sum of |F|² of some contacts, N² s².
 #[derive(Clone, Copy)]
 struct SquaredResidual {
+    /// Sum of |F|², N² s².
     sum: f64,
     /// Largest |F|² of a contact.
     largest: f64,
@@ -284,7 +285,7 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// The bodies of the problem with these motions.
     pub fn solver_bodies(&self, motions: &[BodyMotion]) -> Vec<SolverBody> {
-        let with_motion = |(body_start, m): (&SolverBody, &BodyMotion)| SolverBody {
+        let moved_body = |(body_start, m): (&SolverBody, &BodyMotion)| SolverBody {
             v: Vec3::new(m[0], m[1], m[2]),
             w: Vec3::new(m[4], m[5], m[6]),
             ..*body_start
@@ -294,7 +295,7 @@ impl<'a> ResidualEvaluator<'a> {
             .par_iter()
             .with_min_len(GROUPS_PER_TASK * GROUP_LANES)
             .zip(motions)
-            .map(with_motion)
+            .map(moved_body)
             .collect()
     }
 
@@ -561,7 +562,9 @@ struct NaturalMap<'a> {
     /// Impulses by row of the problem; missing ones are 0.
     impulses: &'a [Vec3],
     motions: &'a [BodyMotion],
+    /// Scale of the natural map, kg.
     rho: f64,
+    /// Output: |F|² of each row, N² s².
     sizes2: &'a mut [f64],
 }
 

@@ -1,34 +1,37 @@
-//! Traits of the arithmetic of one width, and the lines of memory of bodies that it exchanges.
+//! Traits of the arithmetic of one width, and the lines of memory of bodies that it gathers and scatters.
 
 use std::ops::{Add, Sub};
 
 use bytemuck::{Pod, Zeroable};
 use pulp::NullaryFnOnce;
 
-/// Eight numbers on one cache line: the data of a body in a sweep.
+/// Data of a sphere in a sweep, eight numbers on one cache line: velocity v (3 numbers, m/s), 1/m (1/kg), surface speed R ω
+/// (3 numbers, m/s), R²/J (1/kg); radius R, angular velocity ω, moment of inertia J, world frame.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct BodyLine(pub [f64; 8]);
 
-/// Four numbers, half a cache line: the data of a body in a sweep without friction.
+/// Data of a sphere in a sweep without friction, half a cache line: velocity v (3 numbers, m/s) and 1/m (1/kg).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
 pub struct BodyHalfLine(pub [f64; 4]);
 
-/// The data of a body in a sweep in single precision, as [`BodyLine`].
+/// Data of a sphere in a sweep in single precision: as [`BodyLine`], but with the changes of v and R ω by the sweeps, in the
+/// units of the sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
 pub struct BodyLineF32(pub [f32; 8]);
 
-/// The data of a body in a sweep in single precision without friction, as [`BodyHalfLine`].
+/// Data of a sphere in a sweep in single precision without friction: the first four numbers of [`BodyLineF32`].
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub struct BodyHalfLineF32(pub [f32; 4]);
 
 /// Numbers in double or single precision.
 pub trait LaneFloat: Pod + Default + Send + Sync + Add<Output = Self> + Sub<Output = Self> {
-    /// Eight and four consecutive numbers.
+    /// Aligned data of a sphere with friction: [`BodyLine`] in this precision.
     type Line: Pod;
+    /// Aligned data of a sphere without friction: [`BodyHalfLine`] in this precision.
     type Half: Pod;
 
     const ZERO: Self;
@@ -145,13 +148,16 @@ pub trait Arithmetic: Copy + Send + Sync {
     fn mask_greater(self, x: Self::V, y: Self::V) -> u32;
     /// The smaller one; `b` if they are equal.
     fn min(self, a: Self::V, b: Self::V) -> Self::V;
-    /// Component k of the `WIDTH` lines given by `index`, for each k.
+    /// Component k of the `WIDTH` lines given by `index`, for each k. These lines need no alignment, and their numbers may have
+    /// any meaning: those of spheres, or the summaries and moments of the cells of self-gravity.
     fn gather_lines(self, lines: &[[Self::T; 8]], index: &[u32]) -> [Self::V; 8];
     /// Writes the lines given by `index`, the inverse of [`Self::gather_lines`]; equal indices must have equal lines.
     fn scatter_lines(self, lines: &mut [[Self::T; 8]], index: &[u32], columns: [Self::V; 8]);
-    /// Difference a - b of the first three components and sums of the others, for pairs of lines.
+    /// For pairs of spheres in lines (v, 1/m, R ω, R²/J): v_a - v_b in components 0 to 2 and R_a ω_a + R_b ω_b in 4 to 6,
+    /// from which the relative velocity at the contact follows with n, and the sums of 1/m in 3 and of R²/J in 7.
     fn relative_velocity(self, lines: &[<Self::T as LaneFloat>::Line], a: &[u32], b: &[u32]) -> [Self::V; 8];
-    /// Adds p f to v of a and subtracts it from v of b, and adds q g to w of both, in lines (v, p, w, q).
+    /// Adds (1/m) f to v of a and subtracts it from v of b, and adds (R²/J) g to R ω of both, in lines (v, 1/m, R ω, R²/J).
+    /// `f`: impulse on a, N s; `g`: its moment divided by R, the same for both, N s.
     fn apply_impulse(
         self,
         lines: &mut [<Self::T as LaneFloat>::Line],
@@ -160,9 +166,9 @@ pub trait Arithmetic: Copy + Send + Sync {
         f: [Self::V; 3],
         g: [Self::V; 3],
     );
-    /// [`Self::relative_velocity`] for half lines: the first four components.
+    /// [`Self::relative_velocity`] for half lines (v, 1/m): v_a - v_b and the sum of 1/m.
     fn relative_half_velocity(self, halves: &[<Self::T as LaneFloat>::Half], a: &[u32], b: &[u32]) -> [Self::V; 4];
-    /// [`Self::apply_impulse`] for half lines (v, p).
+    /// [`Self::apply_impulse`] for half lines (v, 1/m).
     fn apply_half_impulse(self, halves: &mut [<Self::T as LaneFloat>::Half], a: &[u32], b: &[u32], f: [Self::V; 3]);
 }
 

@@ -11,6 +11,7 @@ use super::vectors::{InstructionSet, LaneMemory, SimdLanes};
 /// Factors of line b in [`Arithmetic::relative_velocity`].
 const SIGNS: [f64; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 
+/// [`SIGNS`] in single precision.
 const SIGNS_F32: [f32; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 
 impl InstructionSet for Neon {

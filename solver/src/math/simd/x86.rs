@@ -18,6 +18,7 @@ const GREATER: i32 = 30;
 /// Factors of line b in [`Arithmetic::relative_velocity`].
 const SIGNS: [f64; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 
+/// [`SIGNS`] in single precision.
 const SIGNS_F32: [f32; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 
 /// Indices that take, from two vectors of sixteen, the first half of quarters alternately, and the second half, as pairs

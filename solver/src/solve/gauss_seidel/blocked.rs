@@ -46,6 +46,7 @@ pub struct BodyBlock<N, G, T> {
     lines: Mutex<Vec<N>>,
     /// Lines after the sweep before, from which momentum is computed.
     previous: Vec<N>,
+    /// Constraints between bodies of the block, or with bodies that do not move.
     inside: G,
     /// Sums of the last sweep.
     sums: SweepSums<T>,
@@ -56,6 +57,7 @@ pub struct BlockBorders<N, G, T> {
     bodies: BorderBodies,
     /// Copies of the lines of these bodies, and one for unused lanes.
     lines: Vec<N>,
+    /// Constraints between bodies of different blocks.
     across: G,
     /// Sums of the last sweep.
     sums: SweepSums<T>,

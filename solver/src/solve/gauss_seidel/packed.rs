@@ -85,7 +85,7 @@ impl<T: LaneFloat> SweepSums<T> {
 /// Beginning of a sweep: velocities are linear in the impulses, so momentum takes one pass over the numbers of the bodies.
 pub struct ApplyMomentum<'a, L: Arithmetic> {
     pub l: L,
-    /// Numbers before the last sweep, replaced by y + beta (y - before) with y after it; masses do not change.
+    /// Numbers of the bodies' lines before the last sweep, replaced by y + beta (y - before) with y after it; masses do not change.
     pub numbers: &'a mut [L::T],
     /// Numbers after the last sweep.
     pub last: &'a [L::T],
@@ -184,8 +184,10 @@ pub fn snap_to_cones(width: SimdWidth, cones: &FrictionCones, r: &mut [[f64; BAT
     width.run(SnapToCones { cones, r });
 }
 
+/// Operation of [`snap_to_cones`].
 struct SnapToCones<'a> {
     cones: &'a FrictionCones,
+    /// Impulses, world frame: x of all lanes, then y, then z; N s.
     r: &'a mut [[f64; BATCH_LANES]; 3],
 }
 

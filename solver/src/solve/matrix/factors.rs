@@ -47,7 +47,7 @@ pub struct LuFactors {
 
 /// Front: contacts that are eliminated together, and the later ones coupled to them.
 struct FrontalMatrix {
-    /// Contacts that are eliminated here.
+    /// Contacts that are eliminated here; each has three rows and three columns.
     own: Vec<u32>,
     /// Later contacts that are coupled to these.
     later: Vec<u32>,
@@ -221,9 +221,13 @@ fn eliminate_front(width: SimdWidth, a: &mut [f64], stride: usize, size: usize, 
 
 /// Operation of [`eliminate_front`].
 struct FrontElimination<'a> {
+    /// Matrix of the front, column after column.
     a: &'a mut [f64],
+    /// Distance of the starts of two columns in `a`.
     stride: usize,
+    /// Number of rows, and of columns.
     size: usize,
+    /// Output: row exchanged with each of the eliminated rows.
     pivots: &'a mut [u32],
 }
 
@@ -284,9 +288,11 @@ fn subtract_multiple(x: &mut [f64], lower: &[f64], u: f64) {
 /// Columns of L, the first of which belongs to row `from`, as many as there are `pivots`.
 struct ColumnPanel<'a> {
     columns: &'a [f64],
+    /// Distance of the starts of two columns.
     stride: usize,
     from: usize,
     pivots: &'a [u32],
+    /// Number of rows.
     size: usize,
 }
 
@@ -334,6 +340,7 @@ impl ColumnPanel<'_> {
 /// Operation of [`LuFactors::solve`]: forward substitution with L, then backward with U.
 struct TriangularSolution<'a> {
     factors: &'a LuFactors,
+    /// Right side, replaced by the solution; by contact.
     x: &'a mut [LocalVector],
 }
 

@@ -28,6 +28,7 @@ const MIN_STEP_SHARE: f64 = 1e-8;
 /// Number of steps in which the smallest residual so far must fall by the factor [`STALL_REDUCTION`]: it falls faster if the
 /// method converges.
 const STALL_STEPS: usize = 10;
+/// Ratio of the smallest residual to that [`STALL_STEPS`] steps before, above which the method stagnates.
 const STALL_REDUCTION: f64 = 0.5;
 
 /// Iterates from the middle of the cones until the run or the budget of `steps` Newton steps is over. If rounding stops the

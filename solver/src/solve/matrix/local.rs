@@ -17,7 +17,7 @@ use super::types::{LocalVector, MatrixBlock};
 pub struct LocalSolver {
     /// 1/W_nn, kg.
     inverse_nn: f64,
-    /// c and d along the axes, dimensionless.
+    /// c and d along the axes of S, dimensionless.
     c: [f64; 2],
     d: [f64; 2],
     /// First axis, cosine and sine of its angle to t1.
@@ -30,6 +30,7 @@ pub struct LocalSolver {
     low: f64,
     /// Value of s for sticking.
     stick: f64,
+    /// Coefficient of friction.
     mu: f64,
 }
 

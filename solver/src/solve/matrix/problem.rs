@@ -13,8 +13,9 @@ pub struct MatrixProblem {
     pub mu: Vec<f64>,
     /// Relative velocity of each contact without impulses, m/s.
     pub q: Vec<LocalVector>,
-    /// Start of the blocks of each row, and the end of the last.
+    /// Start in `blocks` of the blocks of each row, and the end of the last.
     pub(super) starts: Vec<usize>,
+    /// Column of each block.
     pub(super) columns: Vec<u32>,
     /// Blocks of W, 1/kg.
     pub(super) blocks: Vec<MatrixBlock>,

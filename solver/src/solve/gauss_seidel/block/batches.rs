@@ -32,7 +32,7 @@ const MAX_PAIR_CONTACTS: usize = 4;
 /// Smallest number of points (of sixteen pairs) that a task packs.
 const MIN_POINTS_PER_TASK: usize = 32;
 
-/// Numbers of a body, two quartets; see [`BlockProblem`] for the two lines that a body has.
+/// Line of eight numbers of a body: its velocities or its inverse inertia, see [`BlockProblem`].
 pub type BodyNumbers<T> = [T; 8];
 
 /// Numbers of the pairs of a batch.
@@ -127,12 +127,13 @@ pub struct FrictionalPoint<T> {
     pub c: [BatchColumn<T>; 2],
     pub s: [BatchColumn<T>; 2],
     pub inverse_s: [BatchColumn<T>; 2],
+    /// Coefficient μ.
     pub friction: BatchColumn<T>,
     /// A third of the trace of W, 1/kg.
     pub weight: BatchColumn<T>,
 }
 
-/// r̂ of a point along its axes in this sweep and in the one before, N s, and the multiplier of its sliding.
+/// r̂ of a point along its axes in this sweep and in the one before, N s, and the multiplier of its sliding divided by W_nn.
 #[derive(Debug, Clone, Default)]
 #[repr(align(64))]
 pub struct FrictionalImpulses<T> {
@@ -183,15 +184,22 @@ pub struct PairBatches<C: PairContacts> {
 
 /// Pairs of bodies inside a block or between blocks, with constants of the bodies' lines.
 pub struct PairGroup<C: PairContacts> {
+    /// Lines of inverse inertia, by the bodies' index in the block or border.
     pub inertia: Vec<BodyNumbers<C::T>>,
     pub batches: PairBatches<C>,
 }
 
 /// Contact problem of a step in the form used by the sweeps.
 ///
-/// Lines of bodies: v, 1/m, w and an unused number; inverse inertia xx, xy, xz, yy, yz, zz, and two unused numbers. For bodies
-/// with [locked axes](BlockData::locked_axes) three numbers are 1 for x, y and z along which impulses move the body, else 0.
-/// In single precision v and w are the changes by the sweeps, in [`SweepUnits`].
+/// A body has two lines of [`BodyNumbers`], world frame:
+///
+/// | line | 0 to 2 | 3 | 4 to 6 | 7 |
+/// |---|---|---|---|---|
+/// | velocities | velocity v, m/s | 1/m, 1/kg | angular velocity w, rad/s | free axis x |
+/// | inverse inertia, 1/(kg m²) | xx, xy, xz | yy | yz, zz, then free axis y | free axis z |
+///
+/// The free axes are 1 for an axis along which impulses move the body, else 0; they are used where bodies have
+/// [locked axes](BlockData::locked_axes). In single precision v and w are the changes by the sweeps, in [`SweepUnits`].
 pub struct BlockProblem<C: PairContacts> {
     pub units: SweepUnits,
     pub bodies: BlockedProblem<BodyNumbers<C::T>, PairGroup<C>, C::T>,

@@ -136,7 +136,9 @@ fn symmetric_product<L: Arithmetic>(l: L, [xx, xy, xz, yy, yz, zz]: Symmetric<L:
 /// The axes of [`LocalBlock`], normal and tangents, in the world frame, with c and s.
 #[derive(Debug, Clone, Copy)]
 pub struct BlockAxes<V> {
+    /// Unit vectors n, t1 and t2.
     pub axes: [[V; 3]; 3],
+    /// c and s as in [`LocalBlock`].
     pub c: [V; 2],
     pub s: [V; 2],
 }
@@ -169,7 +171,7 @@ pub fn block_axes<L: Arithmetic>(l: L, w: Symmetric<L::V>, normal: [L::V; 3]) ->
     let sin = l.select_greater(zero, half_difference, signed_larger_part, smaller_part);
     let (cos, sin) = (l.select_greater(radius, zero, cos, one), l.select_greater(radius, zero, sin, zero));
     // The smaller one without cancellation. No eigenvalue is below the inverse masses that W has along every axis, except
-    // where both bodies are partly driven: along a direction in which neither can move, W is 0.
+    // where both bodies are driven in part: along a direction in which neither can move, W is 0.
     let min_s = l.mul(l.splat(MIN_TANGENT_SHARE), w_nn);
     let larger = l.add(mean, radius);
     let larger = l.select_greater(larger, min_s, larger, min_s);
@@ -327,7 +329,7 @@ struct SlidingState<V> {
     d: V,
     r: [V; 2],
     n: V,
-    /// |r|^2 and |r|
+    /// |r|² and |r|, of `r` above.
     square: V,
     length: V,
 }

@@ -27,6 +27,7 @@ impl<C: PairSweepKernel> PackedProblem for BlockProblem<C> {
     }
 }
 
+/// One sweep of a problem with the momentum `beta`.
 struct BlockSweep<'a, C: PairContacts> {
     problem: &'a mut BlockProblem<C>,
     beta: f64,
@@ -55,8 +56,10 @@ impl<C: PairSweepKernel> BlockSweep<'_, C> {
     }
 }
 
+/// Operations of a sweep on blocks and borders.
 struct BlockOperations<L> {
     lanes: L,
+    /// Momentum, dimensionless.
     beta: f64,
     /// Whether the problem exceeds the L2 cache.
     exceeds_l2: bool,
@@ -79,11 +82,15 @@ impl<L: Arithmetic, C: PairSweepKernel<T = L::T>> SweepOperations<BodyNumbers<L:
     }
 }
 
+/// Sweep of the pairs of a block or border.
 struct SweepBatches<'a, L, C: PairContacts> {
     lanes: L,
+    /// Lines of velocities of the bodies, which the batches index; see [`BlockProblem`].
     lines: &'a mut [BodyNumbers<C::T>],
+    /// Lines of inverse inertia of the same bodies.
     inertia: &'a [BodyNumbers<C::T>],
     batches: &'a mut PairBatches<C>,
+    /// Momentum, dimensionless.
     beta: f64,
     /// Whether the problem exceeds the L2 cache.
     exceeds_l2: bool,
@@ -118,14 +125,16 @@ impl<L: Arithmetic, C: PairSweepKernel<T = L::T>> NullaryFnOnce for SweepBatches
 
 /// Velocities of the two bodies of a pair, candidate a and antagonist b, and their response to impulses.
 pub struct PairVelocities<V> {
+    /// Velocities, m/s, and angular velocities, rad/s.
     va: [V; 3],
     wa: [V; 3],
     vb: [V; 3],
     wb: [V; 3],
+    /// Inverse masses, 1/kg.
     inverse_mass: [V; 2],
     /// 1 for each fixed axis along which impulses move them, else 0.
     free_axes: [[V; 3]; 2],
-    /// Inverse inertia xx, xy, xz, yy, yz, zz.
+    /// Inverse inertia xx, xy, xz, yy, yz, zz, 1/(kg m²), in the first six numbers.
     inertia: [[V; 8]; 2],
 }
 
@@ -314,9 +323,11 @@ struct PairLanes<'a, C: PairContacts> {
     impulses: &'a mut [C::Impulses],
     /// Points that are swept after them, to prefetch.
     later: (&'a [C], &'a [C::Impulses]),
+    /// Rolling constraints by point; empty if there are none.
     rolls: &'a mut [RollingConstraintWide<C::T>],
-    /// Friction levers; empty if all are 0.
+    /// Friction levers by point; empty if all are 0.
     levers: &'a [LeverColumns<C::T>],
+    /// First lane.
     from: usize,
 }
 

@@ -23,18 +23,19 @@ use crate::solve::types::ContactReactions;
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub struct ContactBatch<T> {
-    /// Unit normals from the antagonists to the candidates, world frame.
+    /// Unit normals from the antagonists to the candidates, world frame: x of all lanes, then y, then z.
     pub n: [[T; BATCH_LANES]; 3],
     /// Shift along n, m/s.
     pub shift: [T; BATCH_LANES],
-    /// Arm, see [`crate::assemble::ContactConstraint`].
+    /// Arm, see [`crate::assemble::ContactConstraint`], dimensionless.
     pub arm: [T; BATCH_LANES],
+    /// Coefficient μ.
     pub friction: [T; BATCH_LANES],
     /// Lines of candidate and antagonist in their block, or in the border of their blocks.
     pub bodies: [[u32; BATCH_LANES]; 2],
 }
 
-/// One vector for each of sixteen contacts.
+/// One vector for each of sixteen contacts: first components of all lanes, then second, then third.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
 pub struct BatchVectors<T>(pub [[T; BATCH_LANES]; 3]);
@@ -70,7 +71,7 @@ pub struct GroupBatches<T> {
 pub trait PackedBody: Pod + Send + Sync {
     /// Type of its numbers.
     type T: LaneFloat;
-    /// Whether it has the angular velocity that friction changes.
+    /// Whether it has the surface speed R ω, which friction changes.
     const HAS_FRICTION: bool;
     /// Body of unused lanes: no impulse acts on it, and no division by zero occurs.
     const PADDING: Self;
@@ -79,7 +80,7 @@ pub trait PackedBody: Pod + Send + Sync {
     fn new(solver_body: &SolverBody, units: &SweepUnits) -> Self;
 }
 
-/// Velocity, 1/mass, R x angular velocity, R^2/inertia.
+/// Line (v, 1/m, R ω, R²/J).
 impl PackedBody for BodyLine {
     type T = f64;
     const HAS_FRICTION: bool = true;
@@ -91,7 +92,7 @@ impl PackedBody for BodyLine {
     }
 }
 
-/// Velocity and 1/mass: spheres without friction do not turn.
+/// Half line (v, 1/m): spheres without friction do not turn.
 impl PackedBody for BodyHalfLine {
     type T = f64;
     const HAS_FRICTION: bool = false;

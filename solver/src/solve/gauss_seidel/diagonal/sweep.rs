@@ -32,6 +32,7 @@ impl<B: PackedBody> PackedProblem for DiagonalProblem<B> {
     }
 }
 
+/// One sweep of a problem with the momentum `beta`.
 struct DiagonalSweep<'a, B: PackedBody> {
     problem: &'a mut DiagonalProblem<B>,
     beta: f64,
@@ -48,8 +49,10 @@ impl<B: PackedBody> LaneOperation for DiagonalSweep<'_, B> {
     }
 }
 
+/// Operations of a sweep on blocks and borders.
 struct DiagonalOperations<L> {
     lanes: L,
+    /// Momentum, dimensionless.
     beta: f64,
     /// Whether the problem exceeds the L2 cache.
     exceeds_l2: bool,
@@ -77,11 +80,15 @@ macro_rules! pair {
     };
 }
 
+/// Sweep of the contacts of a block or border.
 struct SweepGroup<'a, L, B: PackedBody> {
     lanes: L,
+    /// Bodies, which the contacts index.
     lines: &'a mut [B],
     group: &'a mut GroupBatches<B::T>,
+    /// Momentum, dimensionless.
     beta: f64,
+    /// Whether the problem exceeds the L2 cache.
     exceeds_l2: bool,
     sums: &'a mut SweepSums<B::T>,
 }
@@ -134,7 +141,7 @@ impl<L: Arithmetic, B: PackedBody<T = L::T>> NullaryFnOnce for SweepGroup<'_, L,
     }
 }
 
-/// Batches processed together in each stage.
+/// Batches processed together in each stage; arrays by batch as in [`GroupBatches`].
 pub struct BatchChunk<'a, T> {
     batches: &'a [ContactBatch<T>],
     later: PrefetchWindow<'a, T>,
@@ -187,19 +194,22 @@ pub struct StageBuffers<V> {
 /// Impulses that would stop the contacts of a vector, N s.
 #[derive(Clone, Copy)]
 pub struct TrialImpulse<V> {
+    /// Tangential impulse, world frame.
     tangential: LaneVector<V>,
     /// Normal impulse, after Signorini's condition.
     normal: V,
-    /// Impulses contained in the velocities.
+    /// Impulses contained in the velocities, world frame.
     y: LaneVector<V>,
     /// W_nn, 1/kg.
     w_n: V,
 }
 
-/// Change of impulse and of moment over the arm, for the bodies.
+/// Change of a contact's impulse on the bodies, world frame.
 #[derive(Clone, Copy)]
 pub struct ImpulseChange<V> {
+    /// Impulse on the candidate, N s; the antagonist gets the opposite.
     impulse: LaneVector<V>,
+    /// Moment divided by the radius, the same for both bodies, N s.
     turn: LaneVector<V>,
 }
 
