@@ -249,7 +249,7 @@ pub enum FaceFriction {
     /// Points that resist spinning as the pressure under the face does, uniform for a central load.
     #[default]
     Uniform,
-    /// At the corners, as in LMGC90.
+    /// Friction at the corners, as in LMGC90.
     Corners,
 }
 

@@ -18,7 +18,7 @@
 mod error;
 mod interface;
 mod pair;
-mod refused;
+mod rejected;
 
 use serde::Deserialize;
 
@@ -28,7 +28,7 @@ use crate::ron_text::nearest_name;
 pub use error::LawError;
 pub use interface::{DamageLaw, InterfaceFault, InterfaceMode, InterfaceParameter, LawInterface, ModePair};
 pub use pair::{PairCohesion, PairStrength, SpherePacking};
-pub use refused::refusal_reason;
+pub use rejected::rejection_reason;
 
 /// Physical quantity of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -450,7 +450,7 @@ impl std::error::Error for InterfaceFault {}
 
 /// Error of a law that the programs do not compute, or that does not have `count` parameters.
 fn law_error(label: &str, count: usize) -> LawError {
-    let (found, expected) = match (law_entry(label), refusal_reason(label)) {
+    let (found, expected) = match (law_entry(label), rejection_reason(label)) {
         (_, Some(reason)) => {
             (format!("its kind {label} is not computed: {reason}"), format!("computed are {}", computed_list()))
         }

@@ -64,7 +64,7 @@
 //! | [`scan`] | text in columns as Fortran reads and writes it |
 //! | [`ron_text`], [`value_locations`] | RON with the position of each mistake; positions of values |
 //! | [`settings`] | values of RON files that a command line replaces |
-//! | [`ron_file`], [`former_names`] | RON files under the names of today and of earlier versions |
+//! | [`ron_file`], [`former_names`] | RON files under current names and those of earlier versions |
 //! | [`atomic`] | files that are complete or absent |
 //! | [`case`] | the folder of a case on a command line |
 //! | [`foreign`] | folders of LMGC90 with 2D or deformable bodies |

@@ -1,4 +1,4 @@
-//! Reading of RON files under the names of today and of [earlier versions](crate::former_names).
+//! Reading of RON files under current names and those of [earlier versions](crate::former_names).
 
 use std::path::Path;
 

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
-use crate::law_table::{FileLimit, LawEntry, LawError, LawModel, law_entry, refusal_reason};
+use crate::law_table::{FileLimit, LawEntry, LawError, LawModel, law_entry, rejection_reason};
 use crate::ron_text::known_names;
 use crate::scan::{
     AsciiText, LenientForm, LineScanner, RealText, TextLine, format_e14, format_long14, fortran_real, put_text,
@@ -307,7 +307,7 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
 /// Whether a line has the name of a law in its columns.
 fn names_law(line: TextLine) -> bool {
     let kind = line.columns(9, 38).split_ascii_whitespace().next().unwrap_or("");
-    !line.is_continuation() && (law_entry(kind).is_some() || refusal_reason(kind).is_some())
+    !line.is_continuation() && (law_entry(kind).is_some() || rejection_reason(kind).is_some())
 }
 
 /// Whether the 14 columns from `first` have a real.

@@ -135,7 +135,7 @@ fn parse_columns(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Fa
     faults.into_result(names.into_iter().map(str::to_string).zip(columns).chain(former).collect())
 }
 
-/// Columns and their former names, from before means were over a region.
+/// Columns and the names that they have in files of earlier versions.
 const FORMER_NAMES: [(&str, &str); 3] = [("nu_sphere", "nu"), ("pressure_sphere", "pressure"), ("Z_all", "Z")];
 
 /// Columns of TIMER.csv with the times of the stages of a step, s, except writing.

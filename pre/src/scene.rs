@@ -238,10 +238,10 @@ impl Default for ModelScale {
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ContactSurface {
-    /// Its own surface, which must be convex.
+    /// The model's own surface, which must be convex.
     #[default]
     Surface,
-    /// Its convex hull, which also gives volume and mass.
+    /// The model's convex hull, which also gives volume and mass.
     Hull,
     /// Convex pieces that approximate it; mass and inertia are those of the surface itself.
     Pieces {

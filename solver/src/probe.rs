@@ -218,7 +218,7 @@ fn contact_force(
 struct MeanMotion {
     /// Centre of mass, m.
     centre: Vec3,
-    /// Its velocity, m/s.
+    /// Velocity of the centre of mass, m/s.
     velocity: Vec3,
     /// Angular velocity of a rigid body with their angular momentum and inertia, rad/s.
     angular_velocity: Vec3,

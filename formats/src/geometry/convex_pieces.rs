@@ -41,9 +41,9 @@ pub struct ConvexPiece {
 /// Reason why a surface cannot be split into convex pieces.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SplitError {
-    /// Its dents are no deeper than the rounding of its coordinates.
+    /// The dents of the surface are no deeper than the rounding of its coordinates.
     ShallowDents,
-    /// The comparisons of its faces exceed the largest number.
+    /// The comparisons of the surface's faces exceed the largest number.
     ManyDents { triangles: usize },
     /// The pieces exceed [`MAX_CONVEX_PIECES`].
     ManyPieces,

@@ -92,7 +92,7 @@ pub struct Snapshot {
     pub gravity: Option<GravityArrays>,
     /// Bodies that are in the run; only if bodies may enter or leave.
     pub presence: Option<PresenceArrays>,
-    /// Only in scenes with other bodies than spheres and plates.
+    /// Additional arrays for bodies of any shape; only in scenes with other bodies than spheres and plates.
     pub shapes: Option<ShapeArrays>,
     /// Sums over the steps since the snapshot before.
     pub interval: Option<IntervalArrays>,
@@ -109,12 +109,12 @@ pub struct ShapeArrays {
 /// Content of the JSON text `meta`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SnapshotMeta {
-    /// [`FORMAT_VERSION`]
+    /// Number of the format, [`FORMAT_VERSION`].
     pub format: u32,
     /// Program and version that wrote the file.
     pub program: String,
     pub step: u64,
-    /// s
+    /// Time, s.
     pub time: f64,
     /// Length of the last step, s; before the first step, the length of the first.
     pub h: f64,
@@ -135,13 +135,13 @@ pub struct SnapshotMeta {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub laws_at_start: Vec<LawName>,
     pub ledger: Ledger,
-    /// Only if self-gravity is not evaluated at every step.
+    /// Last evaluations of self-gravity; only if it is not evaluated at every step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attraction: Option<GravityEvaluations>,
-    /// Only if the fallback has failed in a step.
+    /// State of the fallback of the solver; only if it has failed in a step.
     #[serde(default, skip_serializing_if = "FallbackState::is_new")]
     pub fallback: FallbackState,
-    /// Only if POSTPRO.DAT requests such sums.
+    /// Sums for the files of POSTPRO.DAT; only if it requests some.
     #[serde(default, skip_serializing_if = "PostproSums::is_zero")]
     pub postpro: PostproSums,
     /// Time since when all bodies have been at rest, s; only if a condition `AtRest` ends the run.
@@ -154,7 +154,7 @@ pub struct SnapshotMeta {
     /// snapshots of versions without this field.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub options: BTreeMap<String, String>,
-    /// Only in the index of a snapshot in parts: these parts, in the order of their rows.
+    /// Parts of the snapshot, in the order of their rows; only in the index of a snapshot in parts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<SnapshotPart>,
 }
@@ -210,7 +210,7 @@ impl PostproSums {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MaterialName {
     pub name: String,
-    /// kg/m^3
+    /// Density, kg/m^3.
     pub density: f64,
 }
 
@@ -261,52 +261,52 @@ mod adaptive_fields {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct RunParameters {
     pub theta: f64,
-    /// Only if it is given.
+    /// Preset; only if it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<crate::compute::Accuracy>,
-    /// Only if steps can differ.
+    /// Limits of adaptive steps; only if steps can differ.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "adaptive_fields")]
     pub adaptive: Option<crate::compute::Adaptive>,
     pub tol: f64,
-    /// 0 in snapshots of versions without this limit.
+    /// Limit of the mean penetration; 0 in snapshots of versions without this limit.
     #[serde(default)]
     pub penetration_tol: f64,
     #[serde(default)]
     pub solver: crate::compute::ContactSolver,
-    /// Only if it is set explicitly.
+    /// Precision of the sweeps; only if it is set explicitly.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sweep_precision: Option<crate::compute::SweepPrecision>,
     pub max_sweeps: u64,
-    /// Only if it is set.
+    /// Number of sweeps between checks of the residual; only if it is set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub check_every: Option<u64>,
     pub alert: Option<f64>,
     pub self_gravity: bool,
     #[serde(default)]
     pub gravity: crate::compute::GravityMethod,
-    /// m
+    /// Period along x, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub xperiode: Option<f64>,
-    /// m
+    /// Period along y, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub yperiode: Option<f64>,
-    /// Only where there are polyhedra.
+    /// Narrow phase; only where there are polyhedra.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub narrow_phase: Option<crate::compute::NarrowPhase>,
-    /// Only where there are polyhedra.
+    /// Friction of faces; only where there are polyhedra.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub face_friction: Option<crate::compute::FaceFriction>,
-    /// m^3 kg^-1 s^-2
+    /// G, m^3 kg^-1 s^-2.
     pub gravity_constant: f64,
     pub gravity_error: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_order: Option<usize>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_opening: Option<f64>,
-    /// Only if it is more than 1.
+    /// Largest number of steps between evaluations of self-gravity; only if it is more than 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_refresh: Option<u64>,
-    /// Only with `gravity_refresh`.
+    /// Largest displacement between evaluations of self-gravity, as a share of the mean radius; only with `gravity_refresh`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_moved: Option<f64>,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

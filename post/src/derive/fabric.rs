@@ -41,7 +41,10 @@ pub fn anisotropy(fabric: &Mat3) -> f64 {
 /// tangential force.
 pub fn tangential_limit(contact: &Contact, law: &LawModel) -> f64 {
     let &Contact { gap, normal_force, area, bonded, soundness, attraction, .. } = contact;
-    let breaks_by_sliding = matches!(law.cohesion(), Some(LawCohesion::Bond { .. }));
+    let breaks_by_sliding = match law.cohesion() {
+        Some(LawCohesion::Bond { .. }) => true,
+        None | Some(LawCohesion::Liquid { .. } | LawCohesion::Pair(_)) => false,
+    };
     if breaks_by_sliding && !bonded && contact.status == STATUS_SLIDE {
         return contact.tangential_force;
     }

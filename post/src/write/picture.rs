@@ -167,7 +167,7 @@ struct GrainDisc {
 struct PaintedShape {
     /// Depth of the farthest corner of a face, or of the centre of a sphere; larger is farther.
     depth: f64,
-    /// Its grain, in the order of the frame.
+    /// Grain that is painted, in the order of the frame.
     grain: usize,
     outline: ShapeOutline,
 }

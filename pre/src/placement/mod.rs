@@ -61,7 +61,7 @@ impl PlacementError {
         PlacementError { found: error.to_string(), expected: "a non-degenerate convex solid" }
     }
 
-    /// Same error with the margin, m, by which grains are kept apart for the rounding of positions in the files.
+    /// Adds to the error the margin, m, by which grains are kept apart for the rounding of positions in the files.
     fn with_margin(self, margin: f64) -> PlacementError {
         let found =
             format!("{}, kept {margin:.1e} m apart, because the text files have 8 digits of a position", self.found);

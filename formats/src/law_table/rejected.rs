@@ -1,7 +1,7 @@
 //! Laws of LMGC90 that the programs do not compute, with the reason, which an error names.
 
 /// Reasons, and the names of the laws in TACT_BEHAV.DAT to which each applies.
-const REFUSED_LAWS: &[(&str, &[&str])] = &[
+const REJECTED_LAWS: &[(&str, &[&str])] = &[
     (
         "it is a law of deformable bodies, and all bodies of these programs are rigid",
         &[
@@ -102,12 +102,12 @@ const REFUSED_LAWS: &[(&str, &[&str])] = &[
 /// Reason why the programs do not compute with a law of LMGC90; `None` for laws that they compute with and for unknown names.
 ///
 /// ```
-/// use cd_formats::law_table::refusal_reason;
-/// assert_eq!(refusal_reason("IQS_STICK"), Some("LMGC90's 3D solver stops at its first contact"));
-/// assert_eq!(refusal_reason("IQS_CLB"), None);
+/// use cd_formats::law_table::rejection_reason;
+/// assert_eq!(rejection_reason("IQS_STICK"), Some("LMGC90's 3D solver stops at its first contact"));
+/// assert_eq!(rejection_reason("IQS_CLB"), None);
 /// ```
-pub fn refusal_reason(label: &str) -> Option<&'static str> {
-    REFUSED_LAWS.iter().find(|(_, names)| names.contains(&label)).map(|(reason, _)| *reason)
+pub fn rejection_reason(label: &str) -> Option<&'static str> {
+    REJECTED_LAWS.iter().find(|(_, names)| names.contains(&label)).map(|(reason, _)| *reason)
 }
 
 #[cfg(test)]
@@ -117,12 +117,12 @@ mod tests {
 
     #[test]
     fn a_law_is_computed_or_rejected_with_a_reason() {
-        let names: Vec<&str> = REFUSED_LAWS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
+        let names: Vec<&str> = REJECTED_LAWS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
         for (k, name) in names.iter().enumerate() {
             assert!(!names[..k].contains(name), "{name} twice");
         }
         for entry in LAW_TABLE {
-            assert_eq!(entry.computed, refusal_reason(entry.label).is_none(), "{}", entry.label);
+            assert_eq!(entry.computed, rejection_reason(entry.label).is_none(), "{}", entry.label);
         }
     }
 }
