@@ -25,7 +25,7 @@ pub struct Material {
 
 impl BulkBehav {
     /// Reads the file; reports all its faults at once. Lines that are neither gravity nor a material are skipped, as in
-    /// LMGC90. Of materials that are not `RIGID` only the density is kept.
+    /// LMGC90. Of materials that are not `RIGID` only the density is kept; springs (`DISCRETE`) are skipped with a notice.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &AsciiText::read_file(path)?)
     }
@@ -105,7 +105,7 @@ impl BulkBehav {
     fn text_with(&self, real: fn(f64) -> RealText) -> String {
         let mut out = String::from("$gravy\n");
         for (k, column) in GRAVITY_COLUMNS.iter().enumerate() {
-            put_text(&mut out, column - 5, format_args!("grv{}={}", k + 1, real(self.gravity[k])));
+            put_text(&mut out, column - LABEL_WIDTH, format_args!("grv{}={}", k + 1, real(self.gravity[k])));
         }
         out.push('\n');
         for Material { name, density } in &self.materials {
@@ -122,6 +122,9 @@ fn is_material(line: TextLine) -> bool {
 
 /// First columns of the components of gravity.
 const GRAVITY_COLUMNS: [usize; 3] = [25, 46, 67];
+
+/// Width of the label in front of a component, such as `grv1=`.
+const LABEL_WIDTH: usize = 5;
 
 #[cfg(test)]
 mod tests {

@@ -88,7 +88,8 @@ impl Evolution {
         }
     }
 
-    /// Largest difference from a value between two times, s; for a harmonic at any time, with its ramp at its end.
+    /// Upper bound of the difference from `value` between the times `from` and `to`, s. For a harmonic it is that at any time
+    /// after its ramp; during the ramp the difference may be larger.
     pub fn farthest_from(&self, value: f64, [from, to]: [f64; 2]) -> f64 {
         match self {
             Evolution::Harmonic { constant, amplitude, .. } => (constant - value).abs() + amplitude.abs(),

@@ -76,15 +76,35 @@ impl std::error::Error for Fault {}
 /// Fault of one record of a file, whose reader adds file, line and object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordFault {
+    /// Phrase about the value that was found, as in [`Fault::found`].
     pub found: String,
     /// Phrase about the expected value, as in [`Fault::expected`].
     pub expected: String,
+    /// Part of the record that has the fault.
+    pub part: RecordPart,
+}
+
+/// Part of a record whose faults its reader reports in another way than those of the rest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RecordPart {
+    /// Any other part.
+    #[default]
+    Rest,
+    /// Name of the material of a body, which has a line of its own.
+    Material,
+    /// Surface of a body that cannot be split into convex pieces: many bodies may have it, and the remedy is the same.
+    UnsplitSurface,
 }
 
 impl RecordFault {
     /// Fault of a record; `expected` is a whole phrase.
     pub fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
-        RecordFault { found: found.into(), expected: expected.into() }
+        RecordFault { found: found.into(), expected: expected.into(), part: RecordPart::Rest }
+    }
+
+    /// The fault, ascribed to a part of the record.
+    pub fn in_part(self, part: RecordPart) -> Self {
+        RecordFault { part, ..self }
     }
 }
 

@@ -15,7 +15,8 @@ use crate::tact_behav::TactBehav;
 /// Largest number of bodies of a file that are reported one by one.
 const MAX_REPORTED_BODIES: usize = 5;
 
-/// Largest relative rounding difference; the files have eight digits and more.
+/// Largest relative difference that counts as rounding of recomputed masses, radii and moments. It is below the last digit of
+/// the file, which has eight or more, so that an edit of that digit is found.
 const RELATIVE_ROUNDING: f64 = 1e-9;
 
 /// Snapshot with its file, for messages.
@@ -97,7 +98,8 @@ impl ComputedSnapshot<'_> {
         faults
     }
 
-    /// Compares the densities of BULK_BEHAV.DAT. Errors: each material of the bodies that differs or is missing.
+    /// Compares the densities of BULK_BEHAV.DAT, exactly: the snapshot has the number that was read from the file. Errors: each
+    /// material of the bodies that differs or is missing.
     pub fn expect_materials(&self, file: &Path, bulk: &BulkBehav) -> Result<(), Faults> {
         let mut faults = Faults::default();
         for (number, stored) in (0..).zip(&self.snapshot.meta.materials) {

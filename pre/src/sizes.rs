@@ -39,7 +39,7 @@ impl SizeDistribution {
     ///
     /// ```
     /// use cd_pre::scene::SizeDistribution;
-    /// // The number larger than r falls as 1/r: (1 - 1/1.5) / (1 - 1/2) of it is gone at 1.5.
+    /// // The number larger than r falls as 1/r: (1 - 1/1.5) / (1 - 1/2) of the grains are smaller than 1.5.
     /// let sizes = SizeDistribution::PowerLaw { min: 1.0, max: 2.0, exponent: 1.0 };
     /// assert!((sizes.share_below(1.5) - 2.0 / 3.0).abs() < 1e-15);
     /// ```
@@ -96,8 +96,9 @@ impl SizeDistribution {
 
     /// Grains that `make_grain` makes from sampled radii, m, rounded to the digits of the files.
     ///
-    /// A `List` gives its radii in a random order, or in its own with `in_order`; any other distribution uses one random
-    /// number a grain. `volume`: volume of a grain, m^3.
+    /// A `List` gives all its radii, whatever `target` is, in a random order, or in its own with `in_order`; any other
+    /// distribution uses one random number a grain. `make_grain` gets a radius from here always: `None` stands for the own
+    /// size of a shape, for grains without sizes. `volume`: volume of a grain, m^3.
     pub fn sample_radii<T, E>(
         &self,
         target: SampleTarget,

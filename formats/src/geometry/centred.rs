@@ -45,8 +45,8 @@ impl Body {
         let frame = self.computed_frame(&properties_in_file);
         let axes =
             frame.map_or(Matrix3::identity(), |f| Matrix3::from_rows(&f.axes.map(|a| Vec3::from(a).transpose())));
-        let in_new_frame = |contactor: &Contactor| contactor.in_frame(&offset, &axes, is_single);
-        let contactors = self.contactors.iter().map(in_new_frame).collect();
+        let moved_contactor = |contactor: &Contactor| contactor.in_frame(&offset, &axes, is_single);
+        let contactors = self.contactors.iter().map(moved_contactor).collect();
         Ok(Body {
             equivalent_radius: if self.equivalent_radius == 0.0 { inertial.radius } else { self.equivalent_radius },
             inertia: Some(inertial.inertia),

@@ -10,7 +10,7 @@ use super::principal::PrincipalFrame;
 use super::rotation::nearest_rotation;
 use super::surface::{MassProperties, Surface, SurfaceFaults};
 use crate::bodies::{Body, Contactor, ShapeRecord};
-use crate::error::RecordFault;
+use crate::error::{RecordFault, RecordPart};
 use crate::names::number_text;
 
 impl Contactor {
@@ -250,7 +250,7 @@ fn polyhedron_fault(fault: &dyn std::error::Error) -> RecordFault {
 }
 
 /// Remedy for surfaces that cannot be split into convex pieces.
-pub const EXPECTED_CONVEX: &str = "expected a convex surface, such as its hull, or a body of several convex POLYR";
+const EXPECTED_CONVEX: &str = "expected a convex surface, such as its hull, or a body of several convex POLYR";
 
 /// Faces of the convex pieces of a POLYR, each with its mass properties, and the mass properties of the whole.
 fn convex_meshes(
@@ -265,7 +265,7 @@ fn convex_meshes(
     let surface = Surface::new(vertices, triangles).map_err(|fault| polyhedron_fault(&fault))?;
     let split_fault = |why: String| {
         let found = format!("contactor POLYR: {reason}; it cannot be split into convex pieces: {why}");
-        RecordFault::new(found, EXPECTED_CONVEX)
+        RecordFault::new(found, EXPECTED_CONVEX).in_part(RecordPart::UnsplitSurface)
     };
     let pieces = split_into_convex(&surface).map_err(|error| split_fault(error.to_string()))?;
     let mesh = |piece: &ConvexPiece| ConvexMesh::from_contactor(&piece.vertices, &piece.triangles);

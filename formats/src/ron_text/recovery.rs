@@ -222,16 +222,16 @@ impl DraftText {
     /// Adds the field `name` to a record; returns the next error.
     fn with_field<T: DeserializeOwned>(&mut self, record: &ValueNode, name: &str) -> Option<SpannedError> {
         let start = record.span.start + self.text[record.span.clone()].find('(')? + 1;
-        let with_value = |value: &str| {
+        let value_draft = |value: &str| {
             let text = format!("{name}: {value}, ");
             (self.replaced(start..start, &text), record.span.end + text.len())
         };
-        let values_of_kinds = self.kind_values::<T>(|value| with_value(value).0);
+        let values_of_kinds = self.kind_values::<T>(|value| value_draft(value).0);
         let drafts: Vec<_> = STAND_INS
             .iter()
             .copied()
-            .map(with_value)
-            .chain(values_of_kinds.iter().map(|value| with_value(value)))
+            .map(value_draft)
+            .chain(values_of_kinds.iter().map(|value| value_draft(value)))
             .collect();
         // All fields of the record were read: an error within it is one of the stand-in, or another missing field.
         self.take_first::<T>(drafts.into_iter(), |site, code, end| match code {
@@ -243,10 +243,10 @@ impl DraftText {
         })
     }
 
-    /// Values of some kinds that a field may have if it is an enum, such as `IQS_CLB(friction: 0)`; `with_value` puts a value
+    /// Values of some kinds that a field may have if it is an enum, such as `IQS_CLB(friction: 0)`; `value_draft` puts a value
     /// in its place.
-    fn kind_values<T: DeserializeOwned>(&self, with_value: impl Fn(&str) -> DraftText) -> Vec<String> {
-        let probe = |value: &str| ron_options().from_str::<T>(&with_value(value).text).err().map(|error| error.code);
+    fn kind_values<T: DeserializeOwned>(&self, value_draft: impl Fn(&str) -> DraftText) -> Vec<String> {
+        let probe = |value: &str| ron_options().from_str::<T>(&value_draft(value).text).err().map(|error| error.code);
         let Some(Error::NoSuchEnumVariant { expected, found, .. }) = probe(UNKNOWN_NAME) else { return Vec::new() };
         if found != UNKNOWN_NAME {
             return Vec::new();
@@ -271,19 +271,19 @@ impl DraftText {
         let candidates = nodes.iter().filter(|node| node.span.start == start && !node.path.is_empty());
         let node = candidates.min_by_key(|node| node.span.len())?;
         let value = &self.text[node.span.clone()];
-        let with_value =
+        let value_draft =
             |text: &&str| (self.replaced(node.span.clone(), &format!("{text}{PADDING}")), start + text.len());
         let drafts: Vec<_> = match code {
             Error::NoSuchEnumVariant { expected, found, .. } => {
                 // The fields behind a misspelt name are read, too.
                 let near = nearest_name(found, expected).filter(|_| value.starts_with(&found[..]));
                 let renamed = near.map(|near| (self.replaced(start..start + found.len(), near), start + near.len()));
-                renamed.into_iter().chain(expected.iter().map(with_value)).collect()
+                renamed.into_iter().chain(expected.iter().map(value_draft)).collect()
             }
             _ => {
                 let values_of_kinds = self.kind_values::<T>(|value| self.replaced(node.span.clone(), value));
                 let values_of_kinds: Vec<&str> = values_of_kinds.iter().map(String::as_str).collect();
-                STAND_INS.iter().chain(&values_of_kinds).map(with_value).collect()
+                STAND_INS.iter().chain(&values_of_kinds).map(value_draft).collect()
             }
         };
         self.take_first::<T>(drafts.into_iter(), |site, code, end| match code {

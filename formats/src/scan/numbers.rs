@@ -145,13 +145,13 @@ pub fn format_long14(x: f64) -> RealText {
     let minus = if x.is_sign_negative() { '-' } else { ' ' };
     // Sign, point, and the digits before it; one digit less where rounding gives a power of ten.
     let integer_digits = (size as u64).checked_ilog10().unwrap_or(0) as usize + 1;
-    let with_decimals = |decimals: usize| {
+    let decimal_text = |decimals: usize| {
         let mut text = RealText::new();
         write!(text, "{minus}{size:.decimals$}").expect("at most 26 letters");
         text
     };
-    let long = with_decimals(REAL_WIDTH - 2 - integer_digits);
-    if long.len() == REAL_WIDTH { long } else { with_decimals(REAL_WIDTH - 3 - integer_digits) }
+    let long = decimal_text(REAL_WIDTH - 2 - integer_digits);
+    if long.len() == REAL_WIDTH { long } else { decimal_text(REAL_WIDTH - 3 - integer_digits) }
 }
 
 /// Smallest magnitude of a number in 14 columns, whose exponent has two digits.

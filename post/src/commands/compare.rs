@@ -149,8 +149,8 @@ pub fn write(
         }
         Ok(columns)
     };
-    let with_name = |(case, name)| Some(SeriesRun { name, columns: faults.gather_result(read_table(case))? });
-    let runs: Vec<SeriesRun> = cases.iter().zip(names).filter_map(with_name).collect();
+    let named_run = |(case, name)| Some(SeriesRun { name, columns: faults.gather_result(read_table(case))? });
+    let runs: Vec<SeriesRun> = cases.iter().zip(names).filter_map(named_run).collect();
     faults.into_result(())?;
     let mut notes = Vec::new();
     let has_values = |name: &&String| runs.iter().any(|run| run.columns[*name].iter().any(|value| value.is_finite()));

@@ -332,7 +332,7 @@ impl SourceCase {
                     ),
                     _ => "expected none: the run has no bodies with imposed motion".into(),
                 };
-                faults.push((format!("walls_except.{k}"), RecordFault { found, expected }));
+                faults.push((format!("walls_except.{k}"), RecordFault::new(found, expected)));
             }
             chosen.into_iter().for_each(|row| excepted[row] = true);
         }

@@ -79,7 +79,7 @@ pub fn model_solid(
     contact_shape: &ContactSurface,
 ) -> Result<(PrincipalSolid, String), Faults> {
     let path = folder.join(file);
-    let refuse =
+    let model_fault =
         |object: &str, found: String, expected: &str| Faults::from(Fault::new(&path, None, object, found, expected));
     let read = read::read_surface(&path)?;
     let factor = scale_factor(&read.surface, scale);
@@ -88,22 +88,26 @@ pub fn model_solid(
     let solid = match contact_shape {
         ContactSurface::Surface => {
             let expected = "expected a convex one, or contact_shape: Hull, Pieces(...) or Files([...])";
-            let (surface, note) =
-                convex_surface(&whole).ok_or_else(|| refuse("surface", "it is not convex".to_string(), expected))?;
+            let (surface, note) = convex_surface(&whole)
+                .ok_or_else(|| model_fault("surface", "it is not convex".to_string(), expected))?;
             summary += &note;
             PrincipalSolid::from_convex(&surface)
         }
         ContactSurface::Hull => {
             let hull = hull::convex_hull(whole.vertices());
-            let hull = hull.map_err(|misfit| refuse("hull", misfit.to_string(), "expected a body"))?;
+            let hull = hull.map_err(|misfit| model_fault("hull", misfit.to_string(), "expected a body"))?;
             summary += &format!(", hull of {:.4} times its volume", hull.volume() / whole.volume());
             PrincipalSolid::from_convex(&hull)
         }
         &ContactSurface::Pieces { max_pieces, concavity, max_vertices } => {
             let pieces = decompose_convex(&whole, max_pieces, concavity, max_vertices);
-            let pieces = pieces.map_err(|misfit| refuse("pieces", misfit.to_string(), "expected a body"))?;
+            let pieces = pieces.map_err(|misfit| model_fault("pieces", misfit.to_string(), "expected a body"))?;
             if pieces.is_empty() {
-                return Err(refuse("pieces", "none was found".to_string(), "expected a body that has convex pieces"));
+                return Err(model_fault(
+                    "pieces",
+                    "none was found".to_string(),
+                    "expected a body that has convex pieces",
+                ));
             }
             summary += &coverage_text(&whole, &pieces);
             PrincipalSolid::new(&whole, &pieces)
@@ -124,8 +128,9 @@ pub fn model_solid(
             PrincipalSolid::new(&whole, &pieces)
         }
     };
-    let solid = solid
-        .map_err(|misfit| refuse("surface", misfit.to_string(), "expected a surface large enough to be represented"))?;
+    let solid = solid.map_err(|misfit| {
+        model_fault("surface", misfit.to_string(), "expected a surface large enough to be represented")
+    })?;
     Ok((solid, summary))
 }
 

@@ -21,7 +21,7 @@
 //! is the mean distance of the pressure from p̄: that of uniform pressure if p̄ is the centroid, that of uniform pressure
 //! along an edge if p̄ lies on this edge, and linear between these along the ray from the centroid.
 //!
-//! Contacts with adjacent flush contactors of one body, or of fixed bodies, form one face: its corners are those of all
+//! Contacts with adjacent flush contactors of one body, or of imposed bodies, form one face: its corners are those of all
 //! parts, its outline is their convex hull, if the parts fill it ([`Joints`]). How its parts share the load is not
 //! determined. A face that is new, or spins faster than it slides and than friction can stop in the step, therefore starts
 //! from the load of a uniform pressure with the same sum and centre, and the sweeps find a solution near it; in a face that
@@ -61,7 +61,7 @@ const WEISZFELD_ITERATIONS: usize = 30;
 const MAX_NORMAL_DEVIATION: f64 = 5e-9;
 /// Ratio of height to distance, up to which points are in one plane: larger than the overlaps of solutions.
 const MAX_HEIGHT_RATIO: f64 = 1e-4;
-/// Relative difference of velocities up to which driven bodies move as one.
+/// Relative difference of velocities up to which imposed bodies move as one.
 const MAX_SPEED_DIFFERENCE: f64 = 1e-9;
 /// Twice the area of a triangle, divided by the square of its size, up to which its corners are collinear.
 const MAX_COLLINEAR_AREA: f64 = 1e-9;
@@ -171,17 +171,17 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
     }
 }
 
-/// Whether a scene may have faces that lie on several contactors of one body or of fixed bodies.
+/// Whether a scene may have faces that lie on several contactors of one body or of imposed bodies.
 pub(super) fn has_joints(scene: &Scene) -> bool {
-    let is_fixed = |part: &&BodyPart| scene.bodies[part.body.index()].is_imposed();
+    let is_imposed = |part: &&BodyPart| scene.bodies[part.body.index()].is_imposed();
     let is_piece = |part: &BodyPart| part.number > 0 && matches!(part.geometry, ContactorShape::Polyhedron(_));
     let parts = scene.parts.par_iter().with_min_len(PAR_MIN_LEN);
     scene.options.face_friction == FaceFriction::Uniform
-        && (parts.clone().any(is_piece) || parts.filter(is_fixed).count() > 1)
+        && (parts.clone().any(is_piece) || parts.filter(is_imposed).count() > 1)
 }
 
-/// Faces that flush joints cross. The friction of a face that lies on several adjacent contactors, of one body or of bodies with
-/// the same imposed motion, acts as that of one face, since the distribution of the load over the contactors is not
+/// Faces that flush joints cross. The friction of a face that lies on several adjacent contactors, of one body or of bodies
+/// with the same imposed motion, acts as that of one face, since the distribution of the load over the contactors is not
 /// determined. On separate bodies that move freely each part has its own friction.
 ///
 /// * `last_loads`: lists the loads of the last step; called if there are such faces.
@@ -199,15 +199,16 @@ pub(super) struct JoinedFaces {
 }
 
 /// Rows of two contactors along one normal.
-struct Side {
-    /// The two bodies, in order; [`FIXED`] represents all bodies whose motion is imposed.
+struct ContactorRows {
+    /// The two bodies, in order; [`IMPOSED`] represents all imposed bodies.
     bodies: [BodyId; 2],
     rows: Range<usize>,
     /// Normal towards the first of `bodies`.
     normal: Vec3,
 }
 
-const FIXED: BodyId = BodyId(u32::MAX);
+/// Number in [`ContactorRows::bodies`] for all imposed bodies: they may move, but not by contacts.
+const IMPOSED: BodyId = BodyId(u32::MAX);
 
 impl<L, S, C> Joints<'_, L, S, C>
 where
@@ -252,23 +253,23 @@ where
         let contacts = self.faces.contacts;
         let Contact { candidate, antagonist, normal, point: origin, .. } = contacts[face[0]];
         let (bodies, normal) = self.ordered_pair([candidate, antagonist], normal);
-        let reach = face.iter().map(|&k| (contacts[k].point - origin).norm()).fold(0.0, f64::max);
+        let size = face.iter().map(|&k| (contacts[k].point - origin).norm()).fold(0.0, f64::max);
         let is_in_face = |last: &&LastLoad| {
             let (last_bodies, last_normal) = self.ordered_pair(last.bodies, last.normal);
             last_bodies == bodies
                 && normal.dot(&last_normal) >= 1.0 - MAX_NORMAL_DEVIATION
-                && normal.dot(&(last.point - origin)).abs() <= MAX_HEIGHT_RATIO * reach
+                && normal.dot(&(last.point - origin)).abs() <= MAX_HEIGHT_RATIO * size
         };
-        let of_face: Vec<&LastLoad> = last_loads.iter().filter(is_in_face).collect();
-        match of_face.iter().all(|last| last.stays) {
+        let loads_in_face: Vec<&LastLoad> = last_loads.iter().filter(is_in_face).collect();
+        match loads_in_face.iter().all(|last| last.stays) {
             true => Vec::new(),
-            false => of_face.into_iter().map(|last| PointLoad { point: last.point, load: last.load }).collect(),
+            false => loads_in_face.into_iter().map(|last| PointLoad { point: last.point, load: last.load }).collect(),
         }
     }
 
-    /// The two bodies of a contact as in [`Side`], and its normal towards the first of these.
+    /// The two bodies of a contact as in [`ContactorRows`], and its normal towards the first of these.
     fn ordered_pair(&self, pair: [BodyId; 2], normal: Vec3) -> ([BodyId; 2], Vec3) {
-        let [a, b] = pair.map(|body| if self.scene.bodies[body.index()].is_imposed() { FIXED } else { body });
+        let [a, b] = pair.map(|body| if self.scene.bodies[body.index()].is_imposed() { IMPOSED } else { body });
         if a <= b { ([a, b], normal) } else { ([b, a], -normal) }
     }
 
@@ -278,9 +279,9 @@ where
         let FaceRows { rows, solver_bodies, block_data, .. } = self.faces;
         let approach = |k: usize| {
             let (row, arms) = (&rows[k], &block_data.arms[k]);
-            let [a, b] = [0, 1].map(|side| {
-                let solver_body = &solver_bodies[row.bodies[side].index()];
-                solver_body.v + solver_body.w.cross(&arms[side])
+            let [a, b] = [0, 1].map(|body_side| {
+                let solver_body = &solver_bodies[row.bodies[body_side].index()];
+                solver_body.v + solver_body.w.cross(&arms[body_side])
             });
             -row.normal.dot(&(a - b + row.shift))
         };
@@ -292,19 +293,20 @@ where
 
     /// Rows of each face that lies on several contactors in one plane.
     fn joined_face_rows(&self) -> Vec<Vec<usize>> {
-        let mut sides = self.candidate_sides();
-        sides.sort_by_key(|side| (side.bodies, side.rows.start));
+        let mut contactor_rows = self.contactor_rows();
+        contactor_rows.sort_by_key(|contactors| (contactors.bodies, contactors.rows.start));
         let mut faces = Vec::new();
-        for sides_of_pair in sides.chunk_by(|a, b| a.bodies == b.bodies).filter(|sides_of_pair| sides_of_pair.len() > 1)
-        {
-            let mut planes: Vec<Vec<&Side>> = Vec::new();
-            for side in sides_of_pair {
-                match planes.iter_mut().find(|plane| self.is_flush(plane[0], side)) {
-                    Some(plane) => plane.push(side),
-                    None => planes.push(vec![side]),
+        for rows_of_pair in contactor_rows.chunk_by(|a, b| a.bodies == b.bodies).filter(|found| found.len() > 1) {
+            let mut planes: Vec<Vec<&ContactorRows>> = Vec::new();
+            for contactors in rows_of_pair {
+                match planes.iter_mut().find(|plane| self.is_flush(plane[0], contactors)) {
+                    Some(plane) => plane.push(contactors),
+                    None => planes.push(vec![contactors]),
                 }
             }
-            let rows = |plane: Vec<&Side>| plane.iter().flat_map(|side| side.rows.clone()).collect::<Vec<_>>();
+            let rows = |plane: Vec<&ContactorRows>| {
+                plane.iter().flat_map(|contactors| contactors.rows.clone()).collect::<Vec<_>>()
+            };
             let rows_of_faces = self.faces.rows;
             let acts = |k: &&usize| rows_of_faces[**k].can_close && rows_of_faces[**k].friction > 0.0;
             let several = planes.into_iter().filter(|plane| plane.len() > 1).map(rows);
@@ -314,50 +316,50 @@ where
     }
 
     /// Contacts of two contactors that may have adjacent contacts in the same plane.
-    fn candidate_sides(&self) -> Vec<Side> {
+    fn contactor_rows(&self) -> Vec<ContactorRows> {
         let Joints { faces: FaceRows { contacts, rows, .. }, scene, .. } = self;
-        let is_fixed = |body: BodyId| scene.bodies[body.index()].is_imposed();
+        let is_imposed = |body: BodyId| scene.bodies[body.index()].is_imposed();
         let has_several = |body: BodyId| scene.parts_of(body).len() > 1;
-        let (mut sides, mut start) = (Vec::new(), 0);
+        let (mut found, mut start) = (Vec::new(), 0);
         for face in contacts.chunk_by(is_same_face) {
             let range = start..start + face.len();
             start = range.end;
             let Contact { candidate, antagonist, normal, .. } = face[0];
             let pair = [candidate, antagonist];
-            let stands_alone = !pair.into_iter().any(|body| is_fixed(body) || has_several(body));
+            let stands_alone = !pair.into_iter().any(|body| is_imposed(body) || has_several(body));
             if stands_alone || face.len() < 2 || !rows[range.clone()].iter().any(|row| row.can_close) {
                 continue;
             }
             let (bodies, normal) = self.ordered_pair(pair, normal);
-            sides.push(Side { bodies, rows: range, normal });
+            found.push(ContactorRows { bodies, rows: range, normal });
         }
-        sides
+        found
     }
 
-    /// Whether two sides of the same bodies lie in one plane, on bodies that move as one.
-    fn is_flush(&self, one: &Side, other: &Side) -> bool {
+    /// Whether contacts of two pairs of contactors of the same bodies lie in one plane, on bodies that move as one.
+    fn is_flush(&self, one: &ContactorRows, other: &ContactorRows) -> bool {
         let FaceRows { contacts, solver_bodies, block_data, .. } = self.faces;
         if one.normal.dot(&other.normal) < 1.0 - MAX_NORMAL_DEVIATION {
             return false;
         }
-        let [first, second] = [one, other].map(|side| side.rows.start);
+        let [first, second] = [one, other].map(|contactors| contactors.rows.start);
         let origin = contacts[first].point;
         let from_origin = |k: usize| contacts[k].point - origin;
-        let reach = other.rows.clone().map(|k| from_origin(k).norm()).fold(0.0, f64::max);
-        if other.rows.clone().any(|k| one.normal.dot(&from_origin(k)).abs() > MAX_HEIGHT_RATIO * reach) {
+        let size = other.rows.clone().map(|k| from_origin(k).norm()).fold(0.0, f64::max);
+        if other.rows.clone().any(|k| one.normal.dot(&from_origin(k)).abs() > MAX_HEIGHT_RATIO * size) {
             return false;
         }
-        if one.bodies[1] != FIXED {
+        if one.bodies[1] != IMPOSED {
             return true;
         }
-        // Velocity of the fixed body at the first contact.
-        let fixed_motion = |k: usize| {
+        // Velocity of the imposed body at the first contact.
+        let imposed_motion = |k: usize| {
             let pair = [contacts[k].candidate, contacts[k].antagonist];
-            let side = usize::from(!self.scene.bodies[pair[0].index()].is_imposed());
-            let solver_body = &solver_bodies[pair[side].index()];
-            (solver_body.v + solver_body.w.cross(&(block_data.arms[k][side] - from_origin(k))), solver_body.w)
+            let body_side = usize::from(!self.scene.bodies[pair[0].index()].is_imposed());
+            let solver_body = &solver_bodies[pair[body_side].index()];
+            (solver_body.v + solver_body.w.cross(&(block_data.arms[k][body_side] - from_origin(k))), solver_body.w)
         };
-        let [(v, w), (other_v, other_w)] = [first, second].map(fixed_motion);
+        let [(v, w), (other_v, other_w)] = [first, second].map(imposed_motion);
         w == other_w && (v - other_v).norm() <= MAX_SPEED_DIFFERENCE * (v.norm() + other_v.norm())
     }
 }
@@ -400,7 +402,7 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
             let from_origin = block_data.arms[first].map(|arm| tangent_components(&-arm, &frame));
             let steady = steady_centre(&rows[first], block_data, from_origin, &frame);
             loads = outline
-                .load_shares(steady.filter(|p| outline.ray_intersection(*p).reach < 1.0).unwrap_or(outline.centroid));
+                .load_shares(steady.filter(|p| outline.ray_intersection(*p).ratio < 1.0).unwrap_or(outline.centroid));
         } else {
             let loaded = acting.iter().zip(&loads).filter(|(_, load)| **load > 0.0).map(|(k, _)| gap(k));
             pressed_gap = loaded.fold(pressed_gap, f64::max);
@@ -427,8 +429,8 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
                         return u.yz().into();
                     }
                     // Velocity of the other body relative to this one if they have changed sides.
-                    let side = 1f64.copysign(n.dot(&contacts[first].normal));
-                    tangent_components(&(to_world(&contacts[*k].frame(), u) * side), &frame)
+                    let sign = 1f64.copysign(n.dot(&contacts[first].normal));
+                    tangent_components(&(to_world(&contacts[*k].frame(), u) * sign), &frame)
                 };
                 let velocities: SmallVec<[TangentVector; 8]> = acting.iter().map(velocity).collect();
                 FaceMotion::new(&points, &velocities, centre, tau)
@@ -437,7 +439,7 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         let across_sliding = motion.across_sliding();
         let mobility: f64 = rows[first].bodies.map(|body| self.solver_bodies[body.index()].inverse_mass).iter().sum();
         let stoppable_speed = if is_new { 0.0 } else { rows[first].friction * carried_load * mobility };
-        let spins = motion.spin_speed > vector_length(motion.u).max(stoppable_speed);
+        let spins = motion.spin_slip_speed > vector_length(motion.u).max(stoppable_speed);
         let starts_uniform = is_joined
             && (is_new || spins)
             && outline.corners.len() > 2
@@ -506,8 +508,8 @@ fn offset_to_distance(distance: f64, arm: TangentVector, middle: TangentVector) 
 struct FaceMotion {
     /// Velocity at the centre of pressure, m/s.
     u: TangentVector,
-    /// |ω| τ, m/s.
-    spin_speed: f64,
+    /// Mean speed of slip by the relative rotation about the normal, |ω| τ, m/s.
+    spin_slip_speed: f64,
 }
 
 impl FaceMotion {
@@ -526,12 +528,12 @@ impl FaceMotion {
         }
         let spin = turning_sum / inertia;
         let arm = difference_of(centre, middle);
-        FaceMotion { u: [u[0] - spin * arm[1], u[1] + spin * arm[0]], spin_speed: (spin * tau).abs() }
+        FaceMotion { u: [u[0] - spin * arm[1], u[1] + spin * arm[0]], spin_slip_speed: (spin * tau).abs() }
     }
 
     /// Unit vector across the direction of sliding, times the square root of the sliding share |u|²/(|u|² + (ω τ)²).
     fn across_sliding(&self) -> TangentVector {
-        let total_speed = vector_length([vector_length(self.u), self.spin_speed]);
+        let total_speed = vector_length([vector_length(self.u), self.spin_slip_speed]);
         // A face at rest has no direction of sliding.
         if total_speed > 0.0 { [-self.u[1] / total_speed, self.u[0] / total_speed] } else { [0.0; 2] }
     }
@@ -561,6 +563,7 @@ fn steady_centre(
     centre.iter().all(|x| x.is_finite()).then_some(centre)
 }
 
+/// Components of a vector along the tangents t and s of a face.
 type TangentVector = [f64; 2];
 
 /// Components along t and s.
@@ -606,8 +609,8 @@ fn least_distance(points: &[TangentVector], weights: &[f64], start: TangentVecto
 
 /// Intersection of the ray from a face's centroid through a point with its outline.
 struct RayIntersection {
-    /// Distance of the point from the centroid over that of the intersection, at most 1.
-    reach: f64,
+    /// Ratio of the distance of the point from the centroid to that of the intersection, at most 1.
+    ratio: f64,
     /// Index of the first corner of the side that the ray meets.
     side: usize,
     /// Share of the second corner of this side at the intersection, 0 at the first.
@@ -727,22 +730,22 @@ impl FrictionFace {
     /// Intersection of the ray from the centroid through `p` with the outline.
     fn ray_intersection(&self, p: TangentVector) -> RayIntersection {
         let ray = difference_of(p, self.centroid);
-        let (mut reach, mut side) = (0.0, 0);
+        let (mut ratio, mut side) = (0.0, 0);
         for (k, [a, b]) in polygon_sides(&self.corners).enumerate() {
             let side_vector = difference_of(b, a);
-            let side_reach =
+            let side_ratio =
                 cross_product(ray, side_vector) / cross_product(difference_of(a, self.centroid), side_vector);
-            if side_reach.is_finite() && side_reach > reach {
-                (reach, side) = (side_reach, k);
+            if side_ratio.is_finite() && side_ratio > ratio {
+                (ratio, side) = (side_ratio, k);
             }
         }
         let [a, b] = [side, (side + 1) % self.corners.len()].map(|k| self.corners[k]);
         let side_vector = difference_of(b, a);
-        let end = [0, 1].map(|i| self.centroid[i] + if reach > 0.0 { ray[i] / reach } else { 0.0 });
+        let end = [0, 1].map(|i| self.centroid[i] + if ratio > 0.0 { ray[i] / ratio } else { 0.0 });
         let from_corner = difference_of(end, a);
         let share = (from_corner[0] * side_vector[0] + from_corner[1] * side_vector[1])
             / (side_vector[0] * side_vector[0] + side_vector[1] * side_vector[1]);
-        RayIntersection { reach: reach.min(1.0), side, share: share.clamp(0.0, 1.0) }
+        RayIntersection { ratio: ratio.min(1.0), side, share: share.clamp(0.0, 1.0) }
     }
 
     /// τ of a pressure with its centre at `p`, m.
@@ -755,9 +758,9 @@ impl FrictionFace {
             let share = (from_end[0] * edge[0] + from_end[1] * edge[1]) / (edge[0] * edge[0] + edge[1] * edge[1]);
             return edge_mean_distance([a, b], share.clamp(0.0, 1.0));
         }
-        let RayIntersection { reach, side, share } = self.ray_intersection(p);
+        let RayIntersection { ratio, side, share } = self.ray_intersection(p);
         let ends = [side, (side + 1) % self.corners.len()].map(|k| self.corners[k]);
-        (1.0 - reach) * self.uniform_mean_distance + reach * edge_mean_distance(ends, share)
+        (1.0 - ratio) * self.uniform_mean_distance + ratio * edge_mean_distance(ends, share)
     }
 
     /// Shares of the points in a pressure with centre `p`: a combination of a uniform pressure and that of an edge, as for τ.
@@ -765,10 +768,10 @@ impl FrictionFace {
         if self.corners.len() == 2 {
             return self.weights.clone();
         }
-        let RayIntersection { reach, side, share } = self.ray_intersection(p);
-        let mut shares: SmallVec<[f64; 8]> = self.weights.iter().map(|w| w * (1.0 - reach)).collect();
-        shares[self.order[side]] += reach * (1.0 - share);
-        shares[self.order[(side + 1) % self.order.len()]] += reach * share;
+        let RayIntersection { ratio, side, share } = self.ray_intersection(p);
+        let mut shares: SmallVec<[f64; 8]> = self.weights.iter().map(|w| w * (1.0 - ratio)).collect();
+        shares[self.order[side]] += ratio * (1.0 - share);
+        shares[self.order[(side + 1) % self.order.len()]] += ratio * share;
         shares
     }
 }
@@ -780,8 +783,8 @@ fn polygon_sides(corners: &[TangentVector]) -> impl Iterator<Item = [TangentVect
 
 /// Monotonic function of the angle of a direction, from -2 to 2.
 fn pseudo_angle([x, y]: TangentVector) -> f64 {
-    let reach = x.abs() + y.abs();
-    if reach == 0.0 { 0.0 } else { (1.0 - x / reach).copysign(y) }
+    let norm = x.abs() + y.abs();
+    if norm == 0.0 { 0.0 } else { (1.0 - x / norm).copysign(y) }
 }
 
 /// Mean distance of the points of the side from `a` to `b` from a point `c`, m:

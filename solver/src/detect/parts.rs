@@ -291,11 +291,11 @@ fn contacts_by_key(found: &[ListedContacts], bodies: usize, width: SimdWidth) ->
     let run = |&k: &u32| runs[k as usize];
     let mut contacts = vec![Contact::default(); runs.iter().map(|run| run.len()).sum()];
     let mut left = &mut contacts[..];
-    let of_task = |order: &'_ [u32]| {
+    let task_slice = |order: &'_ [u32]| {
         let length = order.iter().map(|k| run(k).len()).sum();
         left.split_off_mut(..length).unwrap_or_default()
     };
-    let parts: Vec<&mut [Contact]> = order.chunks(RUNS_PER_TASK).map(of_task).collect();
+    let parts: Vec<&mut [Contact]> = order.chunks(RUNS_PER_TASK).map(task_slice).collect();
     parts.into_par_iter().zip(order.par_chunks(RUNS_PER_TASK)).for_each(|(mut part, order)| {
         for (at, k) in order.iter().enumerate() {
             order.get(at + 1).into_iter().for_each(|later| width.prefetch(run(later)));

@@ -70,10 +70,10 @@ fn contact_time_limit(scene: &Scene, state: &State, solved: &SolvedContact) -> f
     let radius = if free_radius.is_finite() { free_radius } else { smallest(RigidBody::is_driven_in_part) };
     let gap = (contact.gap + theta * state.h * velocity.x).max(0.0);
     let travel = (adaptive.travel * radius + 0.5 * gap) / velocity.norm();
-    // Velocities of the step's start move bodies for (1-θ) h to the contact configuration; the least share keeps a limit where
-    // θ is 1.
-    let approach = (-velocity.x).max(0.0) * (1.0 - theta).max(0.1);
-    travel.min((adaptive.penetration * radius + gap) / approach)
+    // Velocities of the step's start move bodies for (1-θ) h to the contact configuration; at least 0.1, so that
+    // θ = 1 keeps a limit.
+    let approach_speed = (-velocity.x).max(0.0) * (1.0 - theta).max(0.1);
+    travel.min((adaptive.penetration * radius + gap) / approach_speed)
 }
 
 /// Largest angular speed of a body that is not a sphere, rad/s; independent of its moments of inertia, as its contacts

@@ -8,9 +8,8 @@ use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
-use cd_formats::error::{Fault, Faults, RecordFault};
+use cd_formats::error::{Fault, Faults, RecordFault, RecordPart};
 use cd_formats::field::FieldShapes;
-use cd_formats::mass::EXPECTED_CONVEX;
 use cd_formats::names::{count_text, number_text, rounded_number};
 use cd_formats::principal::AxesMatch;
 use cd_formats::rotation::nearest_rotation;
@@ -38,7 +37,8 @@ pub struct BodyFiles<'a> {
     pub dof: &'a Dof,
 }
 
-/// Returns the scene without its laws. `has_links`: whether wires or rods may join its points.
+/// Returns the scene without its laws and their visibility, links, events, `postpro` and `listing_range`. `has_links`:
+/// whether wires or rods may join its points.
 pub fn scene_without_laws(
     datbox: &Path,
     BodyFiles { records, bulk, driven, dof }: BodyFiles,
@@ -47,7 +47,7 @@ pub fn scene_without_laws(
     faults: &mut Faults,
 ) -> Scene {
     let file = datbox.join("BODIES.DAT");
-    // A part is several times as large as a sphere: few scenes of spheres and plates need them.
+    // A `BodyPart` takes several times the memory of a sphere's `RigidBody`; scenes of spheres and plates rarely need parts.
     let has_parts = has_links || !records.0.iter().all(is_sphere_or_plate);
     let part_list = if has_parts { PartList::Kept } else { PartList::Dropped };
     let BodyTables { mut bodies, mut parts, mut part_starts, extents, colours, frames, axes_matches, shapes } =
@@ -183,12 +183,11 @@ fn body_tables(
     let mut unsplit = Vec::new();
     for (index, record) in records.0.iter().enumerate() {
         let prepared =
-            body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected }| {
-                let is_of_material = found.starts_with("material ");
+            body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected, part }| {
+                let is_of_material = part == RecordPart::Material;
                 let line = if is_of_material { Bodies::line_of_material(file, record) } else { record.line };
-                let is_unsplit = expected == EXPECTED_CONVEX;
                 let fault = Fault::new(file, Some(line), format!("body {}", index + 1), found, expected);
-                if is_unsplit {
+                if part == RecordPart::UnsplitSurface {
                     unsplit.push(fault)
                 } else {
                     faults.push(fault)
@@ -249,7 +248,7 @@ fn check_extents(
     }
 }
 
-/// Rejects bodies driven in part in a rotating frame, and scenes in which nothing is free to move.
+/// Rejects bodies driven in part in a rotating frame, and scenes in which the whole motion of all bodies is imposed.
 fn check_free_motion(file: &Path, driven: &DrvDof, scene: &Scene, faults: &mut Faults) {
     if scene.frame_angular_velocity() != Vec3::zeros() {
         for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i.index()].is_driven_in_part())
@@ -359,7 +358,7 @@ fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)], records: 
     ))
 }
 
-/// Note about bodies of one SPHEb, whose offset LMGC90 2025 moves the centre of mass by.
+/// Note about bodies of a single off-centre SPHEb, whose centre of mass LMGC90 2025 puts at the centre of the sphere.
 fn eccentric_spheres_note(bodies: &[RigidBody], records: &Bodies) -> Option<String> {
     let is_eccentric = |(body, record): &(&RigidBody, &BodyRecord)| {
         let [contactor] = record.contactors.as_slice() else { return false };
@@ -414,16 +413,17 @@ pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
 }
 
 /// Rejects plates that span a period on a slope along it: their images would form stairs. `q`: orientations.
-pub fn check_level(datbox: &Path, records: &Bodies, scene: &Scene, q: &[Quat], faults: &mut Faults) {
+pub fn check_plates_are_level(datbox: &Path, records: &Bodies, scene: &Scene, q: &[Quat], faults: &mut Faults) {
     let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
     for &plate in &scene.planes {
         let plate = plate.index();
-        let slope = q[plate] * Vec3::z();
+        let normal = q[plate] * Vec3::z();
         for (axis, (name, _)) in periods.iter().enumerate().filter(|(axis, (_, period))| {
             let spans = |period: f64| plate_extent(scene, q, plate, *axis) >= period * (1.0 - 1e-6); // rounding of files
-            period.is_some_and(spans) && slope[*axis].abs() > 1e-6
+            period.is_some_and(spans) && normal[*axis].abs() > 1e-6
         }) {
-            let found = format!("a plate as wide as {name} whose normal {:.4?} is inclined along it", slope.as_slice());
+            let found =
+                format!("a plate as wide as {name} whose normal {:.4?} is inclined along it", normal.as_slice());
             let expected = format!(
                 "expected {} 0 of the normal: images of an inclined plate form stairs; incline gravity instead",
                 ["x", "y"][axis]
@@ -441,7 +441,14 @@ fn plate_extent(scene: &Scene, q: &[Quat], plate: usize, axis: usize) -> f64 {
 }
 
 /// Rejects bodies outside a hollow cylinder that they can touch: only its inside exerts contact forces.
-pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], q: &[Quat], faults: &mut Faults) {
+pub fn check_bodies_are_inside_drums(
+    datbox: &Path,
+    records: &Bodies,
+    scene: &Scene,
+    x: &[Vec3],
+    q: &[Quat],
+    faults: &mut Faults,
+) {
     for drum in &scene.parts {
         let ContactorShape::Cylinder { half_height, radius, hollow: true } = drum.geometry else { continue };
         let shape = FileShape::Cylinder { half_height, radius, hollow: true };

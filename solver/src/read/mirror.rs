@@ -58,14 +58,14 @@ fn is_same_set(points: &[Vec3], others: &[Vec3], size: f64) -> bool {
 
 /// Points of a part in the frame of its body, m, which determine its shape together with its kind and bounding radius.
 fn corners(part: &BodyPart) -> Vec<Vec3> {
-    let in_body_frame = |local: Vec3| part.offset + part.axes * local;
+    let body_point = |local: Vec3| part.offset + part.axes * local;
     match &part.geometry {
         ContactorShape::Sphere { .. } => vec![part.offset],
         ContactorShape::Cylinder { half_height, .. } => {
-            [1.0, -1.0].map(|side| in_body_frame(Vec3::z() * side * *half_height)).into()
+            [1.0, -1.0].map(|side| body_point(Vec3::z() * side * *half_height)).into()
         }
-        ContactorShape::Polyhedron(shape) => shape.vertices().iter().map(|vertex| in_body_frame(*vertex)).collect(),
-        ContactorShape::Plane { cuboid, .. } => cuboid.vertices().iter().map(|vertex| in_body_frame(*vertex)).collect(),
+        ContactorShape::Polyhedron(shape) => shape.vertices().iter().map(|vertex| body_point(*vertex)).collect(),
+        ContactorShape::Plane { cuboid, .. } => cuboid.vertices().iter().map(|vertex| body_point(*vertex)).collect(),
     }
 }
 

@@ -106,8 +106,8 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     behaviour::check_text(&mut scene);
     let motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
     scene.notes.extend(bodies::period_gap_notes(&scene, &motion.q));
-    bodies::check_level(&datbox, &bodies, &scene, &motion.q, &mut faults);
-    bodies::check_within(&datbox, &bodies, &scene, &motion.x, &motion.q, &mut faults);
+    bodies::check_plates_are_level(&datbox, &bodies, &scene, &motion.q, &mut faults);
+    bodies::check_bodies_are_inside_drums(&datbox, &bodies, &scene, &motion.x, &motion.q, &mut faults);
     let contacts = behaviour::initial_contacts(&datbox, &bodies, &history, &mut scene, &motion, &mut faults);
     let mut state = initial_state(&scene, &dof, motion, contacts, Vec3::from(bulk.gravity));
     if history.step > 0 || !history.contacts.is_empty() {

@@ -2,7 +2,7 @@
 
 use cd_formats::bodies::{self, Contactor, LocalFrame};
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::error::RecordFault;
+use cd_formats::error::{RecordFault, RecordPart};
 use cd_formats::mass::{CheckedBody, InertialProperties, SolidPiece};
 use cd_formats::principal::{AxesMatch, PrincipalFrame};
 use cd_formats::ron_text::known_names;
@@ -52,12 +52,13 @@ pub fn body_from_record(
         } else {
             known_names(&record.material, &names)
         };
-        return Err(RecordFault::new(format!("material '{}' is not defined", record.material), expected));
+        let found = format!("material '{}' is not defined", record.material);
+        return Err(RecordFault::new(found, expected).in_part(RecordPart::Material));
     };
     let density = bulk.materials[material].density;
     if density <= 0.0 {
         let found = format!("material '{}' has the density {density}", record.material);
-        return Err(RecordFault::new(found, "expected more than 0"));
+        return Err(RecordFault::new(found, "expected more than 0").in_part(RecordPart::Material));
     }
     let CheckedBody { pieces: solids, whole: solid_properties, inertial } = record.check_at_density(density)?;
     let is_single = record.contactors.len() == 1;

@@ -22,8 +22,9 @@ use crate::state::{
     OutputInterval, SolvedContact, State, UNKNOWN_FEATURE,
 };
 
-/// Restores the last snapshot of `outbox` into `state`, if there is one. A snapshot with other bodies or laws than the
-/// scene's is rejected. Returns the parameters and options of the run's last step.
+/// Restores the last snapshot of `outbox` into `state`, if there is one, and sets the step and time in `scene` from which
+/// steps are counted and its schedule of events. A snapshot with other bodies or laws than the scene's is rejected. Returns the
+/// parameters and options of the run's last step.
 pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Option<PreviousRun>, Faults> {
     let snapshots = snapshot::list_snapshots(outbox)?;
     let Some((_, path)) = snapshots.last() else { return Ok(None) };
@@ -34,8 +35,8 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
     let snapshot = Snapshot::read(path).map_err(|faults| unreadable_snapshot_faults(faults, &snapshots))?;
     check_snapshot(path, scene, &snapshot)?;
     restore_presence(path, scene, state, &snapshot)?;
-    let with_current_value = |(name, value): (&String, &String)| (name.clone(), value_with_current_names(name, value));
-    let options = snapshot.meta.options.iter().map(with_current_value).collect();
+    let current_option = |(name, value): (&String, &String)| (name.clone(), value_with_current_names(name, value));
+    let options = snapshot.meta.options.iter().map(current_option).collect();
     state.attraction = restored_attraction(scene, &snapshot);
     let parameters = snapshot.meta.parameters.clone();
     let cached_pairs = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| restored_pairs(scene, shapes, BodyId));
@@ -54,37 +55,34 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
     scene.events = event_schedule(&scene.options.events, scene.end_time());
     if state.step > scene.start.step {
         state.bonding = BondingMode::No;
+        // `dt` of the last step: its length, unless it was a multiple; then the present `dt`, if it is not longer.
         let dt = if parameters.adaptive.is_none() { state.h } else { scene.options.dt.min(state.h) };
         pass_events(scene, state, dt);
     }
     Ok(Some(PreviousRun { parameters, options }))
 }
 
-/// Restores which bodies are in the run. Errors: bodies that are not, in a run without sinks and sources; and sources of
-/// which the run so far knows nothing.
+/// Restores which bodies are in the run. Errors: the snapshot has absent bodies but the scene neither sinks nor sources; or the
+/// scene has sources and the snapshot is of a run without sinks and sources.
 fn restore_presence(path: &Path, scene: &mut Scene, state: &mut State, snapshot: &Snapshot) -> Result<(), Faults> {
     let count = scene.bodies.len();
     let absent = (0..count).filter(|&row| !snapshot.is_present(row)).count();
-    let snapshot_fault =
-        |found: String, expected: &str| Err(Fault::new(path, None, "snapshot", found, expected).into());
+    let reject = |found: String, expected: &str| Err(Fault::new(path, None, "snapshot", found, expected).into());
     match &snapshot.presence {
         _ if scene.roster.is_none() && absent > 0 => {
             let expected = "expected the options sinks and sources of the run so far";
-            return snapshot_fault(format!("{} not in the run", count_text(absent, "body")), expected);
+            return reject(format!("{} not in the run", count_text(absent, "body")), expected);
         }
         None if !scene.options.sources.is_empty() => {
-            return snapshot_fault(
-                "of a run without sinks and sources".into(),
-                "expected a run with sources from its start",
-            );
+            return reject("of a run without sinks and sources".into(), "expected a run with sources from its start");
         }
         Some(presence) => {
-            let of_body = |value: &u8| match *value {
+            let body_presence = |value: &u8| match *value {
                 PRESENCE_WAITING => BodyPresence::Waiting,
                 PRESENCE_PRESENT => BodyPresence::Present,
                 _ => BodyPresence::Gone,
             };
-            state.presence = presence.body_presence.iter().map(of_body).collect();
+            state.presence = presence.body_presence.iter().map(body_presence).collect();
         }
         None => {}
     }
@@ -99,20 +97,25 @@ fn restore_presence(path: &Path, scene: &mut Scene, state: &mut State, snapshot:
 /// Parameters and options of a run's last step.
 pub struct PreviousRun {
     pub parameters: RunParameters,
-    /// Options as from [`cd_formats::compute::Compute::result_options`], under the names of today.
+    /// Options as from [`cd_formats::compute::Compute::result_options`], under current names.
     pub options: BTreeMap<String, String>,
 }
 
 impl PreviousRun {
     /// Messages for each changed option: warnings, and those about options that flags have `given`.
     ///
-    /// `text`: the option of this name in the run so far, if its files show it.
-    pub fn option_changes(&self, scene: &Scene, text: Option<bool>, given: &[&str]) -> (Vec<String>, Vec<String>) {
+    /// `text_option`: value of the option `text` in the run so far, if its files show it.
+    pub fn option_changes(
+        &self,
+        scene: &Scene,
+        text_option: Option<bool>,
+        given: &[&str],
+    ) -> (Vec<String>, Vec<String>) {
         const MAX_SHOWN_CHARS: usize = 100;
         let (mut now, mut before) = (scene.options.result_options(), self.options.clone());
-        if let Some(text) = text {
+        if let Some(text_option) = text_option {
             now.insert("text".into(), scene.options.text.to_string());
-            before.insert("text".into(), text.to_string());
+            before.insert("text".into(), text_option.to_string());
         }
         let (mut warnings, mut notes) = (Vec::new(), Vec::new());
         for (name, now) in now.iter().filter(|(name, now)| before.get(*name).is_some_and(|then| then != *now)) {
@@ -122,11 +125,11 @@ impl PreviousRun {
                 value.chars().take(MAX_SHOWN_CHARS).collect::<String>() + if cut { "..." } else { "" }
             };
             // An option without a value follows from others, such as `tol` from `accuracy`.
-            let with_verb = |verb: &str, value: &str| match value {
+            let value_phrase = |verb: &str, value: &str| match value {
                 "None" => format!("{verb} not given"),
                 value => format!("{verb} {}", shortened_text(value)),
             };
-            let (before, after) = (with_verb("was", then), with_verb("is", now));
+            let (before, after) = (value_phrase("was", then), value_phrase("is", now));
             let change = format!("{name} {before} in the run so far and {after} from here on");
             if given.contains(&name.as_str()) {
                 notes.push(change);
@@ -151,11 +154,11 @@ fn unreadable_snapshot_faults(faults: Faults, snapshots: &[(u64, PathBuf)]) -> F
     let last_but_one = snapshots.len().checked_sub(2).map(|last| &snapshots[last].1);
     let from = last_but_one.map_or("DATBOX".into(), |path| path.file_name().unwrap_or_default().display().to_string());
     let advice = format!("if it is deleted, --resume continues from {from}");
-    let with_advice = |fault: Fault| {
+    let advised_fault = |fault: Fault| {
         let parts = [fault.expected.as_str(), advice.as_str()].into_iter().filter(|part| !part.is_empty());
         Fault { expected: parts.collect::<Vec<_>>().join("; "), ..fault }
     };
-    Faults(faults.0.into_iter().map(with_advice).collect())
+    Faults(faults.0.into_iter().map(advised_fault).collect())
 }
 
 /// Step and time (s) from which steps are counted: those of the run before, or the start if that run had steps of another
@@ -200,9 +203,9 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
         let found = format!("{} bodies", bodies.body_mass.len());
         add_fault("snapshot".into(), found, format!("expected the {} of DATBOX", scene.bodies.len()));
     } else {
-        let in_snapshot =
+        let snapshot_values =
             |i: usize| (bodies.body_mass[i], bodies.body_radius[i], bodies.body_inertia[i], bodies.body_driven[i]);
-        let in_datbox = |i: usize| {
+        let datbox_values = |i: usize| {
             let body = &scene.bodies[i];
             (body.mass, body.radius, body.inertia, body.imposed_components())
         };
@@ -211,11 +214,11 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
             let inertia = inertia.map(number_text).join(", ");
             format!("mass {mass} kg, radius {radius} m, moments {inertia} kg m², imposed components {imposed:06b}")
         };
-        if let Some(i) = (0..scene.bodies.len()).find(|&i| in_snapshot(i) != in_datbox(i)) {
+        if let Some(i) = (0..scene.bodies.len()).find(|&i| snapshot_values(i) != datbox_values(i)) {
             add_fault(
                 format!("body {}", i + 1),
-                text(in_snapshot(i)),
-                format!("expected as in DATBOX: {}", text(in_datbox(i))),
+                text(snapshot_values(i)),
+                format!("expected as in DATBOX: {}", text(datbox_values(i))),
             );
         }
     }
@@ -271,10 +274,10 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
         *angular_momentum = scene.bodies[i.index()].angular_momentum(&state.q[i.index()], &state.w[i.index()]);
     }
     // A body whose density has changed keeps its angular velocity.
-    for (momentum, row) in restored.angular_momentum.into_iter().zip(turning) {
+    for (angular_momentum, row) in restored.angular_momentum.into_iter().zip(turning) {
         let (i, body_inertia) = (bodies_of_rows[row as usize], inertia[row as usize]);
         if let (Ok(index), true) = (scene.turning.binary_search(&i), scene.bodies[i.index()].inertia == body_inertia) {
-            state.angular_momentum[index] = momentum;
+            state.angular_momentum[index] = angular_momentum;
         }
     }
     state.detection_cache = DetectionCache { restored_pairs: cached_pairs, ..DetectionCache::default() };
@@ -408,8 +411,8 @@ fn restored_attraction(scene: &Scene, snapshot: &Snapshot) -> Option<GravityHist
         return None; // another constant: cannot be extrapolated
     }
     let (record, gravity) = (snapshot.meta.attraction.clone()?, snapshot.gravity.as_ref()?);
-    let of_free = |rows: &[[f64; 3]]| scene.free.iter().map(|&i| Vec3::from(rows[i.index()])).collect();
-    Some(GravityHistory { record, last: of_free(&gravity.gravity_last), before: of_free(&gravity.gravity_before) })
+    let free_rows = |rows: &[[f64; 3]]| scene.free.iter().map(|&i| Vec3::from(rows[i.index()])).collect();
+    Some(GravityHistory { record, last: free_rows(&gravity.gravity_last), before: free_rows(&gravity.gravity_before) })
 }
 
 /// Cached data of pairs of contactors that this scene has; `body` returns the body of each row of the snapshot.
@@ -483,11 +486,11 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
         .collect();
     state.pair_attractions = attractions.map_or(Vec::new(), |attractions| attractions.contact_attraction);
     state.memories = laws.map_or(Vec::new(), |laws| {
-        let of_contact = |k: usize| LawMemory {
+        let law_memory = |k: usize| LawMemory {
             reference_gap: laws.contact_reference_gap[k],
             soundness: laws.contact_soundness[k],
             sliding: laws.contact_sliding[k].into(),
         };
-        (0..laws.contact_reference_gap.len()).map(of_contact).collect()
+        (0..laws.contact_reference_gap.len()).map(law_memory).collect()
     });
 }

@@ -210,7 +210,7 @@ pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCri
     loop {
         let rows: Vec<SweptRow> = active.iter().map(|&k| SweptRow::new(contact_problem, k)).collect();
         // The problem with the impulses of a list applied to its bodies.
-        let with_impulses = |impulses: &[Vec3]| {
+        let moved_problem = |impulses: &[Vec3]| {
             let mut work = contact_problem.clone();
             active.iter().for_each(|k| work.apply_impulse(k.index(), &impulses[k.index()]));
             work
@@ -227,8 +227,8 @@ pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCri
             (speed_sum + row.shift.norm() + w_n * row.impulse_shift.abs()) * 3.0 / (w_n + 2.0 * w_t)
         };
         let floor = ROUNDING_FLOOR * active.iter().map(|k| speed_scale(k).powi(2)).sum::<f64>().sqrt();
-        let initial = residual_norm(&with_impulses(&balance), &rows, &balance).0.max(floor);
-        let mut work = with_impulses(&impulses);
+        let initial = residual_norm(&moved_problem(&balance), &rows, &balance).0.max(floor);
+        let mut work = moved_problem(&impulses);
         let relative_residual = |work: &ContactProblem, impulses: &[Vec3]| {
             let (norm, worst) = residual_norm(work, &rows, impulses);
             if norm <= floor { (0.0, None) } else { (norm / initial, worst) }
@@ -246,7 +246,7 @@ pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCri
                 activity::count_sweep();
             }
             // Rounding accumulates in the velocities.
-            work = with_impulses(&impulses);
+            work = moved_problem(&impulses);
             (residual, worst) = relative_residual(&work, &impulses);
         }
         let solver_bodies: Vec<SolverBody> = work.bodies;

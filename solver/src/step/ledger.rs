@@ -233,11 +233,11 @@ impl MotionTotals {
 
     /// Angular momentum of the free bodies about the origin, kg m^2/s.
     pub fn total_angular_momentum(scene: &Scene, state: &State) -> Vec3 {
-        let of_body = |&i: &BodyId| {
+        let body_angular_momentum = |&i: &BodyId| {
             let (i, body) = (i.index(), &scene.bodies[i.index()]);
             state.x[i].cross(&state.v[i]) * body.mass + body.angular_momentum(&state.q[i], &state.w[i])
         };
-        scene.free.iter().map(of_body).sum()
+        scene.free.iter().map(body_angular_momentum).sum()
     }
 }
 

@@ -180,14 +180,14 @@ fn presence_arrays(state: &State) -> PresenceArrays {
 
 fn gravity_arrays(scene: &Scene, state: &State) -> Option<GravityArrays> {
     let attraction = state.attraction.as_ref()?;
-    let of_all_bodies = |rows: &[Vec3]| {
+    let rows_of_all_bodies = |rows: &[Vec3]| {
         let mut all = vec![[0.0; 3]; scene.bodies.len()];
         scene.free.iter().zip(rows).for_each(|(&i, row)| all[i.index()] = (*row).into());
         all
     };
     Some(GravityArrays {
-        gravity_last: of_all_bodies(&attraction.last),
-        gravity_before: of_all_bodies(&attraction.before),
+        gravity_last: rows_of_all_bodies(&attraction.last),
+        gravity_before: rows_of_all_bodies(&attraction.before),
     })
 }
 

@@ -48,7 +48,7 @@ pub fn read_surface(path: &Path) -> Result<RepairedSurface, Faults> {
     let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
     let mesh = read_mesh(&bytes, &ending).map_err(|errors| read_faults(path, &errors))?;
-    if let Some(RecordFault { found, expected }) = repair::point_fault(&mesh) {
+    if let Some(RecordFault { found, expected, .. }) = repair::point_fault(&mesh) {
         return Err(Fault::new(path, None, "surface", found, expected).into());
     }
     let Triangulation { vertices, triangles, repairs } = repair::triangulate(mesh);

@@ -219,8 +219,8 @@ fn split_neighbours(vertices: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Vec<
                 [other] if is_changed[other] => continue,
                 [other] if triangles[other].contains(&apex) => (is_changed[other], is_removed[other]) = (true, true),
                 [other] => {
-                    let with_apex_for = |old: u32| triangles[other].map(|v| if v == old { apex } else { v });
-                    let halves = [with_apex_for(a), with_apex_for(b)];
+                    let apex_triangle = |old: u32| triangles[other].map(|v| if v == old { apex } else { v });
+                    let halves = [apex_triangle(a), apex_triangle(b)];
                     triangles[other] = halves[0];
                     triangles.push(halves[1]);
                     is_changed[other] = true;

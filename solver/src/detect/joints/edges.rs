@@ -123,7 +123,7 @@ impl<'a> InnerEdgeSearch<'a> {
     /// All inner contacts in the order of their runs, each with the normal of a plane that hides it.
     fn inner_contacts(&self) -> Vec<InnerContact> {
         let count = self.contactors.len();
-        let of_chunk = |scratch: &mut JointScratch, chunk: usize| {
+        let inner_in_chunk = |scratch: &mut JointScratch, chunk: usize| {
             let mut inner = Vec::new();
             let parts = chunk * CONTACTORS_PER_TASK..count.min((chunk + 1) * CONTACTORS_PER_TASK);
             let several = parts.filter(|&part| self.starts[part + 1] - self.starts[part] > 1);
@@ -131,7 +131,7 @@ impl<'a> InnerEdgeSearch<'a> {
             inner
         };
         let chunks = (0..count.div_ceil(CONTACTORS_PER_TASK)).into_par_iter();
-        let mut inner = chunks.map_init(JointScratch::new, of_chunk).collect::<Vec<_>>().concat();
+        let mut inner = chunks.map_init(JointScratch::new, inner_in_chunk).collect::<Vec<_>>().concat();
         // Both contactors of a contact may find it.
         inner.sort_by_key(|inner| inner.contact.index);
         inner.dedup_by_key(|inner| inner.contact.index);
@@ -361,7 +361,7 @@ fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contac
     let can_close = |[a, b]: [&PosedContactor; 2], gap: f64| {
         gap <= a.travel.max(b.travel) + largest_travel + 2.0 * FLUSH_TOLERANCE * a.radius.max(b.radius)
     };
-    let of_task = |task: Range<usize>| {
+    let task_runs = |task: Range<usize>| {
         let (mut runs, mut start) = (Vec::new(), task.start);
         for of_pair in contacts[task].chunk_by(is_same_pair) {
             let (first, end) = (&of_pair[0], start + of_pair.len());
@@ -377,5 +377,5 @@ fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contac
         runs
     };
     let tasks = run_ranges(contacts, CONTACTS_PER_TASK, is_same_pair);
-    concatenated(tasks.into_par_iter().map(of_task).collect())
+    concatenated(tasks.into_par_iter().map(task_runs).collect())
 }

@@ -12,9 +12,9 @@
 //!
 //! | A | B | an inner contact of A and B |
 //! |---|---|---|
-//! | polyhedron | polyhedron | is replaced by the contact along the normal of the plane if A is over B, else removed |
-//! | sphere | any | is removed: a sphere over B has a contact with B's face |
-//! | polyhedron | rim of a cylinder | is removed: if A's extent over the end exceeds its overlap, A has a contact with the end |
+//! | polyhedron | polyhedron | is replaced by the contact along the normal of the plane if A is above B, else removed |
+//! | sphere | any | is removed: a sphere above B has a contact with B's face |
+//! | polyhedron | rim of a cylinder | is removed: if the part of A above the end exceeds its overlap, A has a contact with the end |
 //!
 //! | file | content |
 //! |---|---|

@@ -54,7 +54,7 @@ pub fn read_driver(path: &Path, case: &Path, given: &ComputeFlags) -> Result<Dri
     let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
     let text = String::from_utf8_lossy(&bytes);
     let lines = logical_lines(text.trim_start_matches('\u{feff}')).map_err(|unclosed| {
-        Fault::new(path, Some(unclosed.line), unclosed.kind, "is not closed", "expected a script of Python")
+        Fault::new(path, Some(unclosed.line), unclosed.kind.name(), "is not closed", "expected a script of Python")
     })?;
     let script = walk(lines);
     let mut reader = DriverReader {

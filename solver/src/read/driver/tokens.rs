@@ -12,8 +12,10 @@ pub enum ScriptToken {
     Number(String),
     /// String without its quotes; escapes are not replaced.
     Text(String),
-    /// Operator or bracket; an f-string is the symbol `f-string`.
+    /// Operator or bracket.
     Symbol(String),
+    /// String `f'...'`, whose value is not known.
+    FormattedText,
 }
 
 impl ScriptToken {
@@ -32,6 +34,7 @@ impl ScriptToken {
         match self {
             ScriptToken::Name(text) | ScriptToken::Number(text) | ScriptToken::Symbol(text) => text.clone(),
             ScriptToken::Text(text) => format!("'{text}'"),
+            ScriptToken::FormattedText => "f-string".into(),
         }
     }
 }
@@ -46,8 +49,8 @@ pub struct Lexeme {
 /// Logical line: brackets and backslashes join lines, semicolons separate them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LogicalLine {
-    /// Columns before the first token; a tab extends to the next multiple of 8. One more behind the first statement on the
-    /// line of a block's header.
+    /// Columns before the first token; a tab extends to the next multiple of 8. Plus 1 for statements after the first on a
+    /// header's line, as `z = 2` in `if x: y = 1; z = 2`.
     pub indent: usize,
     /// Tokens of the line, at least one.
     pub tokens: Vec<Lexeme>,
@@ -58,8 +61,24 @@ pub struct LogicalLine {
 pub struct Unclosed {
     /// Line in which it opens.
     pub line: usize,
-    /// `bracket` or `string`.
-    pub kind: &'static str,
+    pub kind: UnclosedKind,
+}
+
+/// Kind of text that has to be closed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum UnclosedKind {
+    Bracket,
+    String,
+}
+
+impl UnclosedKind {
+    /// Name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            UnclosedKind::Bracket => "bracket",
+            UnclosedKind::String => "string",
+        }
+    }
 }
 
 /// Operators of more than one character, longer ones first.
@@ -109,7 +128,7 @@ pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
         }
     }
     if let Some(&line) = open.first() {
-        return Err(Unclosed { line, kind: "bracket" });
+        return Err(Unclosed { line, kind: UnclosedKind::Bracket });
     }
     if !tokens.is_empty() {
         lines.push(LogicalLine { indent, tokens });
@@ -186,14 +205,14 @@ impl TokenScanner<'_> {
                 self.skip(start + length + quotes.len());
                 let content = text[start..start + length].to_string();
                 let formatted = text[..prefix].contains(['f', 'F']);
-                return Ok(if formatted { ScriptToken::Symbol("f-string".into()) } else { ScriptToken::Text(content) });
+                return Ok(if formatted { ScriptToken::FormattedText } else { ScriptToken::Text(content) });
             }
             if c == '\n' && quotes.len() == 1 && !escaped {
                 break;
             }
             escaped = c == '\\' && !escaped;
         }
-        Err(Unclosed { line, kind: "string" })
+        Err(Unclosed { line, kind: UnclosedKind::String })
     }
 }
 
@@ -239,9 +258,9 @@ mod tests {
 
     #[test]
     fn lines_that_do_not_end() {
-        assert_eq!(logical_lines("a = 1\nf(2,\n3"), Err(Unclosed { line: 2, kind: "bracket" }));
-        assert_eq!(logical_lines("a = 'b\nc'"), Err(Unclosed { line: 1, kind: "string" }));
-        assert_eq!(logical_lines("'''a\n"), Err(Unclosed { line: 1, kind: "string" }));
+        assert_eq!(logical_lines("a = 1\nf(2,\n3"), Err(Unclosed { line: 2, kind: UnclosedKind::Bracket }));
+        assert_eq!(logical_lines("a = 'b\nc'"), Err(Unclosed { line: 1, kind: UnclosedKind::String }));
+        assert_eq!(logical_lines("'''a\n"), Err(Unclosed { line: 1, kind: UnclosedKind::String }));
         // Bytes of no meaning are symbols.
         for text in ["$", "é$\u{1}", ")", "\\", "1e", ".", "'", "\u{feff}a"] {
             let _ = logical_lines(text);

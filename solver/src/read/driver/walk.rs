@@ -630,8 +630,8 @@ impl<'a> ScriptWalker<'a> {
             }
             ["computation"] => drop(self.computation_names.insert(alias.to_string())),
             ["computation", "*"] => {
-                let with_full_name = |name: &str| (name.to_string(), format!("computation.{name}"));
-                self.command_aliases.extend(COMPUTATION_FUNCTIONS.map(with_full_name));
+                let full_alias = |name: &str| (name.to_string(), format!("computation.{name}"));
+                self.command_aliases.extend(COMPUTATION_FUNCTIONS.map(full_alias));
             }
             [.., name] => {
                 let module = if parts[chipy + 1] == "computation" { "computation." } else { "" };
@@ -925,14 +925,14 @@ impl<'a> ScriptWalker<'a> {
                 continue;
             }
             let precedes_symbol = |symbol: &str| tokens.get(end).is_some_and(|lexeme| lexeme.token.is(symbol));
-            let of_command = |name: &str| self.command(name).is_some_and(|command| is_effective(&command)) && !is_alias;
-            let finding = if name.match_indices('.').any(|(point, _)| of_command(&name[..point])) {
+            let is_command = |name: &str| self.command(name).is_some_and(|command| is_effective(&command)) && !is_alias;
+            let finding = if name.match_indices('.').any(|(point, _)| is_command(&name[..point])) {
                 "is an attribute of a command of LMGC90: its effect is unknown"
             } else if precedes_symbol("(") || precedes_symbol("=") {
                 continue;
             } else if self.definition(&name).is_some_and(|definition| self.has_effect(&definition.body)) {
                 "has commands of LMGC90 and is passed on: how often it is called is not known"
-            } else if of_command(&name) {
+            } else if is_command(&name) {
                 "is a command of LMGC90 that is passed on: how often it is called is not known"
             } else if self.chipy_names.contains(&name) && !is_alias && !is_argument_of(tokens, start, &MODULE_READERS) {
                 "is LMGC90's module, which is passed on: what is called of it is not known"
