@@ -1,8 +1,8 @@
 # Writes the results of `make -C examples/accuracy-study` into docs/explanation/accuracy.md, between its marks, and the help texts of the
 # presets into formats/src/accuracy/PRESET.txt; at the top folder of the project:
 #   awk -f docs/accuracy/accuracy.awk docs/explanation/accuracy.md > docs/explanation/accuracy.md.part
-# Numbers come from examples/accuracy-study/SCENE/{all,errors}/{accuracy,orders}.csv alone: those of all realisations together, and of each, SCENE
-# also with their suffixes.
+# Numbers come from examples/accuracy-study/figures/SCENE/{accuracy,orders}.csv, of all realisations together, figures/SCENE-SEED/accuracy.csv, of
+# each, and many/SCENE-SEED/{runs,times}.csv alone.
 # A missing file or column is a fault.
 
 function fault(text) { print FILENAME ":" FNR ": " text > "/dev/stderr"; failed = 1; exit 1 }
@@ -30,14 +30,14 @@ function row_of(file, run,    k) {
     fault(file ": no run " run)
 }
 
-# Where the tables of a scene are: of the first four those of all realisations together.
-function tables(s) { return "examples/accuracy-study/" scene[s] (s <= scenes ? "/all/" : "/errors/") }
+# Folder of the tables of a scene: of the first four those of all realisations together.
+function tables(s) { return "examples/accuracy-study/figures/" scene[s] "/" }
 
 # `single` counts the errors of the pressure within a factor of 3 of what their own runs state, of `singles`.
 function realised(s,    file, r, k, x) {
     load(tables(s) "accuracy.csv")
     for (r = 1; r <= realisations; r++) {
-        file = "examples/accuracy-study/" scene[s] suffix[r] "/errors/accuracy.csv"; load(file)
+        file = "examples/accuracy-study/figures/" scene[s] "-" (scene[s] == "heap" ? heap_seed[r] : seed[r]) "/accuracy.csv"; load(file)
         for (k = 1; k <= rows[file]; k++) {
             x = value(file, k, "single_over_estimated")
             if (x + 0 > 0) { singles[scene[s]]++; if (x <= 3 && x >= 1 / 3) single[scene[s]]++ }
@@ -75,8 +75,8 @@ function range(name, column,    s, file, x, least, largest) {
 }
 
 # Error of a preset in heap, where two runs of any settings differ by chance.
-function by_chance(name, column) { return percent(value("examples/accuracy-study/heap/all/accuracy.csv", \
-    row_of("examples/accuracy-study/heap/all/accuracy.csv", name), column)) }
+function by_chance(name, column) { return percent(value("examples/accuracy-study/figures/heap/accuracy.csv", \
+    row_of("examples/accuracy-study/figures/heap/accuracy.csv", name), column)) }
 
 # Help texts of the presets.
 function statements(    k, s, file, name, x, low, high, cost, errors) {
@@ -151,7 +151,7 @@ function knobs(of, shown, groups,    s, file, g, k, cell) {
 function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squares, base, sd, column, alone, means, setting, shown, last, time, lmgc) {
     split("collapse heap", scene_of, " ")
     of["collapse"] = "Z_interval nu pressure_interval"; of["heap"] = "Z_interval bed_nu bed_pressure_interval"
-    last["collapse"] = 131; last["heap"] = 221 # the seeds of the Makefile
+    last["collapse"] = 131; last["heap"] = 221 # the seeds of many.ron
     print "| scene | run | LMGC90's time over it | Z | ν | pressure | of one run |\n|---|---|---|---|---|---|---|"
     split("draft standard loose lmgc90", setting, " "); shown["loose"] = "`standard` with `tol` 1e-2"; shown["lmgc90"] = "LMGC90's"
     for (s = 1; s <= 2; s++) for (k = 1; k <= 4; k++) {
@@ -180,9 +180,9 @@ function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squa
     }
 }
 
-# Cost and error of another method instead of the standard one.
-function instead(scene, name, option,    file, run, base) {
-    file = "examples/accuracy-study/" scene "/errors/accuracy.csv"
+# Cost and error of another method instead of the standard one; `folder`: of the tables of one realisation of a scene.
+function instead(scene, folder, name, option,    file, run, base) {
+    file = "examples/accuracy-study/figures/" folder "/accuracy.csv"
     if (!(file in rows)) load(file)
     run = row_of(file, name); base = row_of(file, "dt-1")
     printf "- `%s` in `%s`: %.2f times the seconds; error of the early positions %.1e in place of %.1e.\n", option, scene, \
@@ -216,14 +216,15 @@ BEGIN {
     # Presets and estimates are those of the first four; of `cloud`, which has no contacts, what self-gravity does.
     scenes = split("collapse rest spin heap cloud", scene, " ") - 1
     split("draft standard fine reference lmgc90", preset, " ")
-    realisations = split("|-2|-3", suffix, "|")
+    # The seeds of study.ron.
+    realisations = split("5 12 13", seed, " "); split("2 12 13", heap_seed, " ")
     for (s = 1; s <= scenes; s++) realised(s)
     groups = split("dt tol penetration_tol max_sweeps theta adaptive alert gravity_error gravity_refresh gravity_order gravity_opening", group, " ")
 }
 
 /^<!-- [a-z]+: begin -->$/ && $2 ~ /^(presets|many|knobs|early|honesty|figures):$/ {
     print; print ""
-    if ($2 == "presets:") { presets(); print ""; verdict(); statements() } else if ($2 == "knobs:") knobs("", scenes, groups - 2); else if ($2 == "early:") { knobs("_early", scenes + 1, groups); print ""; instead("heap", "fast", "narrow_phase: fast"); instead("cloud", "direct", "gravity: direct") } else if ($2 == "many:") many(); else if ($2 == "honesty:") honesty(); else figures()
+    if ($2 == "presets:") { presets(); print ""; verdict(); statements() } else if ($2 == "knobs:") knobs("", scenes, groups - 2); else if ($2 == "early:") { knobs("_early", scenes + 1, groups); print ""; instead("heap", "heap-" heap_seed[1], "fast", "narrow_phase: fast"); instead("cloud", "cloud", "direct", "gravity: direct") } else if ($2 == "many:") many(); else if ($2 == "honesty:") honesty(); else figures()
     print ""; skipping = 1
     next
 }

@@ -4,7 +4,8 @@
 #
 #     ./submit.sh study.csv [OPTIONS OF sbatch]      such as --partition=short --time=01:00:00
 #
-# Reads: study.csv, written by cd-pre study.   Writes: slurm-JOB_TASK.out in this folder, one for each case, besides the files of case.sbatch.
+# Reads: study.csv, written by cd-pre study.
+# Writes: slurm-JOB_TASK.out in this folder, one for each case, besides the files of case.sbatch.
 set -eu
 [ $# -ge 1 ] || { echo "usage: ./submit.sh study.csv [OPTIONS OF sbatch]" >&2; exit 2; }
 table=$1

@@ -35,11 +35,15 @@ fn scenes_are_accepted_and_begin_to_run() {
 #[test]
 fn studies_are_accepted() {
     let mut count = 0;
-    for study in folders().iter().flat_map(|folder| ["study.ron", "fluid.ron"].map(|name| folder.join(name))) {
+    // One of the many seeds.
+    let one_seed = ["--set", "groups.1.seeds=[101]", "--set", "groups.2.seeds=[101]"];
+    let names = [("study.ron", &[][..]), ("fluid.ron", &[]), ("many.ron", &one_seed)];
+    for (study, flags) in folders().iter().flat_map(|folder| names.map(|(name, flags)| (folder.join(name), flags))) {
         if study.is_file() {
             let output = tempfile::tempdir().unwrap();
             let words =
                 ["cd-pre".as_ref(), "study".as_ref(), study.as_os_str(), "-o".as_ref(), output.path().as_os_str()];
+            let words = words.into_iter().chain(flags.iter().map(|flag| flag.as_ref()));
             assert_eq!(cd_pre::run(words.map(Into::into)), 0, "{}", study.display());
             count += 1;
         }
@@ -75,8 +79,9 @@ fn makefiles_are_plain_and_say_what_can_be_set() {
 fn scripts_say_what_they_read_and_write() {
     let files = folders().into_iter().chain([examples()]).flat_map(|folder| fs::read_dir(folder).unwrap().flatten());
     // Not the functions that scripts share.
-    let is_script =
-        |path: &PathBuf| path.extension().is_some_and(|ending| ending == "awk") && !path.ends_with("cases.sh");
+    let is_script = |path: &PathBuf| {
+        path.extension().is_some_and(|ending| ending == "awk" || ending == "sh") && !path.ends_with("cases.sh")
+    };
     let scripts = files.map(|file| file.path()).filter(is_script);
     for path in scripts {
         let text = fs::read_to_string(&path).unwrap();
