@@ -17,7 +17,7 @@ pub struct Sink {
     pub region: SpaceRegion,
 }
 
-/// Region of a sink, which a body leaves by when its centre of mass is inside, or of means.
+/// Region of a sink, in which a body leaves the run when its centre of mass is inside, or of a probe, for means over it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum SpaceRegion {
@@ -95,17 +95,17 @@ impl SpaceRegion {
                 (!(are_finite(&[centre]) && is_positive(*radius))).then_some("a finite centre and a radius > 0 m")
             }
             SpaceRegion::Below { point, normal } => {
-                let sound = are_finite(&[point, normal]) && is_positive(square(normal));
-                (!sound).then_some("a finite point and a normal other than 0")
+                let is_valid = are_finite(&[point, normal]) && is_positive(square(normal));
+                (!is_valid).then_some("a finite point and a normal other than 0")
             }
             SpaceRegion::Box { lower, upper } => {
-                let sound = are_finite(&[lower, upper]) && (0..3).all(|k| lower[k] < upper[k]);
-                (!sound).then_some("finite corners, each coordinate of lower less than that of upper")
+                let is_valid = are_finite(&[lower, upper]) && (0..3).all(|k| lower[k] < upper[k]);
+                (!is_valid).then_some("finite corners, each coordinate of lower less than that of upper")
             }
             SpaceRegion::Cylinder { start, end, radius } => {
-                let sound =
+                let is_valid =
                     are_finite(&[start, end]) && is_positive(square(&difference(end, start))) && is_positive(*radius);
-                (!sound).then_some("two finite ends that differ, and a radius > 0 m")
+                (!is_valid).then_some("two finite ends that differ, and a radius > 0 m")
             }
         }
     }
@@ -129,8 +129,8 @@ pub fn check_growth(sinks: &[Sink], sources: &[Source], at: &str, report: &mut F
     let names = sinks.iter().map(|sink| &sink.name).enumerate().map(|(k, name)| (format!("{at}sinks.{k}.name"), name));
     let of_sources = sources.iter().map(|source| &source.name).enumerate();
     for (path, name) in names.chain(of_sources.map(|(k, name)| (format!("{at}sources.{k}.name"), name))) {
-        let sound = is_file_name(name) && !known.contains(&name.as_str());
-        report.require(sound, &path, format!("'{name}'"), "a name of its own, of letters, digits, - and _");
+        let is_valid = is_file_name(name) && !known.contains(&name.as_str());
+        report.require(is_valid, &path, format!("'{name}'"), "a name of its own, of letters, digits, - and _");
         known.push(name);
     }
     for (k, sink) in sinks.iter().enumerate() {
@@ -143,8 +143,8 @@ pub fn check_growth(sinks: &[Sink], sources: &[Source], at: &str, report: &mut F
     for (k, Source { from, rate, .. }) in sources.iter().enumerate() {
         let path = format!("{at}sources.{k}");
         report.require_number(from.is_finite(), &format!("{path}.from"), *from, "a finite time (s)");
-        let sound = rate.is_finite() && *rate > 0.0;
-        report.require_number(sound, &format!("{path}.rate"), *rate, "a finite number > 0 of bodies per second");
+        let is_valid = rate.is_finite() && *rate > 0.0;
+        report.require_number(is_valid, &format!("{path}.rate"), *rate, "a finite number > 0 of bodies per second");
     }
 }
 

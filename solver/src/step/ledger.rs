@@ -21,16 +21,21 @@ use crate::state::{BodyLoad, ContactId, OutputInterval, SolvedContact, State, Ve
 pub struct StepReport {
     /// Length of the step, s.
     pub h: f64,
+    /// Contacts that detection lists.
     pub contacts_listed: usize,
+    /// Contacts of the solved problem.
     pub contacts_solved: usize,
     /// Contacts that carry force.
     pub contacts_active: usize,
+    /// Sweeps of the contact solver.
     pub sweeps: u64,
     /// Whether the sweeps began in single precision.
     pub single_precision: bool,
+    /// Residual of the solution.
     pub residual: f64,
     /// Residual up to which the step counts as converged: `tol`, less in steps of many radii.
     pub tol: f64,
+    /// Whether the residual is at most `tol`.
     pub converged: bool,
     /// Rows outside the solved problem that the solution closes.
     pub left_out: usize,
@@ -68,11 +73,11 @@ pub struct StepReport {
     pub gravity: GravityReport,
     /// |momentum - expected| divided by the largest sum of m |v| so far.
     pub momentum_drift: f64,
-    /// Bodies as the step began, if commands of POSTPRO.DAT need them.
+    /// Bodies at the start of the step, if commands of POSTPRO.DAT need them.
     pub start: Option<StepStart>,
 }
 
-/// Bodies in the contact configuration, with their velocities at the begin of the step.
+/// Bodies in the contact configuration, with their velocities at the start of the step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepStart {
     /// Centres, m, and orientations.
@@ -134,14 +139,14 @@ pub fn update_ledger(
         let is_in_flight = outcome.v[i] == free.v[i];
         if is_in_flight { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
     };
-    let flights: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(flight_error).collect();
+    let flight_errors: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(flight_error).collect();
     // Bodies that rest from the start have only the momentum that forces give and contacts take in a step.
     let impulse_of_forces =
         |&i: &BodyId| scene.bodies[i.index()].mass * (free.v[i.index()] - state.v[i.index()]).norm();
-    let impulse_of_forces: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(impulse_of_forces).collect();
+    let impulses: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(impulse_of_forces).collect();
     let motion = MotionTotals::from_bodies(scene, &q_c.q, outcome.velocities());
-    ledger.momentum_scale = ledger.momentum_scale.max(motion.scale).max(impulse_of_forces.iter().sum());
-    let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
+    ledger.momentum_scale = ledger.momentum_scale.max(motion.scale).max(impulses.iter().sum());
+    let momentum_error = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
     ledger.penetration_largest = ledger.penetration_largest.max(contact_totals.penetration_largest / scene.mean_radius);
     let active_count = contact_totals.contacts_active.max(1) as f64;
     let mean_over_radius = |sum: f64| sum / active_count / scene.mean_radius.max(f64::MIN_POSITIVE); // there may be no grains
@@ -185,7 +190,7 @@ pub fn update_ledger(
         narrow_phase_error: None,
         fallback_suppressed: request.skips_fallback() && !solution.converged,
         virial: contact_totals.virial / h,
-        flight_error: flights.iter().sum(),
+        flight_error: flight_errors.iter().sum(),
         kinetic: motion.kinetic,
         rotational: motion.rotational,
         potential: free.potential,
@@ -196,7 +201,7 @@ pub fn update_ledger(
             v: state.v.clone(),
             w: q_c.w.clone(),
         }),
-        momentum_drift: if ledger.momentum_scale > 0.0 { drift / ledger.momentum_scale } else { 0.0 },
+        momentum_drift: if ledger.momentum_scale > 0.0 { momentum_error / ledger.momentum_scale } else { 0.0 },
     }
 }
 
@@ -207,7 +212,7 @@ pub struct MotionTotals {
     pub momentum: Vec3,
     /// Sum of m |v|, kg m/s.
     pub scale: f64,
-    /// Kinetic energy, J.
+    /// Translational and rotational kinetic energy, J.
     pub kinetic: f64,
     pub rotational: f64,
 }
@@ -280,14 +285,14 @@ impl BalanceErrors {
         let energy_scale = energies.iter().fold(0.0, |largest: f64, energy| largest.max(energy.abs()));
         let unaccounted = kinetic + potential - ledger.energy_start - ledger.contact_work - ledger.outside_work;
         let largest_distance = scene.free.iter().map(|&i| state.x[i.index()].norm()).fold(0.0, f64::max);
-        let linear = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
-        let angular = MotionTotals::total_angular_momentum(scene, state);
-        let angular = (angular - Vec3::from(ledger.angular_momentum_expected)).norm();
+        let momentum_error = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
+        let angular_momentum = MotionTotals::total_angular_momentum(scene, state);
+        let angular_momentum_error = (angular_momentum - Vec3::from(ledger.angular_momentum_expected)).norm();
         BalanceErrors {
             energy: ratio(unaccounted, energy_scale),
             energy_scale,
-            momentum: ratio(linear, ledger.momentum_scale),
-            angular_momentum: ratio(angular, ledger.momentum_scale * largest_distance),
+            momentum: ratio(momentum_error, ledger.momentum_scale),
+            angular_momentum: ratio(angular_momentum_error, ledger.momentum_scale * largest_distance),
         }
     }
 }

@@ -62,21 +62,21 @@ pub fn write(
     slope_reach: Option<f64>,
 ) -> Result<(PathBuf, Vec<String>), Faults> {
     let outbox = dir.join("OUTBOX");
-    let all = list_snapshots(&outbox)?;
-    let (last, _) = all[all.len() - 1];
-    let wanted = step.unwrap_or(last);
-    let place = all.iter().position(|(step, _)| *step == wanted).ok_or_else(|| {
-        let found = format!("has no snapshot of step {wanted}");
-        let before = all.iter().rev().find(|(step, _)| *step < wanted);
-        let after = all.iter().find(|(step, _)| *step > wanted);
+    let snapshots = list_snapshots(&outbox)?;
+    let (last, _) = snapshots[snapshots.len() - 1];
+    let requested = step.unwrap_or(last);
+    let position = snapshots.iter().position(|(step, _)| *step == requested).ok_or_else(|| {
+        let found = format!("has no snapshot of step {requested}");
+        let before = snapshots.iter().rev().find(|(step, _)| *step < requested);
+        let after = snapshots.iter().find(|(step, _)| *step > requested);
         let nearest: Vec<String> = before.into_iter().chain(after).map(|(step, _)| step.to_string()).collect();
-        let expected = format!("expected one of steps {} to {last}, such as {}", all[0].0, nearest.join(" or "));
+        let expected = format!("expected one of steps {} to {last}, such as {}", snapshots[0].0, nearest.join(" or "));
         Fault::new(&outbox, None, "folder", found, expected)
     })?;
-    let (step, path) = &all[place];
-    let first = (place + 1).checked_sub(mean as usize).ok_or_else(|| {
-        let found = format!("a mean over {mean} snapshots, of which {} are not later than step {step}", place + 1);
-        Fault::new(&outbox, None, "--mean", found, format!("expected at most {}", place + 1))
+    let (step, path) = &snapshots[position];
+    let first = (position + 1).checked_sub(mean as usize).ok_or_else(|| {
+        let found = format!("a mean over {mean} snapshots, of which {} are not later than step {step}", position + 1);
+        Fault::new(&outbox, None, "--mean", found, format!("expected at most {}", position + 1))
     })?;
     let shapes = ShapeCache::default();
     let frame = Frame::read(path, &shapes)?;
@@ -89,7 +89,7 @@ pub fn write(
     let mut notes = Vec::new();
     if mean > 1 {
         let mut frames = Vec::new();
-        for (_, path) in &all[first..place] {
+        for (_, path) in &snapshots[first..position] {
             frames.push(Frame::read(path, &shapes)?);
         }
         frames.push(frame.clone());
@@ -135,6 +135,7 @@ pub fn added_bodies(dir: &Path) -> Result<HashSet<u64>, Faults> {
     for (number, line) in (1..).zip(text.lines()).skip(1) {
         // The name of a case may have commas.
         match line.split_once(',').map(|(body, origin)| (body.parse::<u64>(), origin)) {
+            // No case, step and number of origin.
             Some((Ok(body), ",,")) => drop(numbers.insert(body)),
             Some((Ok(_), _)) => {}
             _ => faults.push(Fault::new(&path, Some(number), "row", line, "expected body,case,step,number")),
