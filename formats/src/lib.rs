@@ -39,6 +39,7 @@
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
 //! | [`growth`] | sinks and sources: bodies that leave a run and enter it |
+//! | [`region`] | regions of sinks and of means |
 //! | [`probe`] | series of quantities followed step by step, and conditions that end a run |
 //! | [`postpro`] | `DATBOX/POSTPRO.DAT`: files with rows of figures, requested as in LMGC90 |
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
@@ -100,6 +101,7 @@ pub mod origin;
 pub mod postpro;
 pub mod presets;
 pub mod probe;
+pub mod region;
 pub mod report;
 pub mod ron_file;
 pub mod ron_text;

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use self::region::REGION_COLUMNS;
 pub use self::region::RegionMeans;
-use crate::growth::SpaceRegion;
 use crate::names::{is_file_name, number_text};
+use crate::region::SpaceRegion;
 use crate::report::FaultReport;
 use crate::ron_text;
 

@@ -8,10 +8,10 @@ use cd_formats::compute::{Compute, Event, ExternalField, GravityMethod, NarrowPh
 pub use cd_formats::doubts::EVENT_SLACK;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::field::{FieldModel, FieldShapes};
-use cd_formats::growth::SpaceRegion;
 pub use cd_formats::ids::BodyId;
 use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::probe::{BodySelection, Probe, ProbeQuantity};
+use cd_formats::region::SpaceRegion;
 use cd_formats::snapshot::{LawName, MaterialName};
 
 use crate::features::BARE;

@@ -44,6 +44,7 @@ fn is_shared_type(path: &str) -> bool {
         "cd_formats::ids::BodyId",
         "cd_formats::postpro::",
         "cd_formats::probe::",
+        "cd_formats::region::",
         "cd_formats::snapshot::",
     ]
     .iter()

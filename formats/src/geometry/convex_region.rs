@@ -218,15 +218,15 @@ fn share_by_slices(ends: [f64; 2], r: f64, pieces: usize, area: impl Fn(f64) -> 
 fn disc_quadrant(a: f64, b: f64, radius: f64) -> f64 {
     let (a, b) = (a.clamp(-radius, radius), b.clamp(-radius, radius));
     // Area of the disc below a chord.
-    let below = |c: f64| radius * radius * (FRAC_PI_2 + angle(c, radius)) + c * half_chord(c, radius);
+    let area_below = |c: f64| radius * radius * (FRAC_PI_2 + angle(c, radius)) + c * half_chord(c, radius);
     if a * a + b * b < radius * radius {
         let sector = 0.5 * radius * radius * (angle(a, radius) + angle(b, radius) + FRAC_PI_2);
         return a * b + 0.5 * (a * half_chord(a, radius) + b * half_chord(b, radius)) + sector;
     }
     match (a > 0.0, b > 0.0) {
-        (true, true) => below(a) + below(b) - PI * radius * radius,
-        (false, true) => below(a),
-        (true, false) => below(b),
+        (true, true) => area_below(a) + area_below(b) - PI * radius * radius,
+        (false, true) => area_below(a),
+        (true, false) => area_below(b),
         (false, false) => 0.0,
     }
 }
@@ -241,8 +241,9 @@ fn disc_overlap(d: f64, a: f64, b: f64) -> f64 {
     }
     // Distance of the common chord from the centre of `a`.
     let chord = 0.5 * (d + (a - b) * (a + b) / d);
-    let beyond = |c: f64, radius: f64| radius * radius * (FRAC_PI_2 - angle(c, radius)) - c * half_chord(c, radius);
-    beyond(chord, a) + beyond(d - chord, b)
+    let area_beyond =
+        |c: f64, radius: f64| radius * radius * (FRAC_PI_2 - angle(c, radius)) - c * half_chord(c, radius);
+    area_beyond(chord, a) + area_beyond(d - chord, b)
 }
 
 fn angle(c: f64, radius: f64) -> f64 {

@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use cd_formats::geometry::convex_region::ConvexRegion;
-use cd_formats::growth::SpaceRegion;
 use cd_formats::probe::RegionMeans;
+use cd_formats::region::SpaceRegion;
 
 use crate::math::{Mat3, Vec3, to_world};
 use crate::scene::{BodyId, Scene};

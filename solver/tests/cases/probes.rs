@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 use std::fs;
 use std::process::Command;
 
-use cd_formats::growth::SpaceRegion;
 use cd_formats::probe::{BodySelection, EndCondition, Probe, ProbeQuantity};
+use cd_formats::region::SpaceRegion;
 
 use crate::case::{Case, equal, near};
 
