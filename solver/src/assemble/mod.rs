@@ -23,6 +23,6 @@ pub use history::connected_bodies;
 pub use interface_row::InterfaceRow;
 pub use kinematics::{contact_arms, relative_velocity, velocity_at_arms};
 pub use problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
-pub use rows::contact_problem;
+pub use rows::{contact_problem, keep_problem_memory};
 pub use self_gravity::GravityReport;
 pub use stored::{StoredProblem, stored_problem};

@@ -1,5 +1,7 @@
 //! Assembly of the contact problem: one row per contact, from its geometry, its law and its history.
 
+use std::cell::Cell;
+
 use cd_formats::compute::FaceFriction;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
@@ -31,6 +33,19 @@ const BODIES_PER_TASK: usize = 256;
 /// Normal velocity, divided by that due to the impulse of the last step alone, up to which a contact rests: larger than
 /// the errors of solutions, smaller than the rebound with a restitution of 0.06.
 const MAX_RESTING_VELOCITY_SHARE: f64 = 0.05;
+
+thread_local! {
+    /// Memory of the rows of the last contact problem. A large array that is allocated anew costs a page fault for every 4 kB.
+    static ROW_MEMORY: Cell<Vec<ContactConstraint>> = const { Cell::new(Vec::new()) };
+    /// Memory of its solver bodies.
+    static BODY_MEMORY: Cell<Vec<SolverBody>> = const { Cell::new(Vec::new()) };
+}
+
+/// Keeps the memory of the large arrays of a contact problem, which is not used any more, for the next one of this thread.
+pub fn keep_problem_memory(contact_problem: ContactProblem) {
+    ROW_MEMORY.set(contact_problem.rows);
+    BODY_MEMORY.set(contact_problem.bodies);
+}
 
 /// Assembles the rows of all contacts, in their order.
 pub fn contact_problem(
@@ -110,7 +125,9 @@ fn solver_bodies(scene: &Scene, free: Velocities, has_blocks: bool) -> Vec<Solve
         }
     };
     let bodies = scene.bodies.par_iter().zip(free.v.par_iter().zip(free.w));
-    bodies.with_min_len(PAR_MIN_LEN).map(solver_body).collect()
+    let mut solver_bodies = BODY_MEMORY.take();
+    bodies.with_min_len(PAR_MIN_LEN).map(solver_body).collect_into_vec(&mut solver_bodies);
+    solver_bodies
 }
 
 /// Bounds on the motion of all bodies in the step.
@@ -208,7 +225,9 @@ impl AssemblyContext<'_> {
             let attraction = pair_attractions.get(k).copied().unwrap_or_default();
             self.contact_constraint(&contacts[k], self.previous_end(*old), bond_state, memory, attraction)
         };
-        history.par_iter().enumerate().with_min_len(256).map(constraint_of).collect()
+        let mut rows = ROW_MEMORY.take();
+        history.par_iter().enumerate().with_min_len(256).map(constraint_of).collect_into_vec(&mut rows);
+        rows
     }
 
     /// Rolling constraints of the rows that act.

@@ -8,7 +8,8 @@
 //!
 //! Source: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 13.
 
-use std::ops::Range;
+use std::cell::Cell;
+use std::ops::{Deref, Range};
 
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
@@ -18,6 +19,7 @@ use crate::math::simd::{F64Arithmetic, LaneOperation, Scalar, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::ranks;
 use crate::scene::BodyId;
+use crate::solve::types::ContactSolution;
 use crate::state::ContactId;
 
 /// Share of the summed velocities at the contacts, and of those that attractions would cause, below which a residual is
@@ -107,7 +109,7 @@ pub struct ResidualEvaluator<'a> {
     pub(super) width: SimdWidth,
     /// Rows that are evaluated.
     rows: &'a [ContactId],
-    contacts: Vec<ContactGroup>,
+    contacts: ContactGroups,
     /// Friction levers of the contacts; empty if all are 0.
     levers: Vec<GroupLevers>,
     /// Scale 3N/trace W of the natural map, kg.
@@ -136,14 +138,48 @@ pub struct AssociatedResidual {
     pub separations: Vec<f64>,
 }
 
+thread_local! {
+    /// Memory of the contacts of the last evaluator. A large array that is allocated anew costs a page fault for every 4 kB.
+    static CONTACT_MEMORY: Cell<Vec<ContactGroup>> = const { Cell::new(Vec::new()) };
+    /// Memory of solver bodies of the last solution.
+    static BODY_MEMORY: Cell<Vec<SolverBody>> = const { Cell::new(Vec::new()) };
+}
+
+/// Keeps the memory of the large arrays of a solution, which is not used any more, for the next one of this thread.
+pub fn keep_solution_memory(solution: ContactSolution) {
+    BODY_MEMORY.set(solution.solver_bodies);
+}
+
+/// Contacts of an evaluator, whose memory is kept for the next evaluator of this thread.
+struct ContactGroups(Vec<ContactGroup>);
+
+impl ContactGroups {
+    fn new(problem: &ContactProblem, rows: &[ContactId]) -> Self {
+        let mut groups = CONTACT_MEMORY.take();
+        let contacts = rows.par_chunks(GROUP_LANES).with_min_len(GROUPS_PER_TASK);
+        contacts.map(|rows| contact_group(problem, rows)).collect_into_vec(&mut groups);
+        ContactGroups(groups)
+    }
+}
+
+impl Deref for ContactGroups {
+    type Target = [ContactGroup];
+
+    fn deref(&self) -> &[ContactGroup] {
+        &self.0
+    }
+}
+
+impl Drop for ContactGroups {
+    fn drop(&mut self) {
+        CONTACT_MEMORY.set(std::mem::take(&mut self.0));
+    }
+}
+
 impl<'a> ResidualEvaluator<'a> {
     /// Evaluator for the rows `rows` of `problem`.
     pub fn new(problem: &'a ContactProblem, rows: &'a [ContactId], width: SimdWidth) -> Self {
-        let contacts = rows
-            .par_chunks(GROUP_LANES)
-            .with_min_len(GROUPS_PER_TASK)
-            .map(|rows| contact_group(problem, rows))
-            .collect();
+        let contacts = ContactGroups::new(problem, rows);
         let has_levers = problem.block_data.as_ref().is_some_and(|block_data| !block_data.friction_offsets.is_empty());
         let levers = if has_levers {
             rows.par_chunks(GROUP_LANES).with_min_len(GROUPS_PER_TASK).map(|rows| group_levers(problem, rows)).collect()
@@ -290,13 +326,15 @@ impl<'a> ResidualEvaluator<'a> {
             w: Vec3::new(m[4], m[5], m[6]),
             ..*body_start
         };
+        let mut solver_bodies = BODY_MEMORY.take();
         self.problem
             .bodies
             .par_iter()
             .with_min_len(GROUPS_PER_TASK * GROUP_LANES)
             .zip(motions)
             .map(moved_body)
-            .collect()
+            .collect_into_vec(&mut solver_bodies);
+        solver_bodies
     }
 
     /// The bodies of the problem after impulses of 0. Adding these turns -0 into 0, as in [`Self::body_motions`].
@@ -306,13 +344,15 @@ impl<'a> ResidualEvaluator<'a> {
             w: body_start.w + self.problem.angular_velocity_change(BodyId(body as u32), &Vec3::zeros()),
             ..*body_start
         };
+        let mut solver_bodies = BODY_MEMORY.take();
         self.problem
             .bodies
             .par_iter()
             .with_min_len(GROUPS_PER_TASK * GROUP_LANES)
             .enumerate()
             .map(unmoved_body)
-            .collect()
+            .collect_into_vec(&mut solver_bodies);
+        solver_bodies
     }
 
     /// |F| and the row with the largest part in it.

@@ -76,6 +76,8 @@ pub fn step(scene: &Scene, state: &mut State, times: &mut StageTimes) -> Option<
     state.pair_attractions = std::mem::take(&mut solved.contact_problem.pair_attractions);
     bond_closing::close_bonds(scene, state, &solved.contact_problem);
     state.bonding = BondingMode::No;
+    assemble::keep_problem_memory(solved.contact_problem);
+    solve::keep_solution_memory(solved.solution);
     clock.add_lap(|times| &mut times.integration);
     Some(report)
 }
