@@ -762,6 +762,11 @@ impl Scene {
         !BARE && (!self.parts.is_empty() || self.roster.as_ref().is_some_and(|roster| !roster.parts.is_empty()))
     }
 
+    /// Whether contactors of present bodies are polyhedra.
+    pub fn has_polyhedra(&self) -> bool {
+        self.parts.iter().any(|part| is_polyhedron(&part.geometry))
+    }
+
     /// Whether there are contacts that need full blocks, as contacts of points do. The block of a sphere with a sphere, or
     /// with any body whose motion is all imposed, is diagonal.
     pub fn needs_blocks(&self) -> bool {
@@ -899,7 +904,7 @@ impl Scene {
         if self.law_names.is_empty() {
             models.push("no contacts: no row of TACT_BEHAV.DAT concerns these bodies".into());
         }
-        if self.parts.iter().any(|part| is_polyhedron(&part.geometry)) {
+        if self.has_polyhedra() {
             models.push(match self.options.narrow_phase() {
                 NarrowPhase::Fast => "narrow phase fast".into(),
                 NarrowPhase::Accurate => "narrow phase accurate".into(),

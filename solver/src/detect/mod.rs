@@ -13,6 +13,7 @@ mod neighbours;
 mod parts;
 mod periodic;
 mod posed;
+mod rank_pairs;
 mod spheres;
 pub mod swept;
 mod travel;

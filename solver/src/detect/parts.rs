@@ -12,7 +12,7 @@ use super::neighbours::BoundingBalls;
 use super::posed::{CandidatePair, PosedContactor, PosedShape, posed_contactors};
 use super::swept::SweptBall;
 use super::travel::TravelBounds;
-use super::{joints, narrow, periodic};
+use super::{joints, narrow, periodic, rank_pairs};
 use crate::activity;
 use crate::geometry::{
     CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairRequest, PairResult, Separated,
@@ -106,16 +106,22 @@ pub fn listed_contacts(
         NarrowPhase::Accurate => NarrowPhaseMode::Accurate,
     };
     let width = SimdWidth::detect();
-    let chunks = pairs
+    let own_pairs = rank_pairs::own_pairs(scene, pairs.len());
+    let own = own_pairs.clone().unwrap_or(0..pairs.len());
+    let chunks = pairs[own.clone()]
         .par_chunks(PAIRS_PER_TASK)
-        .zip(memories.par_chunks_mut(PAIRS_PER_TASK))
-        .zip(separations.par_chunks_mut(PAIRS_PER_TASK));
+        .zip(memories[own.clone()].par_chunks_mut(PAIRS_PER_TASK))
+        .zip(separations[own].par_chunks_mut(PAIRS_PER_TASK));
     let chunks = chunks.map(|((pairs, memories), separations)| PairChunk { pairs, memories, separations });
     let scratch =
         || NarrowPhaseScratch { polyhedra: PairBatch::new(width), prefetcher: Prefetcher::new(&contactors, width) };
-    let found: Vec<ListedContacts> = chunks
+    let mut found: Vec<ListedContacts> = chunks
         .map_init(scratch, |scratch, chunk| narrow_phase_chunk(scene, &contactors, nearby, narrow, scratch, chunk))
         .collect();
+    if own_pairs.is_some() {
+        let by_rank = rank_pairs::gather_contacts(found.iter().flat_map(|listed| &listed.contacts), memories);
+        found = by_rank.into_iter().map(|contacts| ListedContacts::from_contacts(contacts, scene.periods())).collect();
+    }
     let mut contacts = contacts_by_key(&found, scene.bodies.len(), width);
     let inner = joints::remove_inner_edges(scene, q_c, bounds, &contactors, &mut contacts);
     inner.iter().for_each(|parts| cache.forget_feature(parts));
@@ -243,6 +249,13 @@ const ROUNDING_MARGIN: f64 = 1e-9;
 impl ListedContacts {
     fn new(pairs: usize, periods: [Option<f64>; 2]) -> Self {
         ListedContacts { contacts: Vec::with_capacity(4 * pairs), runs: Vec::new(), periods }
+    }
+
+    /// Contacts in the order of their pairs.
+    fn from_contacts(contacts: Vec<Contact>, periods: [Option<f64>; 2]) -> Self {
+        let begins_run = |&k: &usize| k == 0 || contacts[k - 1].candidate != contacts[k].candidate;
+        let runs = (0..contacts.len()).filter(begins_run).map(|k| (contacts[k].candidate, k)).collect();
+        ListedContacts { contacts, runs, periods }
     }
 
     /// Adds the contacts of a pair: points up to its range; points on its area share the area. Keeps the pair's cache
