@@ -47,6 +47,9 @@ pub struct ContactRecord {
     pub gap: f64,
     /// Rows n, t, s; n points from the antagonist to the candidate.
     pub frame: [[f64; 3]; 3],
+    /// Whether the axes of the file are left-handed, as those of LMGC90 are on the side of a plate to which its third axis
+    /// does not point; those of `frame` are not.
+    pub is_left_handed: bool,
     /// Point of contact, m.
     pub point: [f64; 3],
     /// Internal variables of the law.
@@ -400,12 +403,14 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
         velocity,
         gap,
         frame,
+        is_left_handed: false,
         point,
         internals,
     };
     kind.convert_s_axis(&mut contact);
     if kind.rows.contains('t') {
-        if make_right_handed(&mut contact) {
+        contact.is_left_handed = make_right_handed(&mut contact);
+        if contact.is_left_handed {
             scan.add_form(LenientForm::LeftHandedAxes, line);
         }
         if make_orthonormal(&mut contact) {

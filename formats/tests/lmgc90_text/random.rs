@@ -235,6 +235,7 @@ fn contact() -> impl Strategy<Value = ContactRecord> {
                 velocity,
                 gap,
                 frame,
+                is_left_handed: false,
                 point,
                 internals,
             }
@@ -417,6 +418,7 @@ fn a_contact_of_unknown_kind_is_not_lost_in_writing() {
         velocity: [0.0; 3],
         gap: 0.0,
         frame: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        is_left_handed: false,
         point: [0.0; 3],
         internals: Vec::new(),
     };

@@ -725,13 +725,17 @@ impl ContactReader<'_> {
             if swapped { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
         let part_numbers = if swapped { (part_b, part_a) } else { (part_a, part_b) };
         let normal = normal * sign;
+        let part = scene.find_part(BodyId::new(antagonist.body), part_numbers.1);
+        let axes = orientations[antagonist.body] * part.map_or_else(Quat::identity, |part| part.axes);
+        let is_in_front = normal.dot(&(axes * Vec3::z())) >= 0.0;
+        if record.is_left_handed && is_in_front {
+            let expected = "expected right-handed axes on the side of a plate to which its third axis points";
+            return Err(fault("contact", "left-handed axes n, t, s", expected));
+        }
         // A plate's face is identified by the normal, all other features by the position.
         let features = match kinds.map(|kind| CONTACTOR_NAMES[kind]) {
             ["SPHER", "SPHER"] => (0, 0),
-            ["SPHER", "PLANx"] => {
-                let third_axis = orientations[antagonist.body] * Vec3::z();
-                (0, if normal.dot(&third_axis) >= 0.0 { 0 } else { 1 })
-            }
+            ["SPHER", "PLANx"] => (0, if is_in_front { 0 } else { 1 }),
             _ => (UNKNOWN_FEATURE, number),
         };
         // The file has the tangents of LMGC90, which differ from the tangents of `local_frame`.

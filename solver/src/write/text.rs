@@ -179,6 +179,7 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
             velocity: (*velocity).into(),
             gap: contact.gap + state.h * velocity.x,
             frame: contact.frame().map(Into::into),
+            is_left_handed: false,
             point: contact.point.into(),
             internals: match link {
                 Some(link) => vec![link.rest_length],

@@ -349,3 +349,22 @@ fn interfaces_without_a_soundness_are_rejected() {
         assert_eq!(with_values(&format!("{}  {soundness}", "  0.0000000D+00".repeat(4))), 2);
     }
 }
+
+/// LMGC90 has left-handed axes on the back of plates only: on the front, an axis has been reversed by mistake.
+#[test]
+fn left_handed_axes_in_front_of_a_plate_are_rejected() {
+    let mut case = ball("IQS_CLB", &[0.3], 0.0, 0.0, -1.0);
+    case.options.text = true;
+    case.run(5);
+    let [dof, contacts] = case.first_text_states();
+    let datbox = case.path().join("DATBOX");
+    std::fs::write(datbox.join("DOF.INI"), dof).unwrap();
+    let with_text = |text: &str| {
+        std::fs::write(datbox.join("Vloc_Rloc.INI"), text).unwrap();
+        case.solve(&["--force"])
+    };
+    assert_eq!(with_text(&contacts), 0);
+    let reversed = contacts.replace("s(2)=-0.1", "s(2)= 0.1");
+    assert!(reversed != contacts);
+    assert_eq!(with_text(&reversed), 2);
+}
