@@ -40,16 +40,16 @@ impl RandomStream {
     }
 
     /// Vector with each component uniform in [-1, 1).
-    pub fn in_cube(&mut self) -> Vector3<f64> {
+    pub fn point_in_cube(&mut self) -> Vector3<f64> {
         let mut draw = || 2.0 * self.uniform() - 1.0;
         let (x, y, z) = (draw(), draw(), draw());
         Vector3::new(x, y, z)
     }
 
     /// Point uniform in the ball of radius 1.
-    pub fn in_ball(&mut self) -> Vector3<f64> {
+    pub fn point_in_ball(&mut self) -> Vector3<f64> {
         loop {
-            let point = self.in_cube();
+            let point = self.point_in_cube();
             if point.norm_squared() <= 1.0 {
                 return point;
             }
@@ -59,7 +59,7 @@ impl RandomStream {
     /// Unit vector uniform on the sphere.
     pub fn uniform_direction(&mut self) -> Vector3<f64> {
         loop {
-            let point = self.in_ball();
+            let point = self.point_in_ball();
             let length = point.norm();
             if length > 0.1 {
                 return point / length; // closer to 0 the rounding of the length matters

@@ -34,7 +34,7 @@ pub enum LenientForm {
 }
 
 impl LenientForm {
-    /// Sentence about the places where the form was found.
+    /// Sentence about `count` occurrences of the form.
     fn sentence(self, count: usize) -> String {
         let one = count == 1;
         let are = if one { "is" } else { "are" };
@@ -87,27 +87,37 @@ impl LenientForm {
     }
 }
 
-/// Deviations found in a file: number of places and line of the first, by form.
+/// Occurrences of a deviation in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct FormOccurrences {
+    count: usize,
+    /// Line of the first, from 1.
+    first_line: usize,
+}
+
+/// Deviations found in a file, by form.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct LenientForms(BTreeMap<LenientForm, (usize, usize)>);
+pub struct LenientForms(BTreeMap<LenientForm, FormOccurrences>);
 
 impl LenientForms {
-    /// Counts one more place.
+    /// Counts an occurrence in `line`.
     pub fn add(&mut self, form: LenientForm, line: usize) {
-        self.0.entry(form).or_insert((0, line)).0 += 1;
+        self.add_occurrences(form, FormOccurrences { count: 1, first_line: line });
     }
 
-    /// Adds the places of a later part of the same file.
+    /// Adds the occurrences in a later part of the same file.
     pub(super) fn append(&mut self, later: LenientForms) {
-        for (form, (count, line)) in later.0 {
-            self.0.entry(form).or_insert((0, line)).0 += count;
-        }
+        later.0.into_iter().for_each(|(form, occurrences)| self.add_occurrences(form, occurrences));
+    }
+
+    fn add_occurrences(&mut self, form: LenientForm, FormOccurrences { count, first_line }: FormOccurrences) {
+        self.0.entry(form).or_insert(FormOccurrences { count: 0, first_line }).count += count;
     }
 
     /// Notices for the user about the file `name`, one a form: `BODIES.DAT:12: 2 bodies have a number ...`.
     pub fn notices(&self, name: &str) -> Vec<String> {
-        let notice = |(form, (count, line)): (&LenientForm, &(usize, usize))| {
-            format!("{name}:{line}: {}", form.sentence(*count))
+        let notice = |(form, FormOccurrences { count, first_line }): (&LenientForm, &FormOccurrences)| {
+            format!("{name}:{first_line}: {}", form.sentence(*count))
         };
         self.0.iter().map(notice).collect()
     }

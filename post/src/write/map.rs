@@ -8,26 +8,29 @@ use crate::derive::surface::DirectionGrid;
 use crate::write::picture::VIRIDIS_COLOURS;
 use crate::write::scale::{digits_needed, format_digits, round_below, unit_prefix};
 
-/// Length of the longer side of a map seen from above, pixels.
+/// Length of the longer edge of a map seen from above, pixels.
 const MAP_SIDE: f64 = 640.0;
+/// Space around the map for title, labels and colour bar, pixels.
 const LEFT_MARGIN: f64 = 70.0;
 const TOP_MARGIN: f64 = 50.0;
 const RIGHT_MARGIN: f64 = 120.0;
 const BOTTOM_MARGIN: f64 = 60.0;
-/// Number of steps of the colour bar, and its least height, which fits five numbers.
+/// Number of steps of the colour bar.
 const COLOUR_STEPS: usize = 60;
+/// Least height of the colour bar, which fits five numbers, pixels.
 const MIN_BAR_HEIGHT: f64 = 120.0;
-/// Approximate width of a letter of the title.
+/// Approximate width of a letter of the title, pixels.
 const TITLE_LETTER: f64 = 10.0;
 
 /// Sheet on which a map shows its values: cells row by row, from below.
 pub struct MapSheet {
     /// Number of cells to the right and up.
     counts: [usize; 2],
-    /// Width and height of a cell.
+    /// Width and height of a cell, pixels.
     cell: [f64; 2],
+    /// Titles of the axes, to the right and up.
     labels: [String; 2],
-    /// Positions of the ticks as shares of the side, and their labels.
+    /// Positions of the ticks as shares of the width or height, and their labels.
     ticks: [Vec<(f64, String)>; 2],
 }
 
@@ -57,9 +60,9 @@ impl MapSheet {
         let ticks = |k: usize| {
             let ends = [from[k], from[k] + spans[k]].map(|end| end / step);
             // + 0.0 turns -0 into 0.
-            let at =
+            let tick =
                 |i: i64| ((i as f64 * step - from[k]) / spans[k], format_digits(i as f64 * step / factor + 0.0, 6));
-            (ends[0].ceil() as i64..=ends[1].floor() as i64).map(at).collect()
+            (ends[0].ceil() as i64..=ends[1].floor() as i64).map(tick).collect()
         };
         MapSheet {
             counts: *counts,
@@ -71,7 +74,7 @@ impl MapSheet {
 }
 
 /// Text of the SVG file; `values` by cell of the sheet in `unit`. Cells without a finite value stay white.
-pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &MapSheet) -> String {
+pub fn map_svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &MapSheet) -> String {
     let [map_width, map_height] = [0, 1].map(|k| sheet.cell[k] * sheet.counts[k] as f64);
     let [cell_x, cell_y] = sheet.cell;
     let finite_values = || values.iter().copied().filter(|v| v.is_finite());
@@ -174,7 +177,7 @@ mod tests {
                 ticks: [vec![(0.5, "0".into())], vec![(0.5, "0".into())]],
             };
             let values: Vec<f64> = (0..320).map(f64::from).collect();
-            let text = svg("Slope of the free surface", "slope", "°", &values, &sheet);
+            let text = map_svg("Slope of the free surface", "slope", "°", &values, &sheet);
             let number = |line: &str, name: &str| -> f64 {
                 line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
             };
@@ -194,7 +197,7 @@ mod tests {
     #[test]
     fn every_known_cell_is_drawn_in_its_place() {
         let grid = &MapSheet::from_directions(DirectionGrid { latitudes: 2, longitudes: 4 });
-        let text = svg("Slope", "slope", "1", &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, f64::NAN], grid);
+        let text = map_svg("Slope", "slope", "1", &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, f64::NAN], grid);
         assert_eq!(text.matches("width=\"10\" height=\"10\"").count(), 7);
         // The first cell is in the south-west, in the colour of the least value.
         let first = format!(
@@ -207,14 +210,14 @@ mod tests {
         // A ball, but for rounding, has one colour.
         let mut ball = [10.0; 8];
         ball[3] += 2e-15;
-        let text = svg("Height", "height", "m", &ball, grid);
+        let text = map_svg("Height", "height", "m", &ball, grid);
         let middle = format!("height=\"10\" fill=\"{}\"", colour_ramp(0.5));
         assert_eq!(text.matches(&middle).count(), 8, "{text}");
         assert!(text.contains(">9<") && text.contains(">11<"), "{text}");
         ball[3] = 10.004;
-        assert!(svg("Height", "height", "m", &ball, grid).contains(">10.003<"));
+        assert!(map_svg("Height", "height", "m", &ball, grid).contains(">10.003<"));
         for values in [[1.0; 8], [f64::NAN; 8]] {
-            assert!(!svg("Slope", "slope", "m", &values, grid).contains("NaN"));
+            assert!(!map_svg("Slope", "slope", "m", &values, grid).contains("NaN"));
         }
     }
 }

@@ -113,9 +113,9 @@ pub fn voronoi_fragments(
     let mut seeds = Vec::with_capacity(number);
     for _ in 0..number {
         // For thin bodies hardly any point of the cube lies inside.
-        let seed = (0..MAX_ATTEMPTS).map(|_| extent * random.in_cube()).find(is_inside);
-        let seed =
-            seed.or_else(|| (0..MAX_ATTEMPTS).map(|_| half_extents.component_mul(&random.in_cube())).find(is_inside));
+        let seed = (0..MAX_ATTEMPTS).map(|_| extent * random.point_in_cube()).find(is_inside);
+        let seed = seed
+            .or_else(|| (0..MAX_ATTEMPTS).map(|_| half_extents.component_mul(&random.point_in_cube())).find(is_inside));
         seeds.push(seed.ok_or(FragmentError::NoSeed)?);
     }
     for _ in 0..relaxation {

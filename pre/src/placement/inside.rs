@@ -125,7 +125,7 @@ mod tests {
         for k in 0..4000 {
             // Points anywhere, and points close to vertices, edges and faces.
             let point = if k % 2 == 0 {
-                150.0 * random.in_cube()
+                150.0 * random.point_in_cube()
             } else {
                 let [a, b, c] = surface.triangles()[random.uniform_index(surface.triangles().len())]
                     .map(|v| Vector3::from(vertices[v as usize]));
@@ -133,7 +133,7 @@ mod tests {
                     [0.0, 0.0, 1.0, 0.5, random.uniform()][random.uniform_index(5)],
                     [0.0, 0.5, random.uniform()][random.uniform_index(3)],
                 );
-                a + (b - a) * u + (c - a) * (1.0 - u) * v + 1e-6 * random.in_cube()
+                a + (b - a) * u + (c - a) * (1.0 - u) * v + 1e-6 * random.point_in_cube()
             };
             let number = winding(&vertices, surface.triangles(), &point);
             assert!((number - number.round()).abs() < 1e-6, "{number}");

@@ -27,7 +27,7 @@ pub fn lattice_sites(
     let mut offsets: Vec<[f64; 3]> = SYMMETRIC_OFFSETS.to_vec();
     match region {
         GrainRegion::Box(_) => offsets.truncate(1), // lies against the box's corner
-        _ => offsets.extend((0..RANDOM_OFFSETS).map(|_| <[f64; 3]>::from(random.in_cube()))),
+        _ => offsets.extend((0..RANDOM_OFFSETS).map(|_| <[f64; 3]>::from(random.point_in_cube()))),
     }
     let (mut best, mut largest_count) = (None, 0);
     let mut distance = closest;

@@ -259,7 +259,7 @@ fn jittered_lattice(
     let order = z_order(region, &sites);
     sites = order.into_iter().map(|k| sites[k]).collect();
     let move_in_ball = |(site, grain): (&Vector3<f64>, &SampledGrain)| {
-        site + random.in_ball() * (jitter * (0.5 * distance - grain.reach - margin).max(0.0))
+        site + random.point_in_ball() * (jitter * (0.5 * distance - grain.reach - margin).max(0.0))
     };
     Ok(sites.iter().zip(grains).map(move_in_ball).collect())
 }

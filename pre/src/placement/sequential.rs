@@ -24,7 +24,7 @@ pub fn place_spheres(
     for &radius in radii {
         let range = halves.map(|half| (half - radius).max(0.0));
         let position = (0..MAX_ATTEMPTS)
-            .map(|_| random.in_cube().component_mul(&range))
+            .map(|_| random.point_in_cube().component_mul(&range))
             .find(|position| region.contains_ball(position, radius) && cells.is_free(position, radius));
         let Some(position) = position else { return Err(centres.len()) };
         cells.add(position, radius);

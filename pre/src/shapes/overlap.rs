@@ -257,7 +257,7 @@ mod tests {
         let mut random = RandomStream::new(9, 0, StreamPurpose::Shape);
         for _ in 0..100 {
             let (turn, other) = (random.uniform_rotation(), random.uniform_rotation());
-            let centre: [f64; 3] = (2.0 * random.in_cube()).into();
+            let centre: [f64; 3] = (2.0 * random.point_in_cube()).into();
             let (a, b) = (cube([0.0; 3], turn), cube(centre, other));
             let box_b = ConvexPiece::cuboid(centre.into(), &other.transpose(), &Vector3::repeat(1.0));
             let found = overlap_depth(&a, &b, -1e9);

@@ -62,8 +62,8 @@ pub struct ListingRange {
     pub alert: f64,
     /// Largest gap of a pair for which all points are listed, m; of a pair farther apart only the nearest point is.
     pub patch: f64,
-    /// Largest gap of edges and vertices for which all points of the faces are listed, m: of laws that act on bodies that
-    /// are apart, whose joints may be wedges.
+    /// Largest gap of edges and vertices for which all points of the faces are listed, m: > 0 for laws that act on bodies
+    /// that are apart, since the joint between such bodies may be a wedge.
     pub joint: f64,
     /// Largest gap of the part of a patch that counts for its area, m: the range of a cohesion that is a stress.
     pub area: f64,

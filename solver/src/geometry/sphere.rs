@@ -54,12 +54,12 @@ fn nearest_on_edges(posed: &PosedPolyhedron, c: &Vec3) -> Option<(Vec3, u32)> {
         if n.dot(c) - plane.offset <= 0.0 {
             continue;
         }
-        let (corners, sides) = (shape.face_corners(f), shape.face_edges(f));
+        let (corners, edges) = (shape.face_corners(f), shape.face_edges(f));
         let mut is_above_face = true;
-        for (k, &side) in sides.iter().enumerate() {
+        for (k, &edge) in edges.iter().enumerate() {
             let from = posed.vertex(corners[k]);
             let along = posed.vertex(corners[if k + 1 == corners.len() { 0 } else { k + 1 }]) - from;
-            // The centre is outside of this side, seen along the normal: the nearest point may be on it.
+            // Where the centre, seen along the normal, is outside of this edge, the nearest point may be on it.
             if n.cross(&along).dot(&(c - from)) >= 0.0 {
                 continue;
             }
@@ -70,7 +70,7 @@ fn nearest_on_edges(posed: &PosedPolyhedron, c: &Vec3) -> Option<(Vec3, u32)> {
             } else if share >= 1.0 {
                 (from + along, vertex_feature(corners[if k + 1 == corners.len() { 0 } else { k + 1 }].into()))
             } else {
-                (from + along * share, edge_feature(side.into()))
+                (from + along * share, edge_feature(edge.into()))
             };
             let squared_distance = (c - point).norm_squared();
             if best.is_none_or(|(least, ..)| squared_distance < least) {

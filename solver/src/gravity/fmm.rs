@@ -131,7 +131,7 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         let mut out = vec![[0.0; 4]; self.tree.index.len()];
         let mut work = WalkScratch::default();
         work.open.extend(&[0]);
-        let CellSummary { mass, radius, .. } = CellSummary::from_line(&self.tree.outlines[0]);
+        let CellSummary { mass, radius, .. } = CellSummary::from_line(&self.tree.summaries[0]);
         let strength = if radius > 0.0 { mass / (2.0 * radius * radius) } else { 0.0 };
         let above = AncestorPull { far: 0.0, strength, from: 0 };
         self.visit_subtree(&range, CellVisit { a: 0, local: &mut [0.0; _], above }, &mut work, &mut out);
@@ -153,21 +153,21 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         if bodies.end <= range.start || range.end <= bodies.start {
             return;
         }
-        let outline = &CellSummary::from_line(&self.tree.outlines[a]);
+        let summary = &CellSummary::from_line(&self.tree.summaries[a]);
         let below = work.open.len();
-        let above = self.lanes.run(ClassifySources { walk: self, a, outline, above, work });
+        let above = self.lanes.run(ClassifySources { walk: self, a, summary, above, work });
         if !work.far.is_empty() {
-            self.lanes.run(AddFarField { walk: self, outline, far: &work.far, sums: &mut work.sums, local });
+            self.lanes.run(AddFarField { walk: self, summary, far: &work.far, sums: &mut work.sums, local });
         }
         if cell.is_leaf() {
-            self.lanes.run(EvaluateLeaf { walk: self, cell, outline, local, out });
-            self.add_near_pulls(cell, outline, work, out);
+            self.lanes.run(EvaluateLeaf { walk: self, cell, summary, local, out });
+            self.add_near_pulls(cell, summary, work, out);
             return;
         }
         let halves = [a + 1, a + cell.second as usize];
         let [mut one, mut two]: [NarrowRow<f64>; 2] = [[0.0; _]; 2];
         let [to_one, to_two] =
-            halves.map(|half| centre_offset(&CellSummary::from_line(&self.tree.outlines[half]), outline));
+            halves.map(|half| centre_offset(&CellSummary::from_line(&self.tree.summaries[half]), summary));
         self.lanes.run(ShiftExpansion::<P> { shift: to_one, local, out: &mut one });
         self.lanes.run(ShiftExpansion::<P> { shift: to_two, local, out: &mut two });
         let (out_one, out_two) = out.split_at_mut(self.tree.cells[halves[0]].count as usize);
@@ -190,7 +190,7 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
     }
 
     /// Adds the pull of the near leaves on the bodies of a leaf.
-    fn add_near_pulls(&self, cell: &TreeCell, outline: &CellSummary, work: &mut WalkScratch, out: &mut [BodyPull]) {
+    fn add_near_pulls(&self, cell: &TreeCell, summary: &CellSummary, work: &mut WalkScratch, out: &mut [BodyPull]) {
         let WalkScratch { near, sources, singles, doubles, targets, targets_f32, nearest, pulls, .. } = work;
         let (l, bodies, offsets) = (self.lanes, &self.tree.bodies, &self.tree.offsets);
         targets.clear();
@@ -206,13 +206,13 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         };
         let (mut length, mut largest_radius) = (0.0, 0.0);
         for &b in near.iter() {
-            let source = CellSummary::from_line(&self.tree.outlines[b as usize]);
-            let [x, y, z] = centre_offset(&source, outline);
+            let source = CellSummary::from_line(&self.tree.summaries[b as usize]);
+            let [x, y, z] = centre_offset(&source, summary);
             let reach = (x * x + y * y + z * z).sqrt() + source.radius;
             length = if reach > length { reach } else { length };
             largest_radius = if source.radius > largest_radius { source.radius } else { largest_radius };
         }
-        length += outline.radius;
+        length += summary.radius;
         if length == 0.0 {
             return; // all bodies at one position
         }
@@ -221,9 +221,9 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         sources.push(SourceLeaf { bodies: cell.body_range(), centre: [0.0; 3] });
         for &b in near.iter() {
             let (source, other) =
-                (&self.tree.cells[b as usize], CellSummary::from_line(&self.tree.outlines[b as usize]));
+                (&self.tree.cells[b as usize], CellSummary::from_line(&self.tree.summaries[b as usize]));
             if source.first != cell.first {
-                let [x, y, z] = centre_offset(&other, outline);
+                let [x, y, z] = centre_offset(&other, summary);
                 sources.push(SourceLeaf {
                     bodies: source.body_range(),
                     centre: [(x * scale) as f32, (y * scale) as f32, (z * scale) as f32],
@@ -247,7 +247,7 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
             (PairPrecision::Fine, true) => l.run(WithKernel(FineKernel::<true>, pull)),
         }
         // Pulls that the rounding of positions spoils are recomputed.
-        let limit = ((near_share * (outline.radius + largest_radius) / length).max(1e-6) as f32).powi(2);
+        let limit = ((near_share * (summary.radius + largest_radius) / length).max(1e-6) as f32).powi(2);
         let mut packed = false;
         let groups = targets.chunks(TARGETS_AT_ONCE).zip(nearest.chunks(TARGETS_AT_ONCE));
         for ((targets, nearest), (out, pulls)) in
@@ -289,7 +289,7 @@ fn index_batch(items: &[u32], first: usize, filler: u32) -> ([u32; BATCH_CELLS],
 struct ClassifySources<'a, L, const P: usize> {
     walk: &'a TreeWalk<'a, L, P>,
     a: usize,
-    outline: &'a CellSummary,
+    summary: &'a CellSummary,
     above: AncestorPull,
     work: &'a mut WalkScratch,
 }
@@ -304,22 +304,22 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, 
     type Output = AncestorPull;
     #[inline(always)]
     fn call(self) -> AncestorPull {
-        let ClassifySources { walk, a, outline, above, work } = self;
+        let ClassifySources { walk, a, summary, above, work } = self;
         let (l, tree) = (walk.lanes, walk.tree);
-        let (cells, outlines) = (&tree.cells[..], &tree.outlines[..]);
+        let (cells, summaries) = (&tree.cells[..], &tree.summaries[..]);
         let is_leaf = cells[a].is_leaf();
         let WalkScratch { open, todo, far, near, .. } = work;
         let below = open.count;
         (todo.count, far.count, near.count) = (0, 0, 0);
         todo.extend(&open.items[above.from..open.count]);
 
-        let centre = [l.splat(outline.centre[0]), l.splat(outline.centre[1]), l.splat(outline.centre[2])];
+        let centre = [l.splat(summary.centre[0]), l.splat(summary.centre[1]), l.splat(summary.centre[2])];
         let (zero, one, two) = (l.splat(0.0), l.splat(SPLIT_CODE), l.splat(FAR_CODE));
         let error_limit = walk.settings.share * above.strength;
         let limit = l.splat(error_limit * error_limit);
         let theta2 = l.splat(walk.settings.opening * walk.settings.opening);
-        let (own_radius, own_radius2) = (l.splat(outline.radius), l.splat(outline.radius * outline.radius));
-        let size = l.splat(if is_leaf { -1.0 } else { outline.radius });
+        let (own_radius, own_radius2) = (l.splat(summary.radius), l.splat(summary.radius * summary.radius));
+        let size = l.splat(if is_leaf { -1.0 } else { summary.radius });
         let (mut far_parts, mut open_parts) = ([0.0; BATCH_CELLS], [0.0; BATCH_CELLS]);
         let mut k = 0;
         while k < todo.count {
@@ -327,7 +327,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, 
             let mut codes = [0.0; BATCH_CELLS];
             let mut from = 0;
             while from < BATCH_CELLS {
-                let [x, y, z, r, m, uneven, ..] = l.gather_lines(outlines, &index[from..]);
+                let [x, y, z, r, m, uneven, ..] = l.gather_lines(summaries, &index[from..]);
                 let d = [l.sub(x, centre[0]), l.sub(y, centre[1]), l.sub(z, centre[2])];
                 let d2 = l.mul_add(d[0], d[0], l.mul_add(d[1], d[1], l.mul(d[2], d[2])));
                 let reach = l.add(r, own_radius);
@@ -399,7 +399,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, 
 /// Adds the field of the far cells to a cell's local expansion.
 struct AddFarField<'a, L, const P: usize> {
     walk: &'a TreeWalk<'a, L, P>,
-    outline: &'a CellSummary,
+    summary: &'a CellSummary,
     far: &'a [u32],
     sums: &'a mut Vec<[f64; 8]>,
     local: &'a mut NarrowRow<f64>,
@@ -409,10 +409,10 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for AddFarField<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let AddFarField { walk, outline, far, sums: parts, local } = self;
+        let AddFarField { walk, summary, far, sums: parts, local } = self;
         let (l, tree) = (walk.lanes, walk.tree);
         let lines = narrow_len(P).div_ceil(8);
-        let centre = [l.splat(outline.centre[0]), l.splat(outline.centre[1]), l.splat(outline.centre[2])];
+        let centre = [l.splat(summary.centre[0]), l.splat(summary.centre[1]), l.splat(summary.centre[2])];
         parts.resize(NARROW_LEN, [0.0; 8]);
         let mut from = 0;
         while from < BATCH_CELLS {
@@ -483,7 +483,7 @@ impl<const P: usize> NullaryFnOnce for ShiftExpansion<'_, P> {
 struct EvaluateLeaf<'a, L, const P: usize> {
     walk: &'a TreeWalk<'a, L, P>,
     cell: &'a TreeCell,
-    outline: &'a CellSummary,
+    summary: &'a CellSummary,
     local: &'a NarrowRow<f64>,
     out: &'a mut [BodyPull],
 }
@@ -492,7 +492,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for EvaluateLeaf<'_, L, P> 
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let EvaluateLeaf { walk, cell, outline, local, out } = self;
+        let EvaluateLeaf { walk, cell, summary, local, out } = self;
         let l = walk.lanes;
         let (mut field, mut wide): (WideRow<f64>, WideRow<L::V>) = ([0.0; _], [l.splat(0.0); _]);
         widen_row::<_, P>(Scalar, local, &mut field);
@@ -501,7 +501,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for EvaluateLeaf<'_, L, P> 
         }
         let [x, y, z, _] = &walk.tree.bodies;
         let bodies = [&x[cell.body_range()], &y[cell.body_range()], &z[cell.body_range()]];
-        let centre = outline.centre;
+        let centre = summary.centre;
         let mut first = 0;
         while first < out.len() {
             let mut b = [l.splat(0.0); 3];

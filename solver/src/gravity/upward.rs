@@ -30,7 +30,7 @@ pub struct UpwardPass<'a, L, const P: usize> {
 /// Parts of a [`MassTree`](super::tree::MassTree) that belong to a subtree.
 pub struct SubtreeOutput<'a> {
     /// Summary of each cell, root first.
-    pub outlines: &'a mut [CellLine],
+    pub summaries: &'a mut [CellLine],
     /// Narrow moments of each cell, `lines` lines a cell.
     pub moments: &'a mut [CellLine],
     /// x, y, z, m of each body, relative to its leaf's centre.
@@ -41,20 +41,20 @@ impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
     /// Computes the subtree of these cells.
     pub fn visit_subtree(self, cells: &[TreeCell], out: SubtreeOutput) {
         let (cell, below) = cells.split_first().expect("a subtree has a root");
-        let (outline, outlines) = out.outlines.split_first_mut().expect("as many as cells");
+        let (summary, summaries) = out.summaries.split_first_mut().expect("as many as cells");
         let (own_moments, moments) = out.moments.split_at_mut(self.lines);
         if cell.is_leaf() {
-            self.lanes.run(LeafMoments { up: self, cell, outline, moments: own_moments, offsets: out.offsets });
+            self.lanes.run(LeafMoments { up: self, cell, summary, moments: own_moments, offsets: out.offsets });
             return;
         }
         let (first_half, second_half) = below.split_at(cell.second as usize - 1);
-        let (outlines_one, outlines_two) = outlines.split_at_mut(first_half.len());
+        let (summaries_one, summaries_two) = summaries.split_at_mut(first_half.len());
         let (moments_one, moments_two) = moments.split_at_mut(first_half.len() * self.lines);
         let [x, y, z, m] = out.offsets.map(|column| column.split_at_mut(first_half[0].count as usize));
         let first =
-            SubtreeOutput { outlines: &mut *outlines_one, moments: &mut *moments_one, offsets: [x.0, y.0, z.0, m.0] };
+            SubtreeOutput { summaries: &mut *summaries_one, moments: &mut *moments_one, offsets: [x.0, y.0, z.0, m.0] };
         let second =
-            SubtreeOutput { outlines: &mut *outlines_two, moments: &mut *moments_two, offsets: [x.1, y.1, z.1, m.1] };
+            SubtreeOutput { summaries: &mut *summaries_two, moments: &mut *moments_two, offsets: [x.1, y.1, z.1, m.1] };
         if cell.count as usize > MAX_BODIES_PER_TASK {
             rayon::join(|| self.visit_subtree(first_half, first), || self.visit_subtree(second_half, second));
         } else {
@@ -62,10 +62,10 @@ impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
             self.visit_subtree(second_half, second);
         }
         let halves = [
-            (CellSummary::from_line(&outlines_one[0]), &*moments_one),
-            (CellSummary::from_line(&outlines_two[0]), &*moments_two),
+            (CellSummary::from_line(&summaries_one[0]), &*moments_one),
+            (CellSummary::from_line(&summaries_two[0]), &*moments_two),
         ];
-        self.lanes.run(ParentMoments { up: self, cell, outline, moments: own_moments, halves });
+        self.lanes.run(ParentMoments { up: self, cell, summary, moments: own_moments, halves });
     }
 
     /// [`CellSummary::uneven`] from moments about the centre of mass: for each multipole, the mean square over eight
@@ -207,7 +207,7 @@ fn read_moments(moments: &[CellLine]) -> NarrowRow<f64> {
 struct LeafMoments<'a, L, const P: usize> {
     up: UpwardPass<'a, L, P>,
     cell: &'a TreeCell,
-    outline: &'a mut CellLine,
+    summary: &'a mut CellLine,
     moments: &'a mut [CellLine],
     offsets: [&'a mut [f32]; 4],
 }
@@ -216,7 +216,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for LeafMoments<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let LeafMoments { up, cell, outline, moments, offsets } = self;
+        let LeafMoments { up, cell, summary, moments, offsets } = self;
         let l = up.lanes;
         let [x, y, z, m] = up.bodies;
         let [x, y, z, m] = [&x[cell.body_range()], &y[cell.body_range()], &z[cell.body_range()], &m[cell.body_range()]];
@@ -262,7 +262,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for LeafMoments<'_, L, P> {
             row[k] = pairwise_sum(&parts[k]);
             k += 1;
         }
-        *outline =
+        *summary =
             CellSummary { centre, radius, mass, uneven: up.multipole_unevenness(&row, radius, mass) }.cell_line();
         write_moments(moments, &row, centre);
     }
@@ -272,7 +272,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for LeafMoments<'_, L, P> {
 struct ParentMoments<'a, L, const P: usize> {
     up: UpwardPass<'a, L, P>,
     cell: &'a TreeCell,
-    outline: &'a mut CellLine,
+    summary: &'a mut CellLine,
     moments: &'a mut [CellLine],
     halves: [(CellSummary, &'a [CellLine]); 2],
 }
@@ -281,7 +281,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ParentMoments<'_, L, P>
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let ParentMoments { up, cell, outline, moments, halves } = self;
+        let ParentMoments { up, cell, summary, moments, halves } = self;
         let (centre, mass) = centre_of_mass(halves.iter().map(|(half, _)| (half.centre, half.mass)));
         let mut row: NarrowRow<f64> = [0.0; _];
         let mut bound = 0.0f64;
@@ -294,7 +294,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ParentMoments<'_, L, P>
         }
         let exact = cell.count as usize <= MAX_EXACT_RADIUS_BODIES;
         let radius = if exact { up.cell_radius(cell, centre) } else { bound };
-        *outline =
+        *summary =
             CellSummary { centre, radius, mass, uneven: up.multipole_unevenness(&row, radius, mass) }.cell_line();
         write_moments(moments, &row, centre);
     }

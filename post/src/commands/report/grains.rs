@@ -31,12 +31,13 @@ pub struct PageState {
     positions: Vec<Vec3>,
     /// Quaternions of the grains, scalar part last, if a grain is no sphere about its centre; empty otherwise.
     rotations: Vec<f32>,
-    /// Values of the grains, in the order of [`TIME_DEPENDENT`].
-    values: [Vec<f64>; TIME_DEPENDENT.len()],
+    /// Values of the grains, in the order of [`VARYING_QUANTITIES`].
+    values: [Vec<f64>; VARYING_QUANTITIES.len()],
 }
 
 /// Quantities that change in time, with units.
-const TIME_DEPENDENT: [(&str, &str); 4] = [("contacts", "1"), ("pressure", "Pa"), ("speed", "m/s"), ("fragment", "1")];
+const VARYING_QUANTITIES: [(&str, &str); 4] =
+    [("contacts", "1"), ("pressure", "Pa"), ("speed", "m/s"), ("fragment", "1")];
 
 impl PageState {
     /// Returns the state of snapshot `k` of `count` if it is one of those that fit on a page; the last one always is.
@@ -44,7 +45,7 @@ impl PageState {
         let grains = &frame.grains;
         let has_rotations = grains.iter().any(|grain| grain.solid.is_some());
         // A text in base 64 is a third longer.
-        let floats = 3 + TIME_DEPENDENT.len() + if has_rotations { 4 } else { 0 };
+        let floats = 3 + VARYING_QUANTITIES.len() + if has_rotations { 4 } else { 0 };
         let max_states = MAX_PAGE_BYTES / (grains.len() * floats * 16 / 3).max(1);
         if k + 1 < count && !is_evenly_chosen(k, count, max_states.min(MAX_STATES)) {
             return None;
@@ -72,14 +73,14 @@ impl PageState {
     }
 }
 
-/// The state with exactly these `grains`: those that it does not have are at infinity.
-fn with_grains(state: &PageState, grains: &[Grain]) -> PageState {
+/// State with exactly these `grains`: grains that `state` does not have are at infinity.
+fn state_of_grains(state: &PageState, grains: &[Grain]) -> PageState {
     let rows: Vec<Option<usize>> = grains.iter().map(|grain| state.ids.binary_search(&grain.id).ok()).collect();
     let value = |values: &Vec<f64>, row: &Option<usize>| {
         // A grain that is not seen has a value within the range of the others.
         row.or((!values.is_empty()).then_some(0)).map_or(0.0, |row| values[row])
     };
-    let turning = grains.iter().any(|grain| grain.solid.is_some());
+    let has_rotations = grains.iter().any(|grain| grain.solid.is_some());
     let rotation = |row: &Option<usize>| match row.map(|row| state.rotations.get(4 * row..4 * row + 4)) {
         Some(Some(turn)) => [turn[0], turn[1], turn[2], turn[3]],
         _ => [0.0, 0.0, 0.0, 1.0],
@@ -90,13 +91,13 @@ fn with_grains(state: &PageState, grains: &[Grain]) -> PageState {
         centre: state.centre,
         ids: grains.iter().map(|grain| grain.id).collect(),
         positions: rows.iter().map(|row| row.map_or(Vec3::repeat(f64::INFINITY), |row| state.positions[row])).collect(),
-        rotations: rows.iter().filter(|_| turning).flat_map(rotation).collect(),
+        rotations: rows.iter().filter(|_| has_rotations).flat_map(rotation).collect(),
         values: state.values.each_ref().map(|values| rows.iter().map(|row| value(values, row)).collect()),
     }
 }
 
 /// Distance of a grain that is not in a state, in distances of the farthest grain that is: outside of every view.
-const HIDDEN_REACHES: f64 = 1e4;
+const HIDDEN_DISTANCE: f64 = 1e4;
 
 fn grain_rotation(grain: &Grain) -> [f32; 4] {
     grain.rotation.coords.map(|component| component as f32).into()
@@ -113,7 +114,7 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
     let states = if states.iter().all(|state| state.ids.iter().copied().eq(grains.iter().map(|grain| grain.id))) {
         states
     } else {
-        hidden = states.iter().map(|state| with_grains(state, grains)).collect();
+        hidden = states.iter().map(|state| state_of_grains(state, grains)).collect();
         &hidden
     };
     let (mut balls, mut ball_owners) = (Vec::new(), Vec::new());
@@ -137,8 +138,8 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
         }
     }
 
-    let largest = find_fragments(last);
-    let members = largest.first().map_or(Vec::new(), |largest| largest.grains.clone());
+    let fragments = find_fragments(last);
+    let members = fragments.first().map_or(Vec::new(), |largest| largest.grains.clone());
     let mut framed: Vec<_> = members.iter().map(|&i| grains[i].clone()).collect();
     // If the largest fragment has less than half of the grains, the view covers all grains.
     if 2 * framed.len() < grains.len() {
@@ -159,9 +160,9 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
     };
     let reach = relative_positions.iter().map(farthest_reach).fold(radius, f64::max);
 
-    let time_dependent = (0..TIME_DEPENDENT.len()).map(|k| {
+    let varying = (0..VARYING_QUANTITIES.len()).map(|k| {
         let values: Vec<&[f64]> = states.iter().map(|state| &state.values[k][..]).collect();
-        quantity_json(TIME_DEPENDENT[k], &values)
+        quantity_json(VARYING_QUANTITIES[k], &values)
     });
     let grain_values = |value: &dyn Fn(&Grain) -> f64| -> Vec<f64> { grains.iter().map(value).collect() };
     let constant = [
@@ -175,12 +176,12 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
         relative_positions.iter().map(|positions| positions.iter().map(distance).collect()).collect();
     let distances: Vec<&[f64]> = distances.iter().map(|values| &values[..]).collect();
     let from_centre = quantity_json(("distance from the centre", "m"), &distances);
-    let quantities: Vec<Value> = time_dependent.chain([from_centre]).chain(constant).collect();
+    let quantities: Vec<Value> = varying.chain([from_centre]).chain(constant).collect();
     let states_json: Vec<Value> = states
         .iter()
         .zip(&relative_positions)
         .map(|(state, positions)| {
-            let hidden = HIDDEN_REACHES * reach;
+            let hidden = HIDDEN_DISTANCE * reach;
             let coordinates =
                 positions.iter().flat_map(|x| [x.x, x.y, x.z]).map(|x| if x.is_finite() { x } else { hidden });
             json!({ "step": state.step, "time": state.time, "places": base64_of_f64(coordinates), "turns": base64_of_f32(&state.rotations) })

@@ -59,10 +59,13 @@ pub fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec
         text_file("surface.csv", csv_text(&header, facets.iter().map(row))),
         // From east to west the sphere closes; at the poles it is left open.
         ("surface.vtp", surface_vtp(counts, [true, false], &x, &heights, &slopes, Some(&gravity))),
-        text_file("surface_height.svg", map::svg("Height above the centre of mass", "height", "m", &heights, &sheet)),
+        text_file(
+            "surface_height.svg",
+            map::map_svg("Height above the centre of mass", "height", "m", &heights, &sheet),
+        ),
         text_file(
             "surface_slope.svg",
-            map::svg(&format!("Slope against gravity and rotation{noise}"), "slope", "°", &slopes, &sheet),
+            map::map_svg(&format!("Slope against gravity and rotation{noise}"), "slope", "°", &slopes, &sheet),
         ),
     ]);
     files
@@ -87,10 +90,10 @@ pub fn free_surface_files(surface: &FreeSurface) -> Vec<StateFile> {
             ),
         ),
         ("surface.vtp", surface_vtp(surface.counts, [false; 2], &x, &heights, &slopes, None)),
-        text_file("surface_height.svg", map::svg("Height of the free surface", "height", "m", &heights, &sheet)),
+        text_file("surface_height.svg", map::map_svg("Height of the free surface", "height", "m", &heights, &sheet)),
         text_file(
             "surface_slope.svg",
-            map::svg(&format!("Slope of the free surface{noise}"), "slope", "°", &slopes, &sheet),
+            map::map_svg(&format!("Slope of the free surface{noise}"), "slope", "°", &slopes, &sheet),
         ),
     ]);
     files

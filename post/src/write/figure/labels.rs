@@ -6,7 +6,7 @@ pub const LETTER_WIDTH: i32 = 8;
 /// Radius of a dot with a name, in pixels.
 pub const NAMED_DOT_RADIUS: i32 = 5;
 
-/// Distance from the middle of a dot to its name.
+/// Distance from the middle of a dot to its name, in pixels.
 pub const NAME_DISTANCE: i32 = NAMED_DOT_RADIUS + 3;
 
 /// Possible positions of a name about its dot: steps to the right and down.

@@ -22,7 +22,7 @@ pub struct LocalBlock<V> {
     /// s1, s2, 1/kg, at least `MIN_TANGENT_SHARE` of w_nn; and their inverses, kg.
     pub s: [V; 2],
     pub inverse_s: [V; 2],
-    /// Coefficient mu.
+    /// Coefficient of friction mu.
     pub friction: V,
 }
 
@@ -235,14 +235,14 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
     y: [L::V; 3],
     guess: L::V,
 ) -> ([L::V; 3], L::V) {
-    let LocalBlock { inverse_nn, c, s: axes, inverse_s, friction } = *block;
+    let LocalBlock { inverse_nn, c, s: principal, inverse_s, friction } = *block;
     let (zero, one) = (l.splat(0.0), l.splat(1.0));
-    // `axes` are s1 and s2. `free` is the normal impulse of u_n = 0 without the contact's own impulse, and p the
+    // s1 and s2 are `principal`. `free` is the normal impulse of u_n = 0 without the contact's own impulse, and p the
     // tangential velocity that remains to be stopped.
     let free = l.neg_mul_add(u[0], inverse_nn, l.mul_add(c[0], y[1], l.mul_add(c[1], y[2], y[0])));
     let p = [
-        l.neg_mul_add(axes[0], y[1], l.neg_mul_add(c[0], u[0], u[1])),
-        l.neg_mul_add(axes[1], y[2], l.neg_mul_add(c[1], u[0], u[2])),
+        l.neg_mul_add(principal[0], y[1], l.neg_mul_add(c[0], u[0], u[1])),
+        l.neg_mul_add(principal[1], y[2], l.neg_mul_add(c[1], u[0], u[2])),
     ];
     let stick = [l.neg_mul_add(p[0], inverse_s[0], zero), l.neg_mul_add(p[1], inverse_s[1], zero)];
     let stick_n = l.neg_mul_add(c[0], stick[0], l.neg_mul_add(c[1], stick[1], free));
@@ -259,7 +259,7 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
     if l.mask_greater(slides, zero) != 0 {
         // Divided by w_nn, so that all are impulses and pure numbers.
         let p = [l.mul(p[0], inverse_nn), l.mul(p[1], inverse_nn)];
-        let axes = [l.mul(axes[0], inverse_nn), l.mul(axes[1], inverse_nn)];
+        let principal = [l.mul(principal[0], inverse_nn), l.mul(principal[1], inverse_nn)];
         let inverse_friction = l.div(one, friction);
         let size = l.sqrt(l.mul_add(p[0], p[0], l.mul(p[1], p[1])));
         let coupling = l.add(l.abs(c[0]), l.abs(c[1]));
@@ -267,8 +267,8 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
         let ratio = l.div(l.add(size, size), free);
         let mut high = l.mul(ratio, l.add(coupling, inverse_friction));
         let mut low = zero;
-        // Exact if the axes are alike and there is no coupling.
-        let mean = l.mul(l.splat(0.5), l.add(axes[0], axes[1]));
+        // Exact if s1 = s2 and there is no coupling.
+        let mean = l.mul(l.splat(0.5), l.add(principal[0], principal[1]));
         let uncoupled = l.sub(l.mul(l.mul(l.splat(0.5), ratio), inverse_friction), mean);
         let start = l.select_greater(guess, zero, guess, uncoupled);
         let inside = l.select_greater(start, low, start, l.mul(l.splat(0.5), high));
@@ -278,7 +278,7 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
         let near = L::T::SQRT_EPSILON;
         let near2 = l.splat(near * near);
         for _ in 0..MAX_ITERATIONS {
-            let SlidingState { e, d, r, n, square, length } = sliding_state(l, axes, p, c, free, s);
+            let SlidingState { e, d, r, n, square, length } = sliding_state(l, principal, p, c, free, s);
             let miss = l.sub(l.mul(friction, n), length); // psi |r|
             // psi / slope with one division.
             let f = [l.mul(r[0], e[1]), l.mul(r[1], e[0])];
@@ -300,7 +300,7 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
                 break;
             }
         }
-        let SlidingState { d, r, n: push, length, .. } = sliding_state(l, axes, p, c, free, s);
+        let SlidingState { d, r, n: push, length, .. } = sliding_state(l, principal, p, c, free, s);
         let push = l.div(push, d);
         let push = l.select_greater(push, zero, push, zero);
         // On the edge of the cone, for any remaining psi.
@@ -334,16 +334,17 @@ struct SlidingState<V> {
     length: V,
 }
 
+/// State with the multiplier `s`; the other arguments as in [`signorini_coulomb_block`], divided by w_nn.
 #[inline(always)]
 fn sliding_state<L: Arithmetic>(
     l: L,
-    axes: [L::V; 2],
+    principal: [L::V; 2],
     p: [L::V; 2],
     c: [L::V; 2],
     free: L::V,
     s: L::V,
 ) -> SlidingState<L::V> {
-    let e = [l.add(axes[0], s), l.add(axes[1], s)];
+    let e = [l.add(principal[0], s), l.add(principal[1], s)];
     let d = l.mul(e[0], e[1]);
     let r = [l.mul(p[0], e[1]), l.mul(p[1], e[0])];
     let n = l.mul_add(c[0], r[0], l.mul_add(c[1], r[1], l.mul(free, d)));
