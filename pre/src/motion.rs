@@ -34,8 +34,8 @@ pub fn thermal_velocities(rms: f64, masses: &[f64], random: &mut RandomStream) -
         .collect();
     let drift = weighted_mean(&drawn, masses);
     let velocities: Vec<_> = drawn.iter().map(|v| v - drift).collect();
-    let square = velocities.iter().map(|v| v.norm_squared()).sum::<f64>() / masses.len() as f64;
-    velocities.iter().map(|v| v * (rms / square.sqrt())).collect()
+    let mean_square = velocities.iter().map(|v| v.norm_squared()).sum::<f64>() / masses.len() as f64;
+    velocities.iter().map(|v| v * (rms / mean_square.sqrt())).collect()
 }
 
 /// Mean weighted by mass.
@@ -68,7 +68,7 @@ mod tests {
     fn thermal_motion_has_its_rms_and_no_momentum() {
         let masses: Vec<f64> = (0..1000).map(|k| 1.0 + (k % 10) as f64).collect();
         let velocities = thermal_velocities(0.3, &masses, &mut RandomStream::new(4, 0, StreamPurpose::Velocity));
-        let square = velocities.iter().map(|v| v.norm_squared()).sum::<f64>() / 1000.0;
+        let mean_square = velocities.iter().map(|v| v.norm_squared()).sum::<f64>() / 1000.0;
         assert!((square.sqrt() - 0.3).abs() < 1e-14);
         assert!(weighted_mean(&velocities, &masses).norm() < 1e-15);
         assert_eq!(

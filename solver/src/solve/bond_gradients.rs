@@ -22,7 +22,7 @@ use crate::solve::types::ContactReactions;
 /// Share of a limit up to which an impulse is within it: impulses at the limit are on its side to rounding.
 const MAX_SHARE_OF_LIMIT: f64 = 1.0 - 1e-9;
 
-/// Three equations.
+/// Three equations of the system, one along each axis.
 enum StickingRow<'a> {
     /// û = 0 of this row.
     Impulse(usize),
@@ -116,9 +116,9 @@ fn dot(a: &[Vec3], b: &[Vec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
 }
 
-/// End of the iteration.
+/// Limits at which the iteration ends.
 pub struct GradientLimits {
-    /// Share to which the velocities fall.
+    /// Ratio of the last velocities to the first.
     pub reduction: f64,
     /// Largest number of iterations.
     pub iterations: u64,
