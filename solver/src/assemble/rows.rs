@@ -573,6 +573,7 @@ impl AssemblyContext<'_> {
         }
         let [a, b] = bodies.map(|body| body.index());
         let scale = self.q_c.h / self.state.h;
+        let plate_shift = if self.on_plate(contact) { -self.free.w[b] } else { Vec3::zeros() };
         Some(RollingConstraint {
             row: ContactId::new(k),
             radius: if law.bond_radius().is_some() {
@@ -584,7 +585,7 @@ impl AssemblyContext<'_> {
             spinning: torsion,
             shear,
             inverse_w: 1.0 / (self.solver_bodies[a].inverse_inertia + self.solver_bodies[b].inverse_inertia),
-            shift: if self.on_plate(contact) { -self.free.w[b] } else { Vec3::zeros() },
+            shift: if bonded { plate_shift + self.relative_spin_change(contact) } else { plate_shift },
             warm_start: previous.map_or(Vec3::zeros(), |old| to_world(&old.contact.frame(), &old.moment) * scale),
         })
     }

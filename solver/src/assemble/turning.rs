@@ -51,6 +51,20 @@ impl AssemblyContext<'_> {
         end_velocity_change(0, &a, at_a) - end_velocity_change(1, &b, at_b) + rolling
     }
 
+    /// Change of the relative angular velocity of two bodies by free rotation from the contact configuration to the step's end,
+    /// rad/s: bodies that a bond turns as one have the same one at the end. 0 for spheres.
+    pub(super) fn relative_spin_change(&self, contact: &Contact) -> Vec3 {
+        let time_before = (1.0 - self.scene.options.theta) * self.q_c.h;
+        if time_before == 0.0 {
+            return Vec3::zeros();
+        }
+        let change = |body: BodyId| match self.q_c.pushed_at_centre.contains(&body) {
+            true => Vec3::zeros(),
+            false => self.start.w[body.index()] - self.state.w[body.index()],
+        };
+        (change(contact.candidate) - change(contact.antagonist)) * (0.5 * self.q_c.h / time_before)
+    }
+
     /// Axis of a cylinder whose round side is the candidate's surface at a contact, and 1/(1/R_a + 1/R_b), m, with the radius
     /// of the antagonist if that is the side of a parallel cylinder. `None` at other contacts.
     fn rolling_cylinder(&self, contact: &Contact) -> Option<(Vec3, f64)> {

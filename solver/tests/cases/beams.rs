@@ -241,6 +241,33 @@ fn a_spinning_bar_keeps_its_shape() {
     }
 }
 
+/// A brick with a ball on one of its faces turns about no principal axis: the ball stays where it is on the brick.
+#[test]
+fn a_brick_and_a_ball_turn_as_one() {
+    let mut case = Case::new();
+    case.law_of_all("IQS_BEAM_DS_CLB", &[1e6, 1e6, 0.5, 0.125, 0.25]);
+    let brick = case.block([0.5, 0.25, 0.75], [0.0; 3], AXES);
+    let ball = case.sphere(RADIUS, [1.0, 0.1, 0.2]);
+    let (masses, places) = ([0.75, MASS], [Vec3::zeros(), Vec3::new(1.0, 0.1, 0.2)]);
+    let centre = (places[0] * masses[0] + places[1] * masses[1]) / (masses[0] + masses[1]);
+    let spin = Vec3::new(0.6, 0.64, 0.48) * 2.0;
+    for (body, place) in [brick, ball].into_iter().zip(places) {
+        case.launch(body, spin.cross(&(place - centre)).into(), spin.into());
+    }
+    case.options.dt = 0.005;
+    let states = case.states(2000, 500);
+    for state in &states[1..] {
+        let [w, x, y, z] = state.bodies.body_q[brick];
+        let q = nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z));
+        let place = q.inverse() * (state.x(ball) - state.x(brick));
+        // The square of the angle of a step; it does not grow.
+        near(place, places[1], 1e-4);
+        assert!((state.kinetic() / states[0].kinetic() - 1.0).abs() < 1e-4);
+        near(state.angular_momentum(), states[0].angular_momentum(), 1e-10);
+        assert_eq!(bonded(state), [1]);
+    }
+}
+
 /// On a plate and on a block the disc is that of the ball.
 #[test]
 fn a_post_on_a_wall_or_a_block_breaks_at_its_foot() {
