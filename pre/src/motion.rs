@@ -69,7 +69,7 @@ mod tests {
         let masses: Vec<f64> = (0..1000).map(|k| 1.0 + (k % 10) as f64).collect();
         let velocities = thermal_velocities(0.3, &masses, &mut RandomStream::new(4, 0, StreamPurpose::Velocity));
         let mean_square = velocities.iter().map(|v| v.norm_squared()).sum::<f64>() / 1000.0;
-        assert!((square.sqrt() - 0.3).abs() < 1e-14);
+        assert!((mean_square.sqrt() - 0.3).abs() < 1e-14);
         assert!(weighted_mean(&velocities, &masses).norm() < 1e-15);
         assert_eq!(
             thermal_velocities(0.3, &[1.0], &mut RandomStream::new(4, 0, StreamPurpose::Velocity)),
