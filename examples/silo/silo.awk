@@ -1,0 +1,110 @@
+# Mass rates of a silo against the side D of its orifice, with Beverloo's law W = C rho sqrt(g) (D - k d)^(5/2):
+#
+#   awk -v svg=silo.svg -f silo.awk D0.08 D0.10 ...
+#
+# Means are from START s on, when the flow is steady. Errors of rates: a standard deviation of means over tenths of that time, over the root
+# of ten. C and k are those of the line of least squares through W^(2/5). The exponent is the slope of the line through log W against
+# log (D - k d), for two values of k, of which 1.4 is Beverloo's for round grains; its error is that of the line.
+#
+# Reads: CASE/POSTPRO/probe-outflow.csv: time, h, number, passed_mass; CASE/POSTPRO/probe-bed.csv: time, density, mu, inertial_number
+# Writes: silo.csv next to the figure: side (m), rate (kg/s), rate_error, number, density (kg/m^3), mu, inertial_number; the same on stdout, with
+#   the fits; the figure (svg)
+
+BEGIN {
+    FS = ","; START = 0.2; GRAVITY = 9.81; DIAMETER = 0.02
+    for (i = 1; i < ARGC; i++) if (ARGV[i] ~ /D[0-9.]+$/) { cases++; measure(ARGV[i], cases) }
+    if (cases < 3) { print "expected the folders of three cases or more" > "/dev/stderr"; exit 1 }
+    table = svg; sub(/svg$/, "csv", table)
+    print "side,rate,rate_error,number,density,mu,inertial_number" > table
+    printf "%9s %13s %8s %7s %17s %7s %16s\n", "side [m]", "rate [kg/s]", "+-", "beads", "density [kg/m^3]", "mu", "inertial number"
+    for (n = 1; n <= cases; n++) {
+        printf "%.4g,%.6g,%.3g,%d,%.6g,%.4g,%.4g\n", side[n], rate[n], error[n], beads[n], density[n], mu[n], inertial[n] > table
+        printf "%9.3g %13.4g %8.2g %7d %17.1f %7.3f %16.3g\n", side[n], rate[n], error[n], beads[n], density[n], mu[n], inertial[n]
+        rho += density[n] / cases
+    }
+    close(table)
+    for (n = 1; n <= cases; n++) { x[n] = side[n]; y[n] = rate[n] ^ 0.4 }
+    line_of_least_squares()
+    slope_of_root = slope; k = -intercept / slope / DIAMETER; k_error = sqrt(error_of_mean ^ 2 + (slope_error * mean_x) ^ 2) / slope / DIAMETER
+    c = slope ^ 2.5 / rho / sqrt(GRAVITY); c_error = 2.5 * c * slope_error / slope
+    printf "Beverloo: C = %.3f +- %.3f, k = %.2f +- %.2f (W^(2/5) is linear in D: r^2 = %.5f)\n", c, c_error, k, k_error, r2
+    fit_exponent(1.0); first = slope; fit_exponent(1.4)
+    draw()
+    exit
+}
+
+function fields(    n) { delete column; for (n = 1; n <= NF; n++) column[$n] = n }
+
+function open(file) {
+    if ((getline < file) <= 0) { print file ": is not there" > "/dev/stderr"; exit 1 }
+    fields()
+}
+
+function measure(folder, n,    file, rows, mass, h, m, tenth, part, length_of, sum, sum2, one) {
+    side[n] = folder; sub(/.*D/, "", side[n])
+    file = folder "/POSTPRO/probe-outflow.csv"
+    open(file)
+    while ((getline < file) > 0) {
+        if ($column["time"] <= START) continue
+        rows++; mass[rows] = $column["passed_mass"]; h[rows] = $column["h"]; beads[n] += $column["number"]
+    }
+    close(file)
+    if (rows < 20) { print file ": fewer than twenty rows after " START " s" > "/dev/stderr"; exit 1 }
+    for (m = 1; m <= rows; m++) { tenth = int(10 * (m - 1) / rows); part[tenth] += mass[m]; length_of[tenth] += h[m] }
+    for (m = 0; m < 10; m++) { one = part[m] / length_of[m]; sum += one / 10; sum2 += one ^ 2 / 10 }
+    rate[n] = sum; error[n] = sqrt((sum2 - sum ^ 2) / 9)
+    file = folder "/POSTPRO/probe-bed.csv"; rows = 0
+    open(file)
+    while ((getline < file) > 0) {
+        if ($column["time"] <= START) continue
+        rows++; density[n] += $column["density"]; mu[n] += $column["mu"]; inertial[n] += $column["inertial_number"]
+    }
+    close(file)
+    density[n] /= rows; mu[n] /= rows; inertial[n] /= rows
+}
+
+# Line through y against x, with the standard errors of its slope and of the mean of y.
+function line_of_least_squares(    n, sx, sy, sxx, sxy, syy, rest) {
+    sx = sy = sxx = sxy = syy = 0
+    for (n = 1; n <= cases; n++) { sx += x[n] / cases; sy += y[n] / cases }
+    for (n = 1; n <= cases; n++) { sxx += (x[n] - sx) ^ 2; sxy += (x[n] - sx) * (y[n] - sy); syy += (y[n] - sy) ^ 2 }
+    slope = sxy / sxx; intercept = sy - slope * sx; mean_x = sx
+    rest = syy - slope * sxy; if (rest < 0) rest = 0
+    r2 = 1 - rest / syy
+    slope_error = sqrt(rest / (cases - 2) / sxx); error_of_mean = sqrt(rest / (cases - 2) / cases)
+}
+
+function fit_exponent(k,    n) {
+    for (n = 1; n <= cases; n++) { x[n] = log(side[n] - k * DIAMETER); y[n] = log(rate[n]) }
+    line_of_least_squares()
+    printf "exponent with k = %.1f: %.2f +- %.2f, expected 2.5\n", k, slope, slope_error
+}
+
+function text(x, y, anchor, words) { printf "<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">%s</text>\n", x, y, anchor, words > svg }
+function stroke(x0, y0, x1, y1, style) { printf "<path d=\"M%.1f %.1fL%.1f %.1f\" %s/>\n", x0, y0, x1, y1, style > svg }
+function px(d) { return 80 + 440 * d / 10 }
+function py(root) { return 400 - 340 * root / roof }
+
+# W^(2/5) against D/d, with the line, which ends at k.
+function draw(    n, tick, low, high) {
+    roof = 1; while (roof < rate[cases] ^ 0.4 * 1.1) roof++
+    print "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"560\" height=\"470\" font-family=\"sans-serif\" font-size=\"13\">" > svg
+    print "<rect width=\"560\" height=\"470\" fill=\"white\"/>" > svg
+    text(300, 25, "middle", "Discharge of a silo through a square orifice")
+    text(90, 80, "start", "line: W = C ρ √g (D − k d)^(5/2)"); text(90, 98, "start", sprintf("C = %.2f, k = %.2f", c, k))
+    text(90, 116, "start", sprintf("exponent %.2f with k = 1, %.2f with k = 1.4", first, slope))
+    for (tick = 0; tick <= 10; tick += 2) { stroke(px(tick), 400, px(tick), 405, "stroke=\"black\""); text(px(tick), 420, "middle", tick) }
+    for (tick = 0; tick <= roof; tick++) { stroke(80, py(tick), 520, py(tick), "stroke=\"#e0e0e0\""); text(72, py(tick) + 4, "end", tick) }
+    stroke(80, 60, 80, 400, "stroke=\"black\""); stroke(80, 400, 520, 400, "stroke=\"black\"")
+    stroke(px(k), py(0), px(9), py(slope_of_root * DIAMETER * (9 - k)), "stroke=\"#d55e00\" stroke-width=\"1.5\"")
+    for (n = 1; n <= cases; n++) {
+        low = (rate[n] - error[n]) ^ 0.4; high = (rate[n] + error[n]) ^ 0.4
+        stroke(px(side[n] / DIAMETER), py(low), px(side[n] / DIAMETER), py(high), "stroke=\"#0072b2\" stroke-width=\"1.5\"")
+        printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"#0072b2\"/>\n", px(side[n] / DIAMETER), py(rate[n] ^ 0.4) > svg
+    }
+    text(300, 450, "middle", "side of the orifice over the mean diameter of the beads, D/d")
+    print "<text x=\"30\" y=\"230\" text-anchor=\"middle\" transform=\"rotate(-90 30 230)\">W^(2/5), W in kg/s</text>" > svg
+    print "</svg>" > svg
+    close(svg)
+    print "drawn in " svg
+}
