@@ -466,9 +466,13 @@ mod tests {
                 (frame.walls[last].x, frame.walls[last].shape) = (Vec3::new(2.5, 4.0, 3.0), hollow(5.0, 50.0));
                 let bed = region(&frame);
                 // The lower half of the disc, or its part up to half a radius less.
-                let below = |s: f64| 25.0 * (s / 5.0).asin() + s * (25.0 - s * s).sqrt() + 12.5 * PI;
+                let area_below = |s: f64| 25.0 * (s / 5.0).asin() + s * (25.0 - s * s).sqrt() + 12.5 * PI;
                 assert_eq!(bed.kind, RegionKind::Bed);
-                assert!((5.0 * below(-0.5)..=5.0 * below(0.0) * 1.0001).contains(&bed.volume), "{}", bed.volume);
+                assert!(
+                    (5.0 * area_below(-0.5)..=5.0 * area_below(0.0) * 1.0001).contains(&bed.volume),
+                    "{}",
+                    bed.volume
+                );
             }
         }
     }
@@ -521,8 +525,8 @@ mod tests {
                 assert_close(found.volume, PI * square * 6.0, 1e-12);
             } else {
                 // The roof of the drum is less than a diameter above the grains. 360 sides instead of a circle.
-                let below = |s: f64| square * (s / square.sqrt()).asin() + s * (square - s * s).sqrt();
-                let expected = length * (0.5 * PI * square - below(-3.0));
+                let area_below = |s: f64| square * (s / square.sqrt()).asin() + s * (square - s * s).sqrt();
+                let expected = length * (0.5 * PI * square - area_below(-3.0));
                 assert_eq!(found.kind, RegionKind::Walls);
                 assert_close(found.volume, expected, 1e-4);
             }
