@@ -112,6 +112,13 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let mut state = initial_state(&scene, &dof, motion, contacts, Vec3::from(bulk.gravity));
     if history.step > 0 || !history.contacts.is_empty() {
         state.bonding = BondingMode::No; // continues a run, in which new contacts begin broken and from touch
+        if history.contacts.is_empty() && scene.laws.iter().any(|law| law.can_bond() || law.has_law_memory()) {
+            scene.notes.push(format!(
+                "Vloc_Rloc.INI: no contacts at step {}: the run continues another and begins no bonds, bridges, \
+                 interfaces or reference gaps; an event Bond begins them",
+                history.step
+            ));
+        }
     }
     let start = datbox.join(START_FILE);
     let has_start = path_exists(&start) && faults.0.is_empty();

@@ -214,6 +214,9 @@ fn plate_axes(scene: &Scene, state: &State, contact: &Contact) -> Option<[Vec3; 
     Some([axes * Vec3::x(), axes * Vec3::z()])
 }
 
+/// Length of a projection below which its direction is rounding.
+const MIN_TANGENT: f64 = 1e-6;
+
 /// The record of an interface with the pair in the order of LMGC90 and the frame that it computes, along which it takes
 /// the sliding: at a restart it reads numbers, and no directions. `sliding`: of the candidate before, m.
 fn with_lmgc90_sliding(mut record: ContactRecord, sliding: &Vec3, plate_axes: Option<[Vec3; 2]>) -> ContactRecord {
@@ -231,7 +234,8 @@ fn with_lmgc90_sliding(mut record: ContactRecord, sliding: &Vec3, plate_axes: Op
         // On the side to which its third axis does not point, all axes of the contact are reversed.
         Some([first, third]) => {
             let side = n.dot(&third).signum();
-            let t = (first - n * n.dot(&first)).normalize() * side;
+            // On its rim, where LMGC90 has no contacts, the first axis may be along n.
+            let t = (first - n * n.dot(&first)).try_normalize(MIN_TANGENT).unwrap_or(t) * side;
             [t, n.cross(&t) * side]
         }
         None => lmgc90_tangents(&record.kind, n.into()).map_or([t, n.cross(&t)], |tangents| tangents.map(Vec3::from)),
