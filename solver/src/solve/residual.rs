@@ -141,13 +141,18 @@ pub struct AssociatedResidual {
 thread_local! {
     /// Memory of the contacts of the last evaluator. A large array that is allocated anew costs a page fault for every 4 kB.
     static CONTACT_MEMORY: Cell<Vec<ContactGroup>> = const { Cell::new(Vec::new()) };
-    /// Memory of solver bodies of the last solution.
+    /// Memory of the solver bodies that an evaluator has returned.
     static BODY_MEMORY: Cell<Vec<SolverBody>> = const { Cell::new(Vec::new()) };
 }
 
-/// Keeps the memory of the large arrays of a solution, which is not used any more, for the next one of this thread.
+/// Keeps the memory of solver bodies, which are not used any more, for the next ones of this thread.
+pub(super) fn keep_body_memory(solver_bodies: Vec<SolverBody>) {
+    BODY_MEMORY.set(solver_bodies);
+}
+
+/// Keeps the memory of the large array of a solution, which is not used any more, for the next one of this thread.
 pub fn keep_solution_memory(solution: ContactSolution) {
-    BODY_MEMORY.set(solution.solver_bodies);
+    keep_body_memory(solution.solver_bodies);
 }
 
 /// Contacts of an evaluator, whose memory is kept for the next evaluator of this thread.

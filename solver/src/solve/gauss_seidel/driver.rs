@@ -14,7 +14,7 @@ use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::solve::gauss_seidel::layout::pack_problem;
 use crate::solve::gauss_seidel::momentum::{MOMENTUM_CYCLE, SweepMomentum};
 use crate::solve::gauss_seidel::packed::PackSource;
-use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
+use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator, keep_body_memory};
 use crate::solve::types::{ContactReactions, ContactSolution, StoppingCriteria};
 use crate::state::ContactId;
 
@@ -130,18 +130,20 @@ fn iterate_sweeps(
         |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + MOMENTUM_CYCLE) } else { max_sweeps };
     let mut end = sweep_limit(best.0.value, *sweeps);
     let pack = |reactions: &ContactReactions, motions: &[BodyMotion], single| {
-        let solver_bodies = &evaluator.solver_bodies(motions);
-        pack_problem(
+        let solver_bodies = evaluator.solver_bodies(motions);
+        let packed = pack_problem(
             &PackSource {
                 problem: contact_problem,
                 active,
                 reactions,
-                solver_bodies,
+                solver_bodies: &solver_bodies,
                 width: evaluator.width,
                 associated: &[],
             },
             single,
-        )
+        );
+        keep_body_memory(solver_bodies);
+        packed
     };
     let mut problem = pack(reactions, &best.1, single);
     let mut packing = PackingPoint { sweeps: *sweeps, residual: best.0.value };
