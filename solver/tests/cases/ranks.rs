@@ -9,7 +9,9 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::case::{Case, uniform};
+use cd_formats::compute::ContactSolver;
+
+use crate::case::{AXES, Case, uniform};
 use crate::growth::mixed;
 use crate::same_bits::{collapse, outbox, poured, same, scene, slab};
 
@@ -140,6 +142,26 @@ fn ranks_change_no_byte_of_rocks_with_restitution() {
 #[test]
 fn ranks_change_no_byte_of_rolling_spheres() {
     expect_same_bytes(&heap(false, "IQS_DS_ROLL_CLB", &[0.4, 0.5, 0.1, 0.1]));
+}
+
+/// Blocks that fall on each other, with so many pairs that ranks divide their narrow phase.
+#[test]
+fn ranks_change_no_byte_of_a_stack_of_blocks() {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.4]);
+    case.gravity = [0.15, 0.05, -4.0];
+    case.floor();
+    let mut random = uniform(4);
+    for (i, j, k) in (0..6).flat_map(|i| (0..6).flat_map(move |j| (0..6).map(move |k| (i, j, k)))) {
+        let body = case.block([0.4995; 3], [f64::from(i), f64::from(j), 0.5 + f64::from(k)], AXES);
+        case.launch(body, [0; 3].map(|_| 0.2 * random() - 0.1), [0; 3].map(|_| 0.2 * random() - 0.1));
+    }
+    let options = &mut case.options;
+    (options.solver, options.max_sweeps) = (ContactSolver::Nlgs, Some(5)); // the comparison needs no converged steps
+    (options.dt, options.steps, options.output_every) = (0.01, Some(2), 1);
+    expect_same_bytes(&case);
+    // Two blocks touch at up to eight points; ranks divide 256 pairs and more.
+    assert!(!has_mpirun() || case.column("contacts_listed").iter().all(|listed| *listed > 8.0 * 256.0));
 }
 
 /// Waits for a file, for at most a minute.
