@@ -188,7 +188,7 @@ fn read_record(scan: &mut LineScanner) -> Option<BodyDof> {
     scan.expect_keyword("$$$$$")?;
     let [[x1, x2, x3], [x4, x5, x6], [v1, v2, v3], [v4, v5, v6], a, b, g] = rows;
     let axes = [a, b, g];
-    // cd-solve knows whether the shape of the body is its own mirror image.
+    // Left-handed axes are accepted here; cd-solve rejects them unless the shape of the body is its own mirror image.
     let is_left_handed = frame_defect(&[a, b, g.map(|x| -x)]) <= FRAME_TOLERANCE;
     if !is_left_handed {
         scan.check_orthonormal(line.number, "the axes a, b, g", &axes);

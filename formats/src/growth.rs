@@ -11,7 +11,7 @@ use crate::report::FaultReport;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sink {
-    /// Letters, digits, `-` and `_`.
+    /// Unique name, of letters, digits, `-` and `_`.
     pub name: String,
     pub region: SpaceRegion,
 }
@@ -20,7 +20,7 @@ pub struct Sink {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Source {
-    /// Letters, digits, `-` and `_`.
+    /// Unique name, of letters, digits, `-` and `_`.
     pub name: String,
     /// Bodies that enter, in the order of their numbers.
     pub bodies: BodySelection,

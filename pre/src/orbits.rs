@@ -78,7 +78,7 @@ pub fn place_on_orbit(
     let (centre, mass) = match &orbit.about {
         OrbitCentre::Primary(number) => match AttractingMass::of_primary(options, *number, folder) {
             Ok(primary) => {
-                // The primary does not respond: the grains move about it as specks.
+                // The primary does not respond: the grains move about it as test particles.
                 let mass = primary.mass;
                 (primary, mass)
             }
@@ -102,12 +102,12 @@ pub fn place_on_orbit(
             (centre, mass)
         }
     };
-    let strength = options.gravity_constant * mass;
-    if let Some(expected) = orbit.path.invalid_value(strength) {
+    let mu = options.gravity_constant * mass; // m³/s²
+    if let Some(expected) = orbit.path.invalid_value(mu) {
         let found = report.shown_text(&format!("{path}.path"));
         return report.add_fault(&format!("{path}.path"), found, expected);
     }
-    let (relative_position, relative_velocity) = orbit.path.to_orbit(strength).position_and_velocity(0.0);
+    let (relative_position, relative_velocity) = orbit.path.to_orbit(mu).position_and_velocity(0.0);
     let shift = centre.position + relative_position - own.position;
     let are_polyhedra = scene.grains[group].is_polyhedral();
     for grain in grains {

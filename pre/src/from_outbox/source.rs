@@ -165,8 +165,8 @@ impl SourceCase {
         Ok(SourceCase { case: case.to_path_buf(), bodies, shifts, bulk, tact, driven, options, snapshot, notes })
     }
 
-    /// Differences between the run and the files of its DATBOX, a line each; of options, only those that the next run has,
-    /// too. `next_options` are the options of the next run, if they follow from the options of this run.
+    /// Differences between the run and the files of its DATBOX, a line each; of options, only those whose value the
+    /// next run keeps. `next_options` are the options of the next run, if they follow from the options of this run.
     pub fn run_notes(&self, next_options: Option<&Compute>) -> String {
         let values = self.options.option_values();
         let next_values = next_options.map(Compute::option_values).unwrap_or_default();
@@ -176,7 +176,8 @@ impl SourceCase {
         notes.map(|(name, text)| format!("{}: {name}: {text}\n", self.case.display())).collect()
     }
 
-    /// Makes the values that events set before the snapshot hold from the start, and removes all events.
+    /// Makes the values that events set before the snapshot hold from the start. A torque that an event has set stays, as an
+    /// event at time 0; all other events are removed.
     pub fn end_events(&mut self) {
         let meta = &self.snapshot.meta;
         for law in &mut self.tact.laws {
@@ -194,7 +195,8 @@ impl SourceCase {
         }
     }
 
-    /// Updates masses, moments and shares of motion for these densities, kg/m^3.
+    /// Scales masses and moments of inertia to these densities, kg/m^3; drops stored angular momenta of bodies that change,
+    /// which keep their angular velocity.
     pub fn set_densities(&mut self, materials: &[Material]) {
         let density = |name: &str| self.bulk.materials.iter().find(|material| material.name == name).map(|m| m.density);
         let factor = |body: &Body| {
@@ -282,7 +284,7 @@ impl SourceCase {
         });
         let record = |(&body, x): (&BodyId, &[f64; 3])| {
             let mut record = self.bodies.0[body.index()].clone();
-            // The numbers of the contactors are unchanged, about the centre of mass or not.
+            // Coordinates of contactors are relative to `position` and stay valid, whether it is the centre of mass or not.
             record.position = (Vec3::from(*x) - self.shifts[body.index()]).into();
             if let (Some(colour), false) = (&selection.colour, is_driven(body)) {
                 record.contactors.iter_mut().for_each(|contactor| contactor.colour.clone_from(colour));
@@ -339,13 +341,13 @@ impl SourceCase {
         if faults.is_empty() { Ok(excepted) } else { Err(faults) }
     }
 
-    /// Rows of bodies whose sphere of equal volume lies below a height along z.
+    /// Whether each row is a body whose sphere of equal volume lies below a height along z.
     fn rows_below(&self, height: f64) -> Vec<bool> {
         let bodies = &self.snapshot.bodies;
         bodies.body_x.iter().zip(&bodies.body_radius).map(|(x, radius)| x[2] + radius <= height).collect()
     }
 
-    /// Rows of the largest remnant of touching free bodies, the first of equals.
+    /// Whether each row is a body of the largest remnant of touching free bodies, the first of equals.
     fn largest_group(&self) -> Vec<bool> {
         let Snapshot { bodies, contacts, .. } = &self.snapshot;
         let count = bodies.body_id.len();

@@ -89,7 +89,7 @@ struct FieldRequest<'a> {
     /// Whether the potential is computed, too.
     potential: bool,
     /// Indices of the bodies in an order near that along Morton's curve; may be empty.
-    about: &'a [u32],
+    approximate_order: &'a [u32],
 }
 
 /// Solver for attraction.
@@ -102,7 +102,7 @@ pub struct GravitySolver {
     /// Total order of the expansions, [`LOWEST_ORDER`] to [`HIGHEST_ORDER`], if set by the user.
     pub order: Option<usize>,
     /// Opening theta, below 1, if set by the user: cells are far if the sum of their radii is below theta times the
-    /// distance of their centres, whatever their pull.
+    /// distance of their centres, whatever the estimated error of the expansion.
     pub opening: Option<f64>,
     /// Largest number of bodies in a leaf, if set by the user.
     pub leaf: Option<usize>,
@@ -120,6 +120,7 @@ impl GravitySolver {
         ExpansionSettings {
             order: self.order.unwrap_or(measured.order).clamp(LOWEST_ORDER, HIGHEST_ORDER),
             opening: self.opening.unwrap_or(measured.opening).clamp(0.0, 0.99),
+            // With an opening of the user, the error of the expansion decides nothing.
             share: if self.opening.is_some() { f64::MAX } else { measured.share },
             leaf: self.leaf.unwrap_or(measured.leaf).max(1),
             ..measured
@@ -140,17 +141,29 @@ impl GravitySolver {
     ///
     /// `positions` are in m, `masses` in kg, one of each per body; `constant` is G, m³/(kg s²).
     ///
-    /// Bodies are sorted along Morton's curve, starting from the order `about`. This is faster if `about` is close to
+    /// Bodies are sorted along Morton's curve, starting from the order `approximate_order`. This is faster if it is close to
     /// the sorted order, such as [`morton::morton_order`](crate::math::morton::morton_order) of the step before. It
     /// changes no result, and may be empty.
-    pub fn full_field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> GravityField {
-        let request = FieldRequest { positions, masses, constant, potential: true, about };
+    pub fn full_field(
+        &self,
+        positions: &[Vec3],
+        masses: &[f64],
+        constant: f64,
+        approximate_order: &[u32],
+    ) -> GravityField {
+        let request = FieldRequest { positions, masses, constant, potential: true, approximate_order };
         self.field_at_width(request, SimdWidth::detect())
     }
 
     /// Accelerations as from [`Self::full_field`] without the potential, which is faster.
-    pub fn acceleration_field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> GravityField {
-        let request = FieldRequest { positions, masses, constant, potential: false, about };
+    pub fn acceleration_field(
+        &self,
+        positions: &[Vec3],
+        masses: &[f64],
+        constant: f64,
+        approximate_order: &[u32],
+    ) -> GravityField {
+        let request = FieldRequest { positions, masses, constant, potential: false, approximate_order };
         self.field_at_width(request, SimdWidth::detect())
     }
 
@@ -187,10 +200,11 @@ impl GravitySolver {
 fn multipole_field_of_order<L: F64Arithmetic, const P: usize>(
     lanes: L,
     settings: ExpansionSettings,
-    FieldRequest { positions, masses, constant, potential: wants_potential, about }: FieldRequest,
+    FieldRequest { positions, masses, constant, potential: wants_potential, approximate_order }: FieldRequest,
 ) -> GravityField {
-    let tree = MassTree::new::<L, P>(lanes, positions, masses, settings.leaf, about);
+    let tree = MassTree::new::<L, P>(lanes, positions, masses, settings.leaf, approximate_order);
     let pulls = TreeWalk::<L, P> { lanes, tree: &tree, settings, potential: wants_potential }.body_pulls();
+    // Pulls are in units M/L² (acceleration) and M/L (potential) of the tree.
     let potential_unit = constant * tree.mass / tree.length;
     let unit = potential_unit / tree.length;
     let mut acceleration = vec![Vec3::zeros(); positions.len()];
@@ -360,7 +374,7 @@ mod tests {
     fn same_bits_for_all_widths_and_threads() {
         let (x, m) = clumps(5000);
         for (error, potential) in [1e-2, 1e-4, 1e-6].into_iter().flat_map(|error| [(error, false), (error, true)]) {
-            let request = FieldRequest { positions: &x, masses: &m, constant: 1.5, potential, about: &[] };
+            let request = FieldRequest { positions: &x, masses: &m, constant: 1.5, potential, approximate_order: &[] };
             let expected = fmm(error).field_at_width(request, SimdWidth::all_widths()[0]);
             for width in SimdWidth::all_widths() {
                 assert_eq!(fmm(error).field_at_width(request, width), expected);

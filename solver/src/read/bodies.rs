@@ -63,6 +63,7 @@ pub fn scene_without_laws(
     if !has_links && !bodies.iter().any(needs_parts) {
         (parts, part_starts) = (Vec::new(), Vec::new());
     } else if !has_parts {
+        // Its faults are reported already.
         BodyTables { parts, part_starts, .. } =
             body_tables(&file, records, bulk, PartList::Kept, &mut Faults::default());
     }
@@ -400,8 +401,8 @@ fn axes_notes(dof: &Dof, matches: &[AxesMatch]) -> Vec<String> {
 pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
     let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
     let missed = periods.into_iter().enumerate().filter_map(|(axis, (name, period))| {
-        let walls = scene.planes.iter().filter(|plate| scene.bodies[plate.index()].driven);
-        let widest = walls.map(|&plate| plate_extent(scene, q, plate.index(), axis)).reduce(f64::max)?;
+        let driven_planes = scene.planes.iter().filter(|plate| scene.bodies[plate.index()].driven);
+        let widest = driven_planes.map(|&plate| plate_extent(scene, q, plate.index(), axis)).reduce(f64::max)?;
         let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // rounding of files
         Some(format!(
             "{name}: the widest plate spans {} m of the period {} m; grains that miss it fall forever",

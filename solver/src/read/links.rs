@@ -61,7 +61,7 @@ pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut 
     let mut along_x: Vec<usize> = (0..points.len()).collect();
     along_x.sort_by(|&a, &b| points[a].position.x.total_cmp(&points[b].position.x));
     // Largest alert distance of a row that could join the point, m.
-    let mut reach: Vec<Option<f64>> = vec![None; points.len()];
+    let mut largest_alert: Vec<Option<f64>> = vec![None; points.len()];
     let mut links: Vec<(PointLink, &VisibilityRow)> = Vec::new();
     for row in link_rows(tact) {
         let Some(law) = scene.law_names.iter().position(|law| law.nickname == row.law) else { continue };
@@ -103,7 +103,7 @@ pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut 
         }
         for (k, point) in points.iter().enumerate().filter(|(k, _)| !is_joined[*k]) {
             if points.iter().any(|other| is_joined_pair(point, other)) {
-                reach[k] = Some(reach[k].map_or(row.alert, |known| known.max(row.alert)));
+                largest_alert[k] = Some(largest_alert[k].map_or(row.alert, |known| known.max(row.alert)));
             }
         }
     }
@@ -131,12 +131,12 @@ pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut 
     for body in scene.links.iter().flat_map(|link| link.bodies) {
         scene.oriented[body.index()] = true;
     }
-    let unjoined_lines = |is_in_reach: bool| {
-        let unjoined = (0..points.len()).filter(|&k| !is_joined[k] && reach[k].is_some() == is_in_reach);
+    let unjoined_lines = |has_matching_row: bool| {
+        let unjoined = (0..points.len()).filter(|&k| !is_joined[k] && largest_alert[k].is_some() == has_matching_row);
         unjoined.map(|k| records.0[points[k].body.index()].line).collect::<Vec<_>>()
     };
     scene.notes.extend(idle_points_note(&unjoined_lines(false), None));
-    let alert = reach.iter().zip(&is_joined).filter(|(_, joined)| !**joined).filter_map(|(reach, _)| *reach);
+    let alert = largest_alert.iter().zip(&is_joined).filter(|(_, joined)| !**joined).filter_map(|(alert, _)| *alert);
     let alert = alert.reduce(f64::max);
     scene.notes.extend(idle_points_note(&unjoined_lines(true), alert));
 }

@@ -405,7 +405,7 @@ fn swap_sides(solved: &mut SolvedContact) {
     }
 }
 
-/// Last evaluation of self-gravity.
+/// Last two evaluations of self-gravity; `None` if the snapshot has none, or another gravitational constant.
 fn restored_attraction(scene: &Scene, snapshot: &Snapshot) -> Option<GravityHistory> {
     if snapshot.meta.parameters.gravity_constant != scene.options.gravity_constant {
         return None; // another constant: cannot be extrapolated

@@ -38,7 +38,7 @@ pub struct RunStatistics {
     pub narrow_phase_error: Option<NarrowPhaseError>,
     /// Largest number of bonds at a time.
     pub bonds: usize,
-    /// Number of steps that a solver of stored problems has solved.
+    /// Number of steps that a solver on the assembled matrix has solved.
     pub fallback_steps: u64,
     /// Number of steps that were swept in single precision.
     pub single_precision_steps: u64,
@@ -169,7 +169,7 @@ fn add_steps(summary: &mut SummaryLines, scene: &Scene, state: &State, statistic
         format!("{} in this run, {} in total{last}", statistics.unconverged, state.ledger.steps_unconverged),
     );
     if statistics.fallback_steps > 0 {
-        let name = if scene.options.solver == ContactSolver::Auto { "fallback solver" } else { "stored solver" };
+        let name = if scene.options.solver == ContactSolver::Auto { "fallback solver" } else { "matrix solver" };
         let steps = count_text(statistics.fallback_steps as usize, "step");
         summary.add(name, format!("converged in {steps}"));
     }
@@ -284,7 +284,7 @@ fn traffic_text(traffic: &[RankTraffic]) -> String {
     let largest_per_sweep =
         |count: fn(&RankTraffic) -> u64| traffic.iter().map(count).max().unwrap_or(0) as f64 / sweeps as f64;
     format!(
-        "{}; {sweeps} sweeps divided; for each of these a rank sends at most {:.1} messages with {:.2} kB, and gives {:.2} kB to all, with self-gravity and residual",
+        "{}; {sweeps} sweeps divided; for each of these a rank sends at most {:.1} messages with {:.2} kB, and contributes {:.2} kB to gathers, those of self-gravity and residual included",
         traffic.len(),
         largest_per_sweep(|rank| rank.messages),
         1e-3 * largest_per_sweep(|rank| rank.message_bytes),

@@ -52,7 +52,7 @@ fn any_step_carries_a_column() {
 
 #[test]
 fn a_heavy_one_on_top() {
-    // Gauss-Seidel alone would need as many sweeps as the ratio: the stored solvers take it over.
+    // Gauss-Seidel alone would need as many sweeps as the ratio: the matrix solvers take it over.
     let ratios = [1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e2, 1e3, 1e4, 1e6, 1e9];
     // 1e-12 of the weight of all, times the ratio; ten for the steps.
     let found = Envelope::about(&ratios, Beyond::Both, 1e-2, |ratio| {

@@ -29,7 +29,7 @@ pub fn force_files(frame: &Frame) -> Vec<StateFile> {
     let grain_contacts = || frame.active_contacts().filter(|c| c.grain_pair().is_some());
     let over_mean = |force: fn(&Contact) -> f64| probability_density(grain_contacts().map(force), FORCE_BIN_WIDTH);
     let densities = [over_mean(|c| c.normal_force), over_mean(|c| c.tangential_force), over_mean(|c| -c.normal_force)];
-    // A contact that only pulls at a distance carries no pressure.
+    // Status "no contact" is an attraction at a distance, which mobilises no friction.
     let touching = grain_contacts().filter(|contact| touches_with_force(contact));
     let shares: Vec<f64> = touching.filter_map(|c| mobilised_share(c, &frame.laws)).collect();
     // Twenty bins from 0 to 1; a share above 1 by round-off counts as 1.
