@@ -2,17 +2,18 @@
 #
 #   awk -v svg=friction.svg -f friction.awk v0.01 v0.03 ...
 #
-# Reads CASE/POSTPRO/plate/track.csv (displacement of the plate and force of the rocks on it) and CASE/DATBOX/BODIES.DAT (their volume). Means
+# Reads CASE/POSTPRO/plate/track.csv (displacement of the plate and force of the rocks on it) and, from CASE/DATBOX, the volume,
+# mean diameter and density of the rocks, the thickness of the plate and the area of the cell. Means
 # are over the states in which the plate has gone farther than START m. Shear and normal stress are the forces over the area of the
 # cell, I = V/H d sqrt(density/normal stress) with V/H the speed over the height between the plates. The table goes to friction.csv
 # next to the figure. Errors: a standard deviation of means over tenths of the displacement, over the root of ten.
 #
-# Reads: plate/track.csv: time, x, z, f_x, f_z; BODIES.DAT
+# Reads: plate/track.csv: time, x, z, f_x, f_z; BODIES.DAT, BULK_BEHAV.DAT, COMPUTE.RON
 # Writes: friction.csv: speed (m/s), inertial_number, friction, friction_error, solid_fraction, normal_stress (Pa), height (m); the same on stdout;
 #   the figure of friction and solid fraction (svg)
 
 BEGIN {
-    FS = ","; START = 1.5; AREA = 1.6 * 1.6; DIAMETER = 0.16; DENSITY = 2700; HALF_THICKNESS = 0.1
+    FS = ","; START = 1.5
     for (i = 1; i < ARGC; i++) { name[++cases] = ARGV[i]; shear(ARGV[i], cases) }
     if (!cases) { print "expected the folders of the cases" > "/dev/stderr"; exit 1 }
     table = svg; sub(/svg$/, "csv", table)
@@ -30,6 +31,27 @@ BEGIN {
 
 function fields(    k) { delete column; for (k = 1; k <= NF; k++) column[$k] = k }
 
+# The number that follows the first match of a pattern in a line.
+function number_after(pattern, words) { return match(words, pattern) ? substr(words, RSTART + RLENGTH) + 0 : 0 }
+
+# Sets area of the cell (m^2), volume (m^3), mean diameter (m) and density (kg/m^3) of the rocks, and half the thickness of the plates (m).
+function read_scene(datbox,    file, words, radius, material, rocks, sum, name) {
+    file = datbox "/COMPUTE.RON"; area = 1
+    while ((getline words < file) > 0) if (words ~ /[xy]periode:/) area *= number_after("Some\\(", words)
+    close(file)
+    file = datbox "/BODIES.DAT"; rock_volume = 0
+    while ((getline words < file) > 0) {
+        if (words ~ /avrd=/) { radius = number_after("avrd=", words); material = substr(words, 23, 5) }
+        if (words ~ /^ (POLYR|SPHER)/) { rocks++; sum += 2 * radius; rock_volume += 16 / 3 * atan2(1, 1) * radius ^ 3; name = material }
+        if (words ~ /^ PLANx/) half_thickness = number_after("axe3=", words)
+    }
+    close(file)
+    diameter = sum / rocks
+    file = datbox "/BULK_BEHAV.DAT"
+    while ((getline words < file) > 0) if (substr(words, 2, 5) == name) density = number_after("Umas=", words)
+    close(file)
+}
+
 function shear(folder, k,    file, rows, x, fx, fz, z, time, n, part, tenth, sum, sum2, m) {
     file = folder "/POSTPRO/plate/track.csv"
     if ((getline < file) <= 0) { print file ": is not there" > "/dev/stderr"; exit 1 }
@@ -40,25 +62,16 @@ function shear(folder, k,    file, rows, x, fx, fz, z, time, n, part, tenth, sum
         fx[rows] = -$column["f_x"]; fz[rows] = $column["f_z"]; z[rows] = $column["z"]
     }
     close(file)
+    read_scene(folder "/DATBOX")
     if (rows < 20) { print file ": the plate has not gone farther than " START " m in twenty states" > "/dev/stderr"; exit 1 }
-    for (n = 1; n <= rows; n++) { tangential[k] += fx[n] / rows / AREA; normal[k] += fz[n] / rows / AREA; height[k] += (z[n] - HALF_THICKNESS) / rows }
+    for (n = 1; n <= rows; n++) { tangential[k] += fx[n] / rows / area; normal[k] += fz[n] / rows / area; height[k] += (z[n] - half_thickness) / rows }
     mu[k] = tangential[k] / normal[k]
     v[k] = (x[rows] - x[1]) / (time[rows] - time[1])
-    inertial[k] = v[k] / height[k] * DIAMETER * sqrt(DENSITY / normal[k])
+    inertial[k] = v[k] / height[k] * diameter * sqrt(density / normal[k])
     for (n = 1; n <= rows; n++) { tenth = int(10 * (n - 1) / rows); part[tenth] += fx[n]; m[tenth] += fz[n] }
     for (n = 0; n < 10; n++) { sum += part[n] / m[n] / 10; sum2 += (part[n] / m[n]) ^ 2 / 10 }
     error[k] = sqrt((sum2 - sum * sum > 0 ? sum2 - sum * sum : 0) / 9)
-    nu[k] = volume(folder "/DATBOX/BODIES.DAT") / AREA / height[k]
-}
-
-# Of all rocks, from the radii of the spheres of equal volume, m^3.
-function volume(file,    radius, sum) {
-    while ((getline < file) > 0) {
-        if (match($0, /avrd= */)) radius = substr($0, RSTART + RLENGTH) + 0
-        if (/POLYR|SPHER/) sum += 16 / 3 * atan2(1, 1) * radius ^ 3
-    }
-    close(file)
-    return sum
+    nu[k] = rock_volume / area / height[k]
 }
 
 function px(i) { return 80 + 440 * (log(i) - low) / (high - low) }
