@@ -122,7 +122,7 @@ impl ConvexRegion {
     /// Share of the volume of a ball that lies inside.
     ///
     /// Exact for a ball that is cut by a ball or by parallel planes: a layer, opposite faces of a box, the ends of a
-    /// cylinder. Other shares are integrals over slices, see [`SLICED_PIECES`]. A ball whose centre is on a face, and that
+    /// cylinder. Other shares are integrals over 20 slices, off by less than 1e-3. A ball whose centre is on a face, and that
     /// no other face reaches, has 1/2.
     pub fn share_of_ball(&self, x: &Vector3<f64>, r: f64) -> f64 {
         let depth = self.inner_distance(x);
