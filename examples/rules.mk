@@ -38,6 +38,9 @@ CASES ?= $(if $(STUDY),,.)
 FIGURES ?= @for case in $(CASES); do awk -f $(EXAMPLES)/figures.awk $$case/OUTBOX/steps.csv $$case/POSTPRO/series.csv || exit 1; done
 include $(EXAMPLES)/help.mk
 
+# An ORDER for studies whose last cases take longest.
+LAST_CASE_FIRST = $(shell echo $(CASES) | awk '{ while (NF) print $$(NF--) }')
+
 # A stage of all cases, in the order in which `make -j` begins them: ORDER, or that of CASES.
 # Make drops the `./` of the case `.`, and then no pattern fits.
 stage_files = $(patsubst %,%/$(1)/.done,$(patsubst .,$(CURDIR),$(or $(ORDER),$(CASES))))

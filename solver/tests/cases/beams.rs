@@ -347,7 +347,7 @@ fn a_faster_impact_makes_more_fragments() {
         let states = case.states(200, 20);
         let bonds: Vec<u32> = states[1..].iter().map(|state| bonded(state).into_iter().map(u32::from).sum()).collect();
         assert!(bonds.is_sorted_by(|a, b| a >= b), "no bond returns: {bonds:?}");
-        // What is lost is the work of the contacts, and walls do none.
+        // The energy lost is the work of the contacts, as walls do none.
         let (start, work) = (states[0].kinetic(), *case.column("contact_work").last().unwrap());
         equal(states.last().unwrap().kinetic(), start + work, 1e-10 * start);
         assert!(case.column("momentum_drift").iter().all(|drift| *drift < 1e-11));

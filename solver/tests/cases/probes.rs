@@ -245,7 +245,7 @@ fn a_lattice_under_its_weight_has_its_solid_fraction_and_stress() {
     equal(part("pressure"), expected / 3.0, bound * weight);
     // √(s:s/2) of (0, 0, σ) is σ/√3.
     equal(part("mu"), 3f64.sqrt(), bound);
-    // Of all grains: forces of 6 to 1 weights, that on the floor with half a branch.
+    // Stress of all grains: forces of 6 to 1 weights, that on the floor with half a branch.
     let whole = last_row(&case, "all");
     equal(whole("nu"), 72.0 * PI / 6.0 / 240.0, bound);
     equal(whole("sigma_zz"), 12.0 * (0.5 * 6.0 + 15.0) * weight / 240.0, bound * weight);
