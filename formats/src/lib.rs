@@ -67,7 +67,7 @@
 //! | [`settings`] | values of RON files that a command line replaces |
 //! | [`ron_file`], [`former_names`] | RON files under current names and those of earlier versions |
 //! | [`atomic`] | files that are complete or absent |
-//! | [`case`] | the folder of a case on a command line |
+//! | [`case`], [`command_line`] | the folder of a case on a command line; reading of command lines |
 //! | [`foreign`] | folders of LMGC90 with 2D or deformable bodies |
 //! | [`origin`] | the files that DATBOX is made from |
 //! | [`unchanged`] | whether the files of DATBOX still agree with a snapshot |
@@ -80,6 +80,7 @@ pub mod atomic;
 pub mod bodies;
 pub mod bulk_behav;
 pub mod case;
+pub mod command_line;
 pub mod compute;
 pub mod dof;
 pub mod doubts;

@@ -4,7 +4,8 @@ use std::ffi::OsString;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-use cd_formats::case::{CaseFolder, case_fault, parse_arguments};
+use cd_formats::case::{CaseFolder, case_fault};
+use cd_formats::command_line::parse_arguments;
 use cd_formats::error::Faults;
 use cd_formats::messages::{print_error, print_line};
 use cd_formats::names::count_text;

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use cd_formats::case::parse_arguments;
+use cd_formats::command_line::parse_arguments;
 use cd_formats::messages::{print_error, print_line};
 use cd_formats::ron_text::nearest_name;
 use clap::{CommandFactory, Parser};

@@ -2,6 +2,6 @@
 
 fn main() {
     cd_formats::atomic::outlive_size_limit();
-    cd_formats::case::set_version(cd_version::version!());
+    cd_formats::command_line::set_version(cd_version::version!());
     std::process::exit(cd_pre::run(std::env::args_os()))
 }

@@ -5,7 +5,8 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use cd_formats::case::{CaseFolder, case_fault, parse_arguments};
+use cd_formats::case::{CaseFolder, case_fault};
+use cd_formats::command_line::parse_arguments;
 use cd_formats::compute::{Adaptive, ComputeFlags, MAX_THREADS};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::former_names::FormerNameUse;
