@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::accuracy::{Accuracy, Adaptive};
 use crate::error::Faults;
-use crate::growth::{Sink, Source, check_growth};
 use crate::messages::parse_number;
 use crate::names::{number_text, rounded_number};
 use crate::orbit::OrbitSpec;
@@ -19,6 +18,7 @@ use crate::probe::{EndCondition, FlowNames, Probe, check_probes};
 use crate::report::FaultReport;
 pub use crate::ron_file::from_ron;
 use crate::ron_text;
+use crate::sinks_and_sources::{Sink, Source, check_sinks_and_sources};
 
 /// Newtonian constant of gravitation, m^3 kg^-1 s^-2 (CODATA 2018 and 2022).
 pub const GRAVITATIONAL_CONSTANT: f64 = 6.67430e-11;
@@ -507,11 +507,11 @@ impl Compute {
         report.faults.into_result(())
     }
 
-    /// Reports all values that no run could use; `at` is the prefix of their paths.
-    pub fn check_in(&self, report: &mut FaultReport, at: &str) {
+    /// Reports all values that no run could use; `prefix` begins their paths.
+    pub fn check_in(&self, report: &mut FaultReport, prefix: &str) {
         let is_positive = |x: f64| x.is_finite() && x > 0.0;
         let mut number = |holds: bool, name: &str, x: f64, expected: &str| {
-            report.require_number(holds, &format!("{at}{name}"), x, expected);
+            report.require_number(holds, &format!("{prefix}{name}"), x, expected);
         };
         number(is_positive(self.dt), "dt", self.dt, "a finite time step > 0 s");
         if let Some(end) = self.end_time {
@@ -549,7 +549,7 @@ impl Compute {
         number((0.0..=1.0).contains(&self.quench), "quench", self.quench, "0 to 1");
         let has_orbits = self.fields.iter().any(|field| field.orbit().is_some());
         for (k, field) in self.fields.iter().enumerate() {
-            let path = format!("{at}fields.{k}");
+            let path = format!("{prefix}fields.{k}");
             let found = report.shown_text_or(&path, || to_ron(field));
             if let Some(expected) = field.invalid_value(self.gravity_constant) {
                 report.add_fault(&path, found, expected);
@@ -563,7 +563,7 @@ impl Compute {
             }
         }
         let mut expect = |holds: bool, name: &str, found: String, expected: &str| {
-            report.require(holds, &format!("{at}{name}"), found, expected);
+            report.require(holds, &format!("{prefix}{name}"), found, expected);
         };
         let sound = self.adaptive().is_sound();
         expect(
@@ -608,12 +608,12 @@ impl Compute {
         expect(self.log_every > 0, "log_every", format!("{}", self.log_every), "at least 1");
         expect(self.threads <= MAX_THREADS, "threads", format!("{}", self.threads), "0 to 1024");
         for (k, event) in self.events.iter().enumerate() {
-            self.check_event(event, &format!("{at}events.{k}"), report);
+            self.check_event(event, &format!("{prefix}events.{k}"), report);
         }
-        check_growth(&self.sinks, &self.sources, at, report);
+        check_sinks_and_sources(&self.sinks, &self.sources, prefix, report);
         let sinks: Vec<&str> = self.sinks.iter().map(|sink| sink.name.as_str()).collect();
         let sources: Vec<&str> = self.sources.iter().map(|source| source.name.as_str()).collect();
-        check_probes(&self.probes, &self.until, FlowNames { sinks: &sinks, sources: &sources }, at, report);
+        check_probes(&self.probes, &self.until, FlowNames { sinks: &sinks, sources: &sources }, prefix, report);
     }
 
     /// Reports the values of the event at `path` that no run could use.

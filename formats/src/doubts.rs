@@ -63,12 +63,16 @@ pub fn law_parameter(parameter: LawParameter, value: f64) -> Option<String> {
     (parameter.quantity() == ParameterQuantity::Friction).then(|| friction(value)).flatten()
 }
 
-/// Warns about the friction that events set; `at` is the prefix of their paths.
-pub fn events(events: &[Event], at: &str, report: &mut FaultReport) {
+/// Warns about the friction that events set; `prefix` begins their paths.
+pub fn events(events: &[Event], prefix: &str, report: &mut FaultReport) {
     for (k, event) in events.iter().enumerate() {
         let EventAction::SetFriction(_, value) = event.action else { continue };
         if let Some(question) = friction(value) {
-            report.add_warning(&format!("{at}events.{k}"), format!("SetFriction {}", number_text(value)), &question);
+            report.add_warning(
+                &format!("{prefix}events.{k}"),
+                format!("SetFriction {}", number_text(value)),
+                &question,
+            );
         }
     }
 }
@@ -76,9 +80,9 @@ pub fn events(events: &[Event], at: &str, report: &mut FaultReport) {
 /// Tolerance of the time of an event, as a fraction of a step: decimal numbers and their products are rounded.
 pub const EVENT_SLACK: f64 = 1e-3;
 
-/// Warns about events that no step reaches, in a run with `options` from a step and time (s); `at` is the prefix of their
+/// Warns about events that no step reaches, in a run with `options` from a step and time (s); `prefix` is the prefix of their
 /// paths.
-pub fn late_events(options: &Compute, (step, time): (u64, f64), at: &str, report: &mut FaultReport) {
+pub fn late_events(options: &Compute, (step, time): (u64, f64), prefix: &str, report: &mut FaultReport) {
     let Some(last) = options.last_step(step, (step, time)).filter(|last| *last > step) else { return };
     let begin = time + (last - step - 1) as f64 * options.dt;
     for (k, event) in options.events.iter().enumerate() {
@@ -89,7 +93,7 @@ pub fn late_events(options: &Compute, (step, time): (u64, f64), at: &str, report
                 rounded_number(begin)
             );
             report.add_warning(
-                &format!("{at}events.{k}.time"),
+                &format!("{prefix}events.{k}.time"),
                 found,
                 "give an earlier time, or a later end of the run",
             );

@@ -198,12 +198,12 @@ impl<'a> WordReader<'a> {
         self.parse_next(object, "a count")
     }
 
-    fn read_index(&mut self, object: &str, below: usize) -> Result<usize, Faults> {
+    fn read_index(&mut self, object: &str, end: usize) -> Result<usize, Faults> {
         match self.parse_next(object, "the number of a contact")? {
-            index if index < below => Ok(index),
-            index => Err(self
-                .fault_at_word(object, format!("contact {index}"), &format!("expected less than {below}"))
-                .into()),
+            index if index < end => Ok(index),
+            index => {
+                Err(self.fault_at_word(object, format!("contact {index}"), &format!("expected less than {end}")).into())
+            }
         }
     }
 

@@ -42,7 +42,7 @@ pub enum FieldModel {
         rotation: Option<UnitQuaternion<f64>>,
     },
     /// Axes that rotate about a point.
-    Turning {
+    RotatingAxes {
         /// Angular velocity, rad/s.
         rate: Vec3,
         /// Centre of rotation, m.
@@ -73,7 +73,7 @@ impl FieldModel {
                     };
                 }
                 ExternalField::RotatingFrame { rate, centre } => {
-                    return FieldModel::Turning { rate: (*rate).into(), centre: (*centre).into() };
+                    return FieldModel::RotatingAxes { rate: (*rate).into(), centre: (*centre).into() };
                 }
             };
             let centre = motion.map_or(Vec3::zeros(), |(position, _)| position);
@@ -119,7 +119,7 @@ impl FieldModel {
                 let point = rotation.inverse_transform_vector(&(x - position));
                 (rotation * shape.attraction_and_potential(&point).0 * *strength, 0.0)
             }
-            FieldModel::Turning { rate, centre } => {
+            FieldModel::RotatingAxes { rate, centre } => {
                 let frame_velocity = rate.cross(&(x - centre));
                 (-rate.cross(&frame_velocity), -0.5 * frame_velocity.norm_squared())
             }
@@ -135,7 +135,7 @@ impl FieldModel {
     /// W)/2, due to the extent of the body, where `inertia_times` gives J W (kg m^2/s) in fixed axes. It is 0 for a primary.
     pub fn tidal_energy(&self, inertia_times: impl Fn(&Vec3) -> Vec3) -> f64 {
         match self {
-            FieldModel::Turning { rate, .. } => -0.5 * inertia_times(rate).dot(rate),
+            FieldModel::RotatingAxes { rate, .. } => -0.5 * inertia_times(rate).dot(rate),
             FieldModel::Primary { .. } | FieldModel::Polyhedron { .. } => 0.0,
         }
     }
@@ -217,7 +217,7 @@ mod tests {
         let fields = [
             FieldModel::Primary { strength: 7.0, centre, falling: None, oblateness: 0.0, axis },
             FieldModel::Primary { strength: 7.0, centre, falling: None, oblateness: 0.3, axis },
-            FieldModel::Turning { rate: Vec3::new(0.3, -0.1, 0.7), centre },
+            FieldModel::RotatingAxes { rate: Vec3::new(0.3, -0.1, 0.7), centre },
         ];
         let x = Vec3::new(3.0, 1.0, -1.0);
         for field in &fields {

@@ -38,7 +38,7 @@
 //! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities and forces |
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
-//! | [`growth`] | sinks and sources: bodies that leave a run and enter it |
+//! | [`sinks_and_sources`] | bodies that leave a run and enter it |
 //! | [`region`] | regions of sinks and of means |
 //! | [`probe`] | series of quantities followed step by step, and conditions that end a run |
 //! | [`postpro`] | `DATBOX/POSTPRO.DAT`: files with rows of figures, requested as in LMGC90 |
@@ -92,7 +92,6 @@ pub mod foreign;
 pub mod former_names;
 pub mod geometry;
 pub mod groups;
-pub mod growth;
 pub mod ids;
 pub mod law_table;
 pub mod messages;
@@ -108,6 +107,7 @@ pub mod ron_file;
 pub mod ron_text;
 pub mod scan;
 pub mod settings;
+pub mod sinks_and_sources;
 pub mod snapshot;
 pub mod tact_behav;
 pub mod unchanged;

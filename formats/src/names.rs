@@ -1,11 +1,11 @@
 //! Names in messages: suggestions for unknown ones, counts with their nouns, and paths of values in words.
 
 /// Question with the known name nearest to an unknown one, if it is near enough: `did you mean output_every?`.
-pub fn nearest_name<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+pub fn nearest_name<'a>(name: &str, candidates: &[&'a str]) -> Option<&'a str> {
     let plain_form = |name: &str| name.to_lowercase().replace(['-', '_'], "");
     let plain_name = plain_form(name);
     let distance = |other: &str| strsim::damerau_levenshtein(&plain_name, &plain_form(other));
-    let best = known.iter().copied().min_by_key(|other| distance(other))?;
+    let best = candidates.iter().copied().min_by_key(|other| distance(other))?;
     // A third of the letters may differ; with more, unrelated short names would match.
     let letters = plain_name.chars().count().max(plain_form(best).chars().count());
     (distance(best) <= letters / 3 || plain_form(best).starts_with(&plain_name) && plain_name.len() >= 3)
@@ -13,8 +13,8 @@ pub fn nearest_name<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
 }
 
 /// Suggestion for an unknown name: the nearest known name, or all.
-pub fn known_names(name: &str, known: &[&str]) -> String {
-    match (nearest_name(name, known), known) {
+pub fn known_names(name: &str, candidates: &[&str]) -> String {
+    match (nearest_name(name, candidates), candidates) {
         (Some(near), _) => format!("did you mean {near}?"),
         (None, []) => "expected none".into(),
         (None, [one]) => format!("expected {one}"),

@@ -249,12 +249,12 @@ impl EndCondition {
 /// Bodies that the probes and conditions name, with the paths of their values in COMPUTE.RON.
 pub fn named_bodies<'a>(
     probes: &'a [Probe],
-    until: &'a [EndCondition],
+    conditions: &'a [EndCondition],
 ) -> impl Iterator<Item = (String, &'a BodySelection)> {
     let probe_bodies = probes.iter().enumerate().filter_map(|(k, probe)| {
         Some((format!("probes.{k}.quantity.{}", probe.quantity.bodies_field()), probe.quantity.bodies()?))
     });
-    let condition_bodies = until.iter().enumerate().flat_map(|(k, condition)| {
+    let condition_bodies = conditions.iter().enumerate().flat_map(|(k, condition)| {
         let bodies = match condition {
             EndCondition::Separation { between: (a, b), .. } => vec![a, b],
             EndCondition::AtRest { .. }
@@ -274,10 +274,16 @@ pub struct FlowNames<'a> {
     pub sources: &'a [&'a str],
 }
 
-/// Reports the values of probes and conditions that no run could use; `at` is the prefix of their paths.
-pub fn check_probes(probes: &[Probe], until: &[EndCondition], flows: FlowNames, at: &str, report: &mut FaultReport) {
+/// Reports the values of probes and conditions that no run could use; `prefix` begins their paths.
+pub fn check_probes(
+    probes: &[Probe],
+    conditions: &[EndCondition],
+    flows: FlowNames,
+    prefix: &str,
+    report: &mut FaultReport,
+) {
     for (k, Probe { name, every, quantity }) in probes.iter().enumerate() {
-        let path = format!("{at}probes.{k}");
+        let path = format!("{prefix}probes.{k}");
         let is_unique = probes[..k].iter().all(|other| other.name != *name);
         let expected = "a name of its own, of letters, digits, - and _";
         report.require(is_file_name(name) && is_unique, &format!("{path}.name"), format!("'{name}'"), expected);
@@ -319,14 +325,14 @@ pub fn check_probes(probes: &[Probe], until: &[EndCondition], flows: FlowNames, 
         }
     }
     let is_positive = |x: f64| x.is_finite() && x > 0.0;
-    for (k, condition) in until.iter().enumerate() {
-        let path = format!("{at}until.{k}");
+    for (k, condition) in conditions.iter().enumerate() {
+        let path = format!("{prefix}until.{k}");
         match condition {
             EndCondition::AtRest { speed, during } => {
                 report.require_number(is_positive(*speed), &format!("{path}.speed"), *speed, "a finite speed > 0 m/s");
                 let expected = "a finite time > 0 s";
                 report.require_number(is_positive(*during), &format!("{path}.during"), *during, expected);
-                let is_first = !until[..k].iter().any(|other| matches!(other, EndCondition::AtRest { .. }));
+                let is_first = !conditions[..k].iter().any(|other| matches!(other, EndCondition::AtRest { .. }));
                 report.require(is_first, &path, condition.to_text(), "one AtRest");
             }
             EndCondition::Separation { distance, .. } => {

@@ -22,7 +22,7 @@ pub enum SpaceRegion {
 }
 
 impl SpaceRegion {
-    /// Whether the region has the position `x` (m).
+    /// Whether the region contains the position `x` (m).
     pub fn contains(&self, x: &[f64; 3]) -> bool {
         let offset_from = |origin: &[f64; 3]| difference(x, origin);
         match self {

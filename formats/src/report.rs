@@ -77,9 +77,9 @@ impl<'a> FaultReport<'a> {
         }
     }
 
-    /// Adds a fault of a name at `path` that is not in `known`, with the nearest known name.
-    pub fn add_unknown_name(&mut self, path: &str, found: impl Into<String>, name: &str, known: &[&str]) {
-        self.faults.push(self.fault_at(path, found.into(), known_names(name, known)));
+    /// Adds a fault of a name at `path` that is not in `candidates`, with the nearest known name.
+    pub fn add_unknown_name(&mut self, path: &str, found: impl Into<String>, name: &str, candidates: &[&str]) {
+        self.faults.push(self.fault_at(path, found.into(), known_names(name, candidates)));
     }
 
     /// [`FaultReport::text`] in one line, cut off if it is long.

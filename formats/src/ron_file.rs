@@ -46,8 +46,8 @@ impl CurrentText {
     fn from_locations(text: &str, locations: &ValueLocations) -> Result<CurrentText, Vec<TextFault>> {
         let conflicts = locations.conflicts();
         if !conflicts.is_empty() {
-            let fault = |NameConflict { at, holder, name }: &NameConflict| TextFault {
-                at: *at,
+            let fault = |NameConflict { offset, holder, name }: &NameConflict| TextFault {
+                offset: *offset,
                 path: holder.clone(),
                 found: format!("'{}' and its former name '{}' are both there", name.current, name.former),
                 expected: format!("expected {} only", name.current),
@@ -63,25 +63,25 @@ impl CurrentText {
     /// Parses the text. Errors: all mistakes, at their bytes in the original text.
     fn parse<T: DeserializeOwned>(&self) -> Result<T, Vec<TextFault>> {
         parse_ron(&self.text).map_err(|mut mistakes| {
-            mistakes.iter_mut().for_each(|mistake| mistake.at = self.original_offset(mistake.at));
+            mistakes.iter_mut().for_each(|mistake| mistake.offset = self.original_offset(mistake.offset));
             mistakes
         })
     }
 
-    /// Position in bytes in the original text of the position `at` in this text.
-    pub fn original_offset(&self, at: usize) -> usize {
+    /// Position in bytes in the original text of the position `offset` in this text.
+    pub fn original_offset(&self, offset: usize) -> usize {
         // Bytes of this text, and bytes of the original that they replace, up to the current use.
         let (mut inserted, mut removed) = (0, 0);
         for former in &self.uses {
             // Begin and end of the current name in this text.
             let begin = former.span.start + inserted - removed;
             let end = begin + former.name.current.len();
-            if at < end {
-                return if at < begin { at + removed - inserted } else { former.span.start };
+            if offset < end {
+                return if offset < begin { offset + removed - inserted } else { former.span.start };
             }
             (inserted, removed) = (inserted + former.name.current.len(), removed + former.span.len());
         }
-        at + removed - inserted
+        offset + removed - inserted
     }
 }
 

@@ -24,7 +24,7 @@ pub struct ValueLocations<'a> {
 #[derive(Debug, Clone)]
 pub struct NameConflict {
     /// Byte of the second of the two names.
-    pub at: usize,
+    pub offset: usize,
     /// Path of the value that has the field.
     pub holder: String,
     pub name: &'static FormerName,
@@ -53,7 +53,7 @@ impl<'a> ValueLocations<'a> {
     pub fn from_value(text: &'a str, path: &str) -> (Self, usize) {
         let mut walker = LocationWalker::new(text);
         walker.skip_value(path, 0);
-        let end = walker.at;
+        let end = walker.offset;
         (walker.into_locations(text), end)
     }
 
@@ -127,7 +127,7 @@ impl<'a> ValueLocations<'a> {
 struct LocationWalker<'a> {
     text: &'a [u8],
     /// Next byte.
-    at: usize,
+    offset: usize,
     /// Number of open brackets.
     depth: usize,
     values: HashMap<String, ValueLocation>,
@@ -141,7 +141,7 @@ const MAX_DEPTH: usize = 256;
 impl<'a> LocationWalker<'a> {
     fn new(text: &'a str) -> Self {
         let (values, former_names, conflicts) = (HashMap::new(), Vec::new(), Vec::new());
-        LocationWalker { text: text.as_bytes(), at: 0, depth: 0, values, former_names, conflicts }
+        LocationWalker { text: text.as_bytes(), offset: 0, depth: 0, values, former_names, conflicts }
     }
 
     fn into_locations(self, text: &'a str) -> ValueLocations<'a> {
@@ -149,24 +149,24 @@ impl<'a> LocationWalker<'a> {
     }
 
     fn current_byte(&self) -> u8 {
-        self.text.get(self.at).copied().unwrap_or(0)
+        self.text.get(self.offset).copied().unwrap_or(0)
     }
 
     fn advance(&mut self, bytes: usize) {
-        let end = (self.at + bytes).min(self.text.len());
-        self.at = end;
+        let end = (self.offset + bytes).min(self.text.len());
+        self.offset = end;
     }
 
     /// Moves after the next `mark`, or to the end.
     fn skip_past(&mut self, mark: &[u8]) {
-        let rest = &self.text[self.at..];
+        let rest = &self.text[self.offset..];
         let found = rest.windows(mark.len()).position(|window| window == mark);
         self.advance(found.map_or(rest.len(), |start| start + mark.len()));
     }
 
     fn skip_blank(&mut self) {
         loop {
-            match (self.current_byte(), self.text.get(self.at + 1)) {
+            match (self.current_byte(), self.text.get(self.offset + 1)) {
                 (byte, _) if byte.is_ascii_whitespace() => self.advance(1),
                 (b'/', Some(b'/')) => self.skip_past(b"\n"),
                 (b'/', Some(b'*')) => self.skip_comment(),
@@ -178,7 +178,7 @@ impl<'a> LocationWalker<'a> {
     /// Moves after a comment in `/* */`, which may contain others.
     fn skip_comment(&mut self) {
         let mut depth = 0;
-        while let Some(two) = self.text.get(self.at..self.at + 2) {
+        while let Some(two) = self.text.get(self.offset..self.offset + 2) {
             let depth_change = match two {
                 b"/*" => 1,
                 b"*/" => -1,
@@ -204,21 +204,21 @@ impl<'a> LocationWalker<'a> {
 
     /// Word of ASCII letters, digits and underscores that begins here; may be empty.
     fn current_word(&self) -> &'a str {
-        let length = self.text[self.at..].iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
-        std::str::from_utf8(&self.text[self.at..self.at + length]).unwrap_or_default()
+        let length = self.text[self.offset..].iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
+        std::str::from_utf8(&self.text[self.offset..self.offset + length]).unwrap_or_default()
     }
 
     /// Reads a field's name followed by a colon, if there is one; moves after the colon.
     fn read_field_name(&mut self) -> Option<String> {
         let name = self.current_word().to_string();
-        let (start, length) = (self.at, name.len());
+        let (start, length) = (self.offset, name.len());
         self.advance(length);
         self.skip_blank();
         if length > 0 && self.current_byte() == b':' {
             self.advance(1);
             return Some(name);
         }
-        self.at = start;
+        self.offset = start;
         None
     }
 
@@ -227,9 +227,9 @@ impl<'a> LocationWalker<'a> {
         self.skip_blank();
         let word = self.current_word();
         if let Some(name) = former_names::former_value(path, word) {
-            self.former_names.push(FormerNameUse { name, span: self.at..self.at + word.len() });
+            self.former_names.push(FormerNameUse { name, span: self.offset..self.offset + word.len() });
         }
-        let mut value = ValueLocation { start, span: self.at..self.at, content_start: None };
+        let mut value = ValueLocation { start, span: self.offset..self.offset, content_start: None };
         loop {
             self.skip_blank();
             match self.current_byte() {
@@ -238,16 +238,16 @@ impl<'a> LocationWalker<'a> {
                     value.content_start = self.values.get(path).and_then(|inner| inner.content_start);
                 }
                 b'(' | b'[' | b'{' => {
-                    value.content_start = Some(self.at + 1);
+                    value.content_start = Some(self.offset + 1);
                     self.skip_items(path);
                 }
                 b'"' => self.skip_string(),
                 b'r' => self.skip_raw_string(),
                 b',' | b')' | b']' | b'}' => break,
-                _ if self.at >= self.text.len() => break,
+                _ if self.offset >= self.text.len() => break,
                 _ => self.advance(1),
             }
-            value.span.end = self.at;
+            value.span.end = self.offset;
         }
         self.values.insert(path.to_string(), value);
     }
@@ -277,7 +277,7 @@ impl<'a> LocationWalker<'a> {
             let known_former = self.former_names.iter().find(|one| one.span.start == known.start).map(|one| one.name);
             // The same name twice is reported when the text is parsed.
             if let (Some(name), true) = (former.or(known_former), former.is_some() != known_former.is_some()) {
-                self.conflicts.push(NameConflict { at: start, holder: holder.to_string(), name });
+                self.conflicts.push(NameConflict { offset: start, holder: holder.to_string(), name });
             }
         }
         if let Some(former) = former {
@@ -288,7 +288,7 @@ impl<'a> LocationWalker<'a> {
 
     fn skip_string(&mut self) {
         self.advance(1);
-        while self.at < self.text.len() && self.current_byte() != b'"' {
+        while self.offset < self.text.len() && self.current_byte() != b'"' {
             self.advance(if self.current_byte() == b'\\' { 2 } else { 1 });
         }
         self.advance(1);
@@ -297,8 +297,8 @@ impl<'a> LocationWalker<'a> {
     /// Moves after `r"..."` or `r#"..."#`, which have no escapes; or after the letter only.
     fn skip_raw_string(&mut self) {
         self.advance(1);
-        let marks = self.text[self.at..].iter().take_while(|byte| **byte == b'#').count();
-        if self.text.get(self.at + marks) == Some(&b'"') {
+        let marks = self.text[self.offset..].iter().take_while(|byte| **byte == b'#').count();
+        if self.text.get(self.offset + marks) == Some(&b'"') {
             self.advance(marks + 1);
             self.skip_past(&[b"\"", &b"#".repeat(marks)[..]].concat());
         }
@@ -314,10 +314,10 @@ impl<'a> LocationWalker<'a> {
         self.advance(1);
         for index in 0.. {
             self.skip_blank();
-            if self.at >= self.text.len() || matches!(self.current_byte(), b')' | b']' | b'}') {
+            if self.offset >= self.text.len() || matches!(self.current_byte(), b')' | b']' | b'}') {
                 break;
             }
-            let start = self.at;
+            let start = self.offset;
             let key = match self.read_field_name() {
                 Some(name) => self.current_field(path, name, start),
                 None => index.to_string(),

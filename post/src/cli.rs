@@ -177,14 +177,14 @@ impl Command {
                 report::write(dir, *every, measures).map(print_path)
             }
             Command::Compare { dirs, output, labels, table, columns, against } => {
-                let comparison = compare::ComparisonOptions { table, columns, against: against.as_deref() };
+                let comparison = compare::ComparisonOptions { table, columns, x_column: against.as_deref() };
                 let (count, notes) = compare::write(dirs, labels, &comparison, output)?;
                 print_line(format_args!("cd-post: {} in {}", count_text(count, "figure"), output.display()));
                 Ok(notes)
             }
             Command::Study { dirs, output, groups, by, parameters, from, until } => {
                 let parameters = parameters.as_deref();
-                let selected = study::StudyOptions { groups, by, parameters, from: *from, until: *until };
+                let selected = study::StudyOptions { groups, grouping: by, parameters, from: *from, to: *until };
                 let ([runs, figures], notes) = study::write(dirs, &selected, output)?;
                 let [runs, figures] = [count_text(runs, "run"), count_text(figures, "figure")];
                 print_line(format_args!("cd-post: {runs}, {figures} in {}", output.display()));

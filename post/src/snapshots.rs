@@ -26,10 +26,10 @@ pub fn select_snapshots(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>
     Ok(all.into_iter().enumerate().filter(|(k, _)| is_selected(*k)).map(|(_, found)| found).collect())
 }
 
-/// Whether snapshot `k` of `count` is one of `chosen` that are spread evenly from the first to the last; of one, the first.
-pub fn is_evenly_chosen(k: usize, count: usize, chosen: usize) -> bool {
-    let gaps = chosen.max(2) - 1;
-    (0..chosen).any(|gap| (count - 1) * gap / gaps == k)
+/// Whether snapshot `k` of `count` is one of `selection_count` that are spread evenly from the first to the last; of one, the first.
+pub fn is_evenly_chosen(k: usize, count: usize, selection_count: usize) -> bool {
+    let gaps = selection_count.max(2) - 1;
+    (0..selection_count).any(|gap| (count - 1) * gap / gaps == k)
 }
 
 /// Progress bar on a terminal, hidden otherwise.

@@ -10,11 +10,11 @@ use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
 use cd_formats::error::{Faults, RecordFault};
-use cd_formats::growth::source_bodies;
 use cd_formats::names::{number_text, rounded_number};
 use cd_formats::probe::{named_bodies, unknown_bodies};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::AsciiText;
+use cd_formats::sinks_and_sources::source_bodies;
 use cd_formats::tact_behav::TactBehav;
 use rayon::prelude::*;
 

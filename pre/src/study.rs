@@ -90,8 +90,8 @@ impl CaseSetting {
     fn new(path: &StudyText, value: &StudyText) -> CaseSetting {
         CaseSetting {
             text: format!("{}={}", path.text, value.text),
-            path_at: path.at.clone(),
-            value_at: value.at.clone(),
+            path_at: path.study_path.clone(),
+            value_at: value.study_path.clone(),
         }
     }
 }
@@ -100,7 +100,7 @@ impl CaseSetting {
 struct StudyText {
     text: String,
     /// Path of the text within the study.
-    at: String,
+    study_path: String,
 }
 
 /// File of a case that starts from a scene.
@@ -223,7 +223,7 @@ fn expand_cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
 /// Settings that all cases of a group share; `group_path` is the path of the group within the study.
 fn settings_of_group(group: &Group, group_path: &str, report: &FaultReport) -> Vec<CaseSetting> {
     let settings = group.set.iter().enumerate().map(|(n, (path, _))| {
-        let path = StudyText { text: path.clone(), at: format!("{group_path}.set.{n}.0") };
+        let path = StudyText { text: path.clone(), study_path: format!("{group_path}.set.{n}.0") };
         CaseSetting::new(&path, &study_text(report, format!("{group_path}.set.{n}.1")))
     });
     settings.collect()
@@ -239,7 +239,7 @@ fn axes_of_group<'a>(group: &'a Group, group_path: &str, report: &mut FaultRepor
     }
     if !group.seeds.is_empty() {
         let values = (0..group.seeds.len()).map(|n| study_text(report, format!("{group_path}.seeds.{n}"))).collect();
-        let path = StudyText { text: "seed".into(), at: format!("{group_path}.seeds") };
+        let path = StudyText { text: "seed".into(), study_path: format!("{group_path}.seeds") };
         axes.push(vec![StudyColumn { name: "seed", paths: vec![path], values }]);
     }
     axes
@@ -280,9 +280,9 @@ fn check_case_names(case: &Case, other_cases: &[Case], group_path: &str, report:
     report.require(!is_duplicate, &format!("{group_path}.name"), found, "a pattern with every parameter, as {NAME}");
 }
 
-/// Text of the value of the study at the path `at`.
-fn study_text(report: &FaultReport, at: String) -> StudyText {
-    StudyText { text: report.text(&at).to_string(), at }
+/// Text of the value of the study at the path `study_path`.
+fn study_text(report: &FaultReport, study_path: String) -> StudyText {
+    StudyText { text: report.text(&study_path).to_string(), study_path }
 }
 
 /// Parameter with its paths and its values as written in the study.
@@ -292,11 +292,16 @@ struct StudyColumn<'a> {
     values: Vec<StudyText>,
 }
 
-/// Adds the column of a parameter, whose path in the study is `at`, and the columns of those that vary with it.
-fn add_columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<StudyColumn<'a>>, report: &mut FaultReport) {
+/// Adds the column of a parameter, whose path in the study is `study_path`, and the columns of those that vary with it.
+fn add_columns<'a>(
+    parameter: &'a Parameter,
+    study_path: String,
+    axis: &mut Vec<StudyColumn<'a>>,
+    report: &mut FaultReport,
+) {
     let count = parameter.values.len();
     let expected = axis.first().map_or(count.max(1), |first: &StudyColumn| first.values.len());
-    let values_path = format!("{at}.values");
+    let values_path = format!("{study_path}.values");
     let expected_text = if axis.is_empty() {
         "at least one".into()
     } else {
@@ -304,11 +309,12 @@ fn add_columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<StudyCol
     };
     report.require(count == expected, &values_path, format!("{count} values"), &expected_text);
     let values = (0..count).map(|k| study_text(report, format!("{values_path}.{k}"))).collect();
-    let path_text = |(k, path): (usize, &String)| StudyText { text: path.clone(), at: format!("{at}.paths.{k}") };
+    let path_text =
+        |(k, path): (usize, &String)| StudyText { text: path.clone(), study_path: format!("{study_path}.paths.{k}") };
     let paths = parameter.paths.iter().enumerate().map(path_text).collect();
     axis.push(StudyColumn { name: &parameter.name, paths, values });
     for (n, follower) in parameter.with.iter().enumerate() {
-        add_columns(follower, format!("{at}.with.{n}"), axis, report);
+        add_columns(follower, format!("{study_path}.with.{n}"), axis, report);
     }
 }
 

@@ -11,9 +11,9 @@ use nalgebra::Matrix3;
 
 use self::region::ProbeRegion;
 use crate::activity;
-use crate::growth::{BodyExchange, BodyFlow};
 use crate::math::{Vec3, to_world};
 use crate::scene::{BodyId, Scene};
+use crate::sinks_and_sources::{BodyExchange, BodyFlow};
 use crate::state::State;
 use crate::step::StepStart;
 
@@ -22,7 +22,7 @@ pub struct Probes {
     /// Bodies of each probe, rising; none of those that count bodies of sinks and sources.
     probe_bodies: Vec<Vec<BodyId>>,
     /// Whether each of these bodies was beyond the surface of the probe after the last step; empty without a surface.
-    beyond: Vec<Vec<bool>>,
+    was_beyond: Vec<Vec<bool>>,
     /// Region of each probe of means.
     regions: Vec<Option<ProbeRegion>>,
     /// Bodies of the two sides of each condition; empty where it has none.
@@ -58,7 +58,7 @@ impl Probes {
         };
         Probes {
             regions: probes.iter().zip(&probe_bodies).map(region).collect(),
-            beyond: probes.iter().zip(&probe_bodies).map(bodies_beyond).collect(),
+            was_beyond: probes.iter().zip(&probe_bodies).map(bodies_beyond).collect(),
             probe_bodies,
             condition_bodies: scene.options.until.iter().map(bodies_of_sides).collect(),
         }
@@ -76,7 +76,7 @@ impl Probes {
                 }
                 ProbeQuantity::Crossing { through, .. } => {
                     let mut flow = BodyFlow::default();
-                    for (&body, beyond) in all.iter().zip(&mut self.beyond[k]) {
+                    for (&body, beyond) in all.iter().zip(&mut self.was_beyond[k]) {
                         let now = through.is_beyond(&state.x[body.index()].into());
                         if now != *beyond {
                             flow.add_body(scene, state, body, if now { 1.0 } else { -1.0 });

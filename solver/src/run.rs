@@ -18,7 +18,6 @@ use signal_hook::flag;
 
 use crate::assemble::potential_energy;
 use crate::detect;
-use crate::growth::{exchange_bodies, presence_text};
 use crate::integrate::{ContactConfiguration, predict_configuration};
 use crate::math::Vec3;
 use crate::plan::{StepBound, roundoff_warning, step_bounds};
@@ -26,6 +25,7 @@ use crate::probe::Probes;
 use crate::progress::ProgressDisplay;
 use crate::ranks::{self, Communicator, RankTraffic};
 use crate::scene::{BodyId, Scene};
+use crate::sinks_and_sources::{exchange_bodies, presence_text};
 use crate::state::{Contact, DetectionCache, State};
 use crate::step::{
     BalanceErrors, MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, StepReport, deeper_overlap, next_problem,

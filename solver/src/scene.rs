@@ -428,7 +428,7 @@ pub struct StepTime {
 pub struct BodyRoster {
     pub free: Vec<BodyId>,
     pub spheres: Vec<BodyId>,
-    pub turning: Vec<BodyId>,
+    pub free_rotors: Vec<BodyId>,
     pub parts: Vec<BodyPart>,
     pub part_starts: Vec<PartId>,
     /// Radius of the bounding ball of each body about its centre of mass, m.
@@ -499,9 +499,9 @@ pub struct Scene {
     pub warnings: Vec<String>,
     /// Bodies whose rotation is not imposed and whose moments of inertia differ, in order: their angular velocity changes
     /// without a torque.
-    pub turning: Vec<BodyId>,
+    pub free_rotors: Vec<BodyId>,
     /// Bodies whose rotation is imposed about some of their axes and whose moments of inertia differ, in order.
-    pub guided: Vec<BodyId>,
+    pub constrained_rotors: Vec<BodyId>,
     /// Whether the orientation of each body is integrated; a sphere's matters only to moments and rotations in its own
     /// axes.
     pub oriented: Vec<bool>,
@@ -584,7 +584,7 @@ impl Scene {
         };
         self.free = present_bodies(&roster.free);
         self.spheres = present_bodies(&roster.spheres);
-        self.turning = present_bodies(&roster.turning);
+        self.free_rotors = present_bodies(&roster.free_rotors);
         if !roster.parts.is_empty() {
             // Polyhedra are large: those that stay are moved.
             let mut before = std::mem::take(&mut self.parts).into_iter().peekable();

@@ -269,15 +269,15 @@ const PAIRS_PER_TASK: usize = 1024;
 
 /// Adds `exchanges` to the exchanges of known pairs, both ordered by bodies; returns the sums of other pairs.
 fn add_to_pairs<'a>(
-    known: &mut [ContactExchange],
+    pairs: &mut [ContactExchange],
     exchanges: impl Iterator<Item = &'a ContactExchange>,
 ) -> Vec<ContactExchange> {
     let (mut k, mut new) = (0, Vec::<ContactExchange>::new());
     for exchange in exchanges {
-        while known.get(k).is_some_and(|pair| pair.bodies < exchange.bodies) {
+        while pairs.get(k).is_some_and(|pair| pair.bodies < exchange.bodies) {
             k += 1;
         }
-        let pair = known.get_mut(k).filter(|pair| pair.bodies == exchange.bodies);
+        let pair = pairs.get_mut(k).filter(|pair| pair.bodies == exchange.bodies);
         match pair.or(new.last_mut().filter(|last| last.bodies == exchange.bodies)) {
             Some(pair) => pair.virial += exchange.virial,
             None => new.push(*exchange),
@@ -293,7 +293,7 @@ pub struct GravityHistory {
     pub record: cd_formats::snapshot::GravityEvaluations,
     /// Acceleration, m/s^2; shared by the states that extrapolate from the same evaluations.
     pub last: Arc<[Vec3]>,
-    pub before: Arc<[Vec3]>,
+    pub previous: Arc<[Vec3]>,
 }
 
 /// Force and torque on a body in a step, world frame.

@@ -19,6 +19,9 @@ const NAMELESS_WORDS: &str = "\
     numbered of on other others out over own present reduced rotated scaled shifted sorted stored through to \
     toward towards until with within";
 
+/// Words of these that name arguments and fields well, in a pair or a range: `own` and `other`, `from` and `to`.
+const ARGUMENT_WORDS: &str = "current every first found from last lower next other others out own present to";
+
 /// Words that CONTRIBUTING.md retires and that have no other use here; `place`, `way` and `quench` have.
 const RETIRED_WORDS: [&str; 18] = [
     "tell",
@@ -154,6 +157,64 @@ fn defined_names(lines: &[String], keywords: &[&str]) -> Vec<String> {
     lines.iter().filter_map(name).collect()
 }
 
+/// Text between the brackets that open at the start of `text`, which begins with one.
+fn bracketed(text: &str) -> &str {
+    let mut depth = 0;
+    for (at, letter) in text.char_indices() {
+        match letter {
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 {
+            return &text[1..at];
+        }
+    }
+    text
+}
+
+/// Names that stand before a type in a list of fields or arguments, without its comments.
+fn names_with_types(list: &str) -> impl Iterator<Item = String> {
+    let (mut depth, mut parts) = (0, vec![String::new()]);
+    for letter in list.lines().filter(|line| !line.trim_start().starts_with(['/', '#'])).flat_map(str::chars) {
+        match letter {
+            '(' | '[' | '{' | '<' => depth += 1,
+            ')' | ']' | '}' | '>' => depth -= 1,
+            ',' if depth == 0 => parts.push(String::new()),
+            _ => {}
+        }
+        parts.last_mut().unwrap().push(letter);
+    }
+    let is_name = |name: &String| name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_') && !name.is_empty();
+    let name =
+        |part: String| Some(part.trim_start_matches(',').split_once(": ")?.0.split_whitespace().last()?.to_string());
+    parts.into_iter().filter_map(name).filter(is_name)
+}
+
+/// Names of the arguments of functions and of the fields of structs, without the keys of files and options, which users read.
+fn argument_and_field_names(code: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    for (at, _) in code.match_indices("fn ") {
+        let rest = &code[at..];
+        let is_function = rest[3..].starts_with(|c: char| c.is_ascii_lowercase());
+        if let Some(open) =
+            rest.find('(').filter(|_| is_function && !code[..at].ends_with(|c: char| c.is_alphanumeric()))
+        {
+            names.extend(names_with_types(bracketed(&rest[open..])));
+        }
+    }
+    for (at, _) in code.match_indices("struct ") {
+        let attributes = code[..at].rsplit("\n\n").next().unwrap();
+        let are_keys = ["Deserialize", "Parser", "Args"].iter().any(|trait_name| attributes.contains(trait_name));
+        let rest = &code[at..];
+        let open = rest.find(['{', ';', '(', '\n']).filter(|open| rest[*open..].starts_with('{'));
+        if let Some(open) = open.filter(|_| !are_keys) {
+            names.extend(names_with_types(bracketed(&rest[open..])));
+        }
+    }
+    names
+}
+
 /// Share of names for which `holds`.
 fn share(names: &[String], holds: impl Fn(&str) -> bool) -> f64 {
     names.iter().filter(|name| holds(name)).count() as f64 / names.len() as f64
@@ -201,6 +262,23 @@ fn functions_and_closures_are_named_by_their_values() {
     let is_other = |name: &String| OTHER_NAMES.contains(&name.as_str());
     let nameless: Vec<&String> = functions.iter().filter(|name| is_nameless(name) && !is_other(name)).collect();
     assert!(nameless.is_empty(), "{nameless:?} of {} functions", functions.len());
+}
+
+#[test]
+fn arguments_and_fields_are_named_by_their_values() {
+    let code = "/// A row.\nstruct Row<T> {\n    /// Its far end: m.\n    pub near: Vec<(u32, T)>,\n    size: f64,\n}\n\n\
+                #[derive(Deserialize)]\nstruct Key {\n    until: f64,\n}\n\nfn f(mut far: &[u8; 3], [a, b]: [f64; 2]) {}";
+    assert_eq!(argument_and_field_names(code), ["far", "near", "size"]);
+    let is_in = |list: &str, name: &str| list.split_whitespace().any(|word| word == name);
+    let mut count = 0;
+    let mut nameless = Vec::new();
+    for (file, text) in sources() {
+        let names = argument_and_field_names(text.split("#[cfg(test)]").next().unwrap());
+        count += names.len();
+        let found = names.into_iter().filter(|name| is_in(NAMELESS_WORDS, name) && !is_in(ARGUMENT_WORDS, name));
+        nameless.extend(found.map(|name| format!("{}: {name}", file.display())));
+    }
+    assert!(count > 5000 && nameless.is_empty(), "of {count}:\n{}", nameless.join("\n"));
 }
 
 #[test]

@@ -103,7 +103,7 @@ pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, SplitErr
     let mut cells = UncutCells::default();
     splitter.split_cell(ConvexCell::cube(2.0 * size), faces, &mut cells)?;
     let pieces: Vec<ConvexPiece> =
-        cells.inside.iter().filter_map(|cell| splitter.convex_piece(cell, &centre)).collect();
+        cells.inner_cells.iter().filter_map(|cell| splitter.convex_piece(cell, &centre)).collect();
     let piece_volume =
         |piece: &ConvexPiece| Surface::new(&piece.vertices, &piece.triangles).map_or(0.0, |surface| surface.volume());
     let sum: f64 = pieces.iter().map(piece_volume).sum();
@@ -277,7 +277,7 @@ impl ConvexCell {
 /// Cells that need no cut: those that the solid fills in part or wholly, and the number of those outside of it.
 #[derive(Default)]
 struct UncutCells {
-    inside: Vec<ConvexCell>,
+    inner_cells: Vec<ConvexCell>,
     outside: usize,
 }
 
@@ -286,7 +286,7 @@ struct PlaneCounts<'f> {
     /// First of the faces in the plane.
     first: &'f FacePolygon,
     /// Number of faces in the plane.
-    inside: usize,
+    face_count: usize,
     /// Number of faces in front of the plane.
     in_front: usize,
 }
@@ -342,9 +342,11 @@ impl SolidSplitter<'_> {
             } else {
                 let mut planes: Vec<&FacePolygon> = faces.iter().collect();
                 planes.sort_by(|a, b| b.doubled_area.total_cmp(&a.doubled_area));
-                cells.inside.extend(planes.iter().try_fold(cell, |cell, face| cell.clip(&face.plane, self.tolerance)));
+                cells
+                    .inner_cells
+                    .extend(planes.iter().try_fold(cell, |cell, face| cell.clip(&face.plane, self.tolerance)));
             }
-            if cells.inside.len() > MAX_CONVEX_PIECES || cells.outside > 8 * MAX_CONVEX_PIECES {
+            if cells.inner_cells.len() > MAX_CONVEX_PIECES || cells.outside > 8 * MAX_CONVEX_PIECES {
                 return Err(SplitError::ManyPieces);
             }
             return Ok(());
@@ -376,17 +378,17 @@ impl SolidSplitter<'_> {
         for face in faces {
             planes.entry(face.plane_number).or_insert((face, 0)).1 += 1;
         }
-        let counts = |(first, inside): (&'f FacePolygon, usize)| {
+        let counts = |(first, face_count): (&'f FacePolygon, usize)| {
             self.count_comparisons(faces.len())?;
             let is_in_front = |other: &&FacePolygon| other.height_over(first) > self.tolerance;
-            Ok(PlaneCounts { first, inside, in_front: faces.iter().filter(is_in_front).count() })
+            Ok(PlaneCounts { first, face_count, in_front: faces.iter().filter(is_in_front).count() })
         };
         planes.into_values().map(counts).collect()
     }
 
     /// Number of pairs of a face and one in front of it.
     fn reflex_pairs(&self, faces: &[FacePolygon]) -> Result<usize, SplitError> {
-        Ok(self.plane_counts(faces)?.into_iter().map(|plane| plane.inside * plane.in_front).sum())
+        Ok(self.plane_counts(faces)?.into_iter().map(|plane| plane.face_count * plane.in_front).sum())
     }
 
     /// Plane of a face with others in front of it. A cut along it leaves the fewest pairs of a face and one in front of it,

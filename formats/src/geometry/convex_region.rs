@@ -58,7 +58,7 @@ impl ConvexRegion {
     }
 
     /// Sums of whole periods along x and y that shift positions within `reach` (m) of the cell about the origin into the
-    /// region. Only zero without periods and for a layer, which contains the whole cell. None for more than
+    /// region; zero alone without periods and for a layer, which contains the whole cell. None for more than
     /// [`MAX_REGION_IMAGES`].
     pub fn image_shifts(&self, periods: [Option<f64>; 2], reach: f64) -> Option<Vec<Vector3<f64>>> {
         let Some((centre, half)) = self.bounds() else { return Some(vec![Vector3::zeros()]) };

@@ -164,14 +164,14 @@ fn parse_vertex<'a>(words: impl Iterator<Item = &'a str>, line: usize) -> Result
     Ok((point, extra.iter().any(|word| parse_real(word) != Some(1.0))))
 }
 
-/// Vertex number of a corner on a line, from 0, from a word such as `7`, `7/1`, `7//3` or `-2/1/1`; `known` is the number
+/// Vertex number of a corner on a line, from 0, from a word such as `7`, `7/1`, `7//3` or `-2/1/1`; `vertex_count` is the number
 /// of vertices before it.
-fn parse_corner(word: &str, known: usize, line: usize) -> Result<usize, ReadError> {
+fn parse_corner(word: &str, vertex_count: usize, line: usize) -> Result<usize, ReadError> {
     let error = |found: String| ReadError::new(line, found, "numbers of vertices, from 1, or from -1 back");
     let number: i64 =
         (word.split('/').next().unwrap_or_default()).parse().map_err(|_| error(format!("the corner '{word}'")))?;
-    let vertex = if number < 0 { number.saturating_add(known as i64) } else { number - 1 };
-    usize::try_from(vertex).map_err(|_| error(format!("the corner '{word}' with {known} vertices before it")))
+    let vertex = if number < 0 { number.saturating_add(vertex_count as i64) } else { number - 1 };
+    usize::try_from(vertex).map_err(|_| error(format!("the corner '{word}' with {vertex_count} vertices before it")))
 }
 
 #[cfg(test)]

@@ -198,9 +198,9 @@ impl Tridiagonal {
         }
     }
 
-    /// Whether the entry `e` next to the diagonal is negligible between the rows `near` and `far`.
-    fn splits_between(&self, near: usize, far: usize, e: f64) -> bool {
-        e * e <= UNIT_ROUNDOFF * UNIT_ROUNDOFF * self.d[near].abs() * self.d[far].abs() + f64::MIN_POSITIVE
+    /// Whether the entry `e` next to the diagonal is negligible between the rows `upper` and `lower`.
+    fn splits_between(&self, upper: usize, lower: usize, e: f64) -> bool {
+        e * e <= UNIT_ROUNDOFF * UNIT_ROUNDOFF * self.d[upper].abs() * self.d[lower].abs() + f64::MIN_POSITIVE
     }
 
     /// QL steps on rows `l` to `last`; letters as in LAPACK's `dsteqr`.

@@ -25,7 +25,7 @@ pub use syntax::{TextFault, line_and_column, syntax_faults};
 pub(crate) fn located_faults(path: &Path, text: &str, object: &str, mistakes: Vec<TextFault>) -> Faults {
     let locations = ValueLocations::from_text(text);
     let fault = |mistake: TextFault| {
-        let (line, column) = line_and_column(text, mistake.at);
+        let (line, column) = line_and_column(text, mistake.offset);
         let object = if mistake.path.is_empty() { object.to_string() } else { locations.path_in_words(&mistake.path) };
         Fault { column: Some(column), ..Fault::new(path, Some(line), object, mistake.found, mistake.expected) }
     };
@@ -40,9 +40,9 @@ impl FlagError {
     /// Error of the value `text` with these mistakes.
     pub(crate) fn new(text: &str, mistakes: &[TextFault]) -> FlagError {
         let locations = ValueLocations::from_text(text);
-        let fault_text = |TextFault { at, path, found, expected }: &TextFault| {
+        let fault_text = |TextFault { offset, path, found, expected }: &TextFault| {
             let object = if path.is_empty() { String::new() } else { format!("{}: ", locations.path_in_words(path)) };
-            let (_, column) = line_and_column(text, *at);
+            let (_, column) = line_and_column(text, *offset);
             format!("column {column}: {object}{found}; {expected}")
         };
         FlagError(mistakes.iter().map(fault_text).collect::<Vec<_>>().join("; "))

@@ -17,9 +17,9 @@ fn byte_offsets(text: &str, line: usize, column: usize) -> (usize, usize) {
     let within: usize = text[before..].chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
     let raw = before + within;
     let mut parser = RonParser::new(text);
-    parser.at = raw;
+    parser.offset = raw;
     parser.skip_blank();
-    (raw, if parser.at < text.len() { parser.at } else { raw })
+    (raw, if parser.offset < text.len() { parser.offset } else { raw })
 }
 
 /// Position of an error of the library, and the values there.
@@ -27,20 +27,22 @@ pub struct ErrorSite<'a> {
     /// Byte at which the library stopped.
     pub raw: usize,
     /// Next byte that is neither blank nor comment.
-    at: usize,
+    offset: usize,
     /// Innermost value there.
     pub value: Option<&'a ValueNode>,
     /// Value whose name is there.
-    pub named: Option<&'a ValueNode>,
+    pub named_value: Option<&'a ValueNode>,
 }
 
 impl<'a> ErrorSite<'a> {
     /// Site of an error in a text with these values.
     pub fn new(text: &str, nodes: &'a [ValueNode], error: &SpannedError) -> Self {
-        let (raw, at) = byte_offsets(text, error.span.start.line, error.span.start.col);
-        let value = innermost(nodes, |node| node.span.start <= at && at < node.span.end.max(node.span.start + 1));
-        let named = innermost(nodes, |node| node.name.as_ref().is_some_and(|name| name.start <= at && at < name.end));
-        ErrorSite { raw, at, value, named }
+        let (raw, offset) = byte_offsets(text, error.span.start.line, error.span.start.col);
+        let value =
+            innermost(nodes, |node| node.span.start <= offset && offset < node.span.end.max(node.span.start + 1));
+        let named_value =
+            innermost(nodes, |node| node.name.as_ref().is_some_and(|name| name.start <= offset && offset < name.end));
+        ErrorSite { raw, offset, value, named_value }
     }
 
     /// Name of the record that lacks a field, as in ` of IQS_CLB`, if it is written there.
@@ -57,13 +59,13 @@ fn innermost(nodes: &[ValueNode], holds: impl Fn(&ValueNode) -> bool) -> Option<
 }
 
 /// Fault of a record without some fields.
-pub fn missing_fields_fault(at: usize, path: String, fields: &[String], kind: &str) -> TextFault {
+pub fn missing_fields_fault(offset: usize, path: String, fields: &[String], kind: &str) -> TextFault {
     let (noun, quoted) = match fields {
         [one] => ("field", format!("'{one}'")),
         all => ("fields", all.iter().map(|field| format!("'{field}'")).collect::<Vec<_>>().join(", ")),
     };
     let expected = format!("expected the {noun} {}{kind}", fields.join(", "));
-    TextFault { at, path, found: format!("no {noun} {quoted}"), expected }
+    TextFault { offset, path, found: format!("no {noun} {quoted}"), expected }
 }
 
 /// Describes the library's error in words.
@@ -104,8 +106,9 @@ impl FaultyText<'_> {
 
     /// Fault of a value, or of the site if there is none.
     fn fault_at(&self, node: Option<&ValueNode>, found: String, expected: String) -> TextFault {
-        let (at, path) = node.map_or((self.site.at, String::new()), |node| (node.span.start, node.path.clone()));
-        TextFault { at, path, found, expected }
+        let (offset, path) =
+            node.map_or((self.site.offset, String::new()), |node| (node.span.start, node.path.clone()));
+        TextFault { offset, path, found, expected }
     }
 
     /// Fault of the value at the site, of which another one is expected.
@@ -117,23 +120,23 @@ impl FaultyText<'_> {
 
     /// Errors that the library names: unknown, missing and repeated names, and values of one kind.
     fn named_fault(&self, error: &SpannedError) -> Option<TextFault> {
-        let ErrorSite { at, value, named, .. } = self.site;
+        let ErrorSite { offset, value, named_value: named, .. } = self.site;
         Some(match &error.code {
             Error::NoSuchStructField { expected, found, .. } => TextFault {
-                at,
+                offset,
                 path: holder_path(named.or(value)),
                 found: format!("unknown field '{found}'"),
                 expected: known_names(found, expected),
             },
             Error::DuplicateStructField { field, .. } => TextFault {
-                at,
+                offset,
                 path: holder_path(named),
                 found: format!("'{field}' occurs twice"),
                 expected: "expected it once".into(),
             },
             Error::MissingStructField { field, .. } => {
-                let (at, path) = value.map_or((at, String::new()), |node| (node.span.start, node.path.clone()));
-                missing_fields_fault(at, path, &[field.to_string()], &self.site.kind_of_record(self.text, error))
+                let (offset, path) = value.map_or((offset, String::new()), |node| (node.span.start, node.path.clone()));
+                missing_fields_fault(offset, path, &[field.to_string()], &self.site.kind_of_record(self.text, error))
             }
             Error::NoSuchEnumVariant { expected, found, .. } => {
                 self.fault_at(value, format!("unknown '{found}'"), known_names(found, expected))
@@ -164,11 +167,11 @@ impl FaultyText<'_> {
 
     /// A name where values have no names.
     fn stray_name(&self) -> Option<TextFault> {
-        let ErrorSite { at, value, named, .. } = self.site;
+        let ErrorSite { offset, value, named_value: named, .. } = self.site;
         let node = named.filter(|node| value.is_none_or(|value| value.span.start < node.span.start))?;
         let name = &self.text[node.name.clone().unwrap_or_default()];
         Some(TextFault {
-            at,
+            offset,
             path: holder_path(Some(node)),
             found: format!("'{name}:'"),
             expected: "expected a value without a name".into(),
@@ -177,7 +180,7 @@ impl FaultyText<'_> {
 
     /// A number that is missing, that the library has read partly, or that other characters follow.
     fn number_fault(&self, code: &Error) -> Option<TextFault> {
-        let ErrorSite { at, value, .. } = self.site;
+        let ErrorSite { offset, value, .. } = self.site;
         match code {
             Error::ExpectedFloat | Error::FloatUnderscore => return Some(self.wrong_value("a number")),
             Error::ExpectedInteger | Error::InvalidIntegerDigit { .. } | Error::UnderscoreAtBeginning => {
@@ -187,7 +190,7 @@ impl FaultyText<'_> {
         }
         let node = value?;
         let word = self.source_of(node);
-        if node.span.start < at && word.parse::<f64>().is_ok() {
+        if node.span.start < offset && word.parse::<f64>().is_ok() {
             return Some(self.wrong_value("an integer"));
         }
         if !begins_with_number(word) {

@@ -49,7 +49,7 @@ pub fn type_faults<T: DeserializeOwned>(text: &str, error: SpannedError) -> Vec<
         let site = ErrorSite::new(&draft.text, &nodes, &error);
         if let (Error::MissingStructField { field, .. }, Some(record)) = (&error.code, site.value) {
             found.add_missing_field(MissingFields {
-                at: draft.origins[record.span.start],
+                offset: draft.origins[record.span.start],
                 path: record.path.clone(),
                 fields: vec![field.to_string()],
                 kind: site.kind_of_record(&draft.text, &error),
@@ -61,10 +61,10 @@ pub fn type_faults<T: DeserializeOwned>(text: &str, error: SpannedError) -> Vec<
             continue;
         }
         let mut fault = describe_error::<T>(&draft.text, &nodes, &error);
-        let draft_at = fault.at;
-        fault.at = draft.origins[fault.at.min(draft.text.len())];
+        let draft_at = fault.offset;
+        fault.offset = draft.origins[fault.offset.min(draft.text.len())];
         // An error in front of the last stand-in is due to it.
-        if last_at.replace(fault.at).is_some_and(|last| fault.at <= last) {
+        if last_at.replace(fault.offset).is_some_and(|last| fault.offset <= last) {
             break;
         }
         found.add_fault(fault, &error.code);
@@ -73,7 +73,7 @@ pub fn type_faults<T: DeserializeOwned>(text: &str, error: SpannedError) -> Vec<
         }
         next = match &error.code {
             Error::NoSuchStructField { .. } | Error::DuplicateStructField { .. } => {
-                site.named.and_then(|node| draft.without_field::<T>(node))
+                site.named_value.and_then(|node| draft.without_field::<T>(node))
             }
             Error::ExceededRecursionLimit => None,
             code => draft.with_stand_in::<T>(&nodes, draft_at, code),
@@ -135,10 +135,11 @@ impl FoundFaults {
     /// All faults in the order of the text.
     fn into_faults(mut self) -> Vec<TextFault> {
         let missing = self.missing.into_iter();
-        let fault =
-            |MissingFields { at, path, fields, kind }: MissingFields| missing_fields_fault(at, path, &fields, &kind);
+        let fault = |MissingFields { offset, path, fields, kind }: MissingFields| {
+            missing_fields_fault(offset, path, &fields, &kind)
+        };
         self.faults.extend(missing.map(fault));
-        self.faults.sort_by_key(|fault| fault.at);
+        self.faults.sort_by_key(|fault| fault.offset);
         self.faults
     }
 }
@@ -146,7 +147,7 @@ impl FoundFaults {
 /// Fields that a record lacks.
 struct MissingFields {
     /// Byte of the record in the text.
-    at: usize,
+    offset: usize,
     path: String,
     fields: Vec<String>,
     /// Name of the record in its text, with a preposition; may be empty.

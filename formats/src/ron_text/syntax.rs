@@ -7,7 +7,7 @@ use std::ops::Range;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TextFault {
     /// Byte of the fault in the text.
-    pub at: usize,
+    pub offset: usize,
     /// Path of the value that it belongs to, as `grains.0.number`; empty for the whole text.
     pub path: String,
     pub found: String,
@@ -24,8 +24,8 @@ impl std::fmt::Display for TextFault {
 impl std::error::Error for TextFault {}
 
 /// Line and column of a byte, 1-based, columns in characters.
-pub fn line_and_column(text: &str, at: usize) -> (usize, usize) {
-    let before = &text[..at.min(text.len())];
+pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
+    let before = &text[..offset.min(text.len())];
     let begin = before.rfind('\n').map_or(0, |end| end + 1);
     (1 + before.matches('\n').count(), 1 + before[begin..].chars().count())
 }
@@ -64,7 +64,7 @@ pub const MAX_DEPTH: usize = 128;
 pub struct RonParser<'a> {
     text: &'a str,
     /// Next byte.
-    pub at: usize,
+    pub offset: usize,
     /// Byte after the last token.
     last_end: usize,
     /// Open brackets, with the byte of each.
@@ -82,7 +82,7 @@ impl<'a> RonParser<'a> {
     pub fn new(text: &'a str) -> Self {
         RonParser {
             text,
-            at: 0,
+            offset: 0,
             last_end: 0,
             open: vec![],
             brackets: vec![],
@@ -104,7 +104,7 @@ impl<'a> RonParser<'a> {
         if parser.at_end() && !parser.aborted && parser.mistakes.is_empty() {
             parser.add_fault(0, "", "no value", "expected one");
         } else {
-            let start = parser.at;
+            let start = parser.offset;
             parser.skip_value("", None);
             parser.skip_blank();
             if !parser.aborted && !parser.at_end() && parser.mistakes.is_empty() {
@@ -115,25 +115,35 @@ impl<'a> RonParser<'a> {
                         parser.add_fault(start, "", &format!("'{word}' outside of ( )"), "expected '(' before it");
                     }
                     Some(close @ (')' | ']' | '}')) => {
-                        parser.add_fault(parser.at, "", &format!("'{close}' closes nothing"), "expected nothing more");
+                        parser.add_fault(
+                            parser.offset,
+                            "",
+                            &format!("'{close}' closes nothing"),
+                            "expected nothing more",
+                        );
                     }
                     Some(next) if next.is_alphabetic() && begins_with_number(&text[start..parser.last_end]) => {
                         let found = display_text(&text[start..]);
                         parser.add_fault(start, "", &found, "expected a number without unit");
                     }
-                    _ => parser.add_fault(parser.at, "", &format!("'{rest}' behind the end"), "expected nothing more"),
+                    _ => parser.add_fault(
+                        parser.offset,
+                        "",
+                        &format!("'{rest}' behind the end"),
+                        "expected nothing more",
+                    ),
                 }
             }
         }
-        if let Some((bracket, at)) = parser.suspect_bracket() {
+        if let Some((bracket, offset)) = parser.suspect_bracket() {
             let close = closing_bracket(bracket);
-            parser.mistakes.retain(|mistake| mistake.at < at);
+            parser.mistakes.retain(|mistake| mistake.offset < offset);
             let (found, expected) =
                 (format!("'{bracket}' without '{close}'"), format!("expected '{close}' in this line"));
-            parser.mistakes.push(TextFault { at, path: String::new(), found, expected });
+            parser.mistakes.push(TextFault { offset, path: String::new(), found, expected });
         }
         let RonParser { nodes, mut mistakes, .. } = parser;
-        mistakes.sort_by_key(|mistake| mistake.at);
+        mistakes.sort_by_key(|mistake| mistake.offset);
         mistakes.dedup();
         (nodes, mistakes)
     }
@@ -144,11 +154,11 @@ impl<'a> RonParser<'a> {
         if !self.aborted || !self.mistakes.iter().any(|mistake| mistake.found.contains("is open")) {
             return None;
         }
-        let open = self.open.iter().map(|&(bracket, at)| (bracket, at, self.text.len()));
+        let open = self.open.iter().map(|&(bracket, offset)| (bracket, offset, self.text.len()));
         let mut brackets: Vec<_> = self.brackets.iter().copied().chain(open).collect();
         brackets.sort_unstable_by_key(|bracket| bracket.1);
-        let seems_open = |&(_, at, end): &(char, usize, usize)| {
-            let line_start = self.text[..at].rfind('\n').map_or(0, |end| end + 1);
+        let seems_open = |&(_, offset, end): &(char, usize, usize)| {
+            let line_start = self.text[..offset].rfind('\n').map_or(0, |end| end + 1);
             let Some((line, inside)) = self.text[line_start..end.max(line_start)].split_once('\n') else {
                 return false;
             };
@@ -159,13 +169,13 @@ impl<'a> RonParser<'a> {
             let next_line = behind.lines().find(|line| !line.trim().is_empty());
             let is_not_deeper =
                 |next: &str| indent(next) <= indent(line) && !next.trim_start().starts_with([')', ']', '}']);
-            at > line_start + indent(line) && next_line.is_some_and(is_not_deeper)
+            offset > line_start + indent(line) && next_line.is_some_and(is_not_deeper)
         };
-        brackets.into_iter().find(seems_open).map(|(bracket, at, _)| (bracket, at))
+        brackets.into_iter().find(seems_open).map(|(bracket, offset, _)| (bracket, offset))
     }
 
     fn remaining_text(&self) -> &'a str {
-        &self.text[self.at..]
+        &self.text[self.offset..]
     }
 
     fn current_char(&self) -> Option<char> {
@@ -173,26 +183,26 @@ impl<'a> RonParser<'a> {
     }
 
     fn at_end(&self) -> bool {
-        self.at >= self.text.len()
+        self.offset >= self.text.len()
     }
 
     /// Skips the bytes of a token.
     fn advance(&mut self, bytes: usize) {
-        self.at = (self.at + bytes).min(self.text.len());
-        self.last_end = self.at;
+        self.offset = (self.offset + bytes).min(self.text.len());
+        self.last_end = self.offset;
     }
 
-    fn add_fault(&mut self, at: usize, path: &str, found: &str, expected: &str) {
+    fn add_fault(&mut self, offset: usize, path: &str, found: &str, expected: &str) {
         if !self.aborted {
             let [found, expected] = [found, expected].map(str::to_string);
-            self.mistakes.push(TextFault { at, path: path.into(), found, expected });
+            self.mistakes.push(TextFault { offset, path: path.into(), found, expected });
         }
     }
 
     /// Stops parsing.
     fn give_up(&mut self) {
         self.aborted = true;
-        self.at = self.text.len();
+        self.offset = self.text.len();
     }
 
     /// Skips white space and comments.
@@ -201,14 +211,14 @@ impl<'a> RonParser<'a> {
             let rest = self.remaining_text();
             let blank = |c: char| c.is_ascii_whitespace() || "\u{b}\u{85}\u{200e}\u{200f}\u{2028}\u{2029}".contains(c);
             if let Some(blank) = rest.chars().next().filter(|c| blank(*c)) {
-                self.at += blank.len_utf8();
+                self.offset += blank.len_utf8();
             } else if rest.starts_with("//") {
-                self.at += rest.find('\n').unwrap_or(rest.len());
+                self.offset += rest.find('\n').unwrap_or(rest.len());
             } else if rest.starts_with("/*") {
                 self.skip_comment();
             } else if rest.starts_with('#') && !rest.starts_with("#!") {
-                self.add_fault(self.at, "", "'#' begins no comment", "expected // before it, or /* */ around it");
-                self.at += rest.find('\n').unwrap_or(rest.len());
+                self.add_fault(self.offset, "", "'#' begins no comment", "expected // before it, or /* */ around it");
+                self.offset += rest.find('\n').unwrap_or(rest.len());
             } else {
                 return;
             }
@@ -217,16 +227,16 @@ impl<'a> RonParser<'a> {
 
     /// Skips a comment in `/* */`, which may contain others.
     fn skip_comment(&mut self) {
-        let start = self.at;
+        let start = self.offset;
         let mut depth = 0;
         loop {
             let rest = self.remaining_text();
             if rest.starts_with("/*") {
-                (depth, self.at) = (depth + 1, self.at + 2);
+                (depth, self.offset) = (depth + 1, self.offset + 2);
             } else if rest.starts_with("*/") {
-                (depth, self.at) = (depth - 1, self.at + 2);
+                (depth, self.offset) = (depth - 1, self.offset + 2);
             } else if let Some(next) = self.current_char() {
-                self.at += next.len_utf8();
+                self.offset += next.len_utf8();
             } else {
                 self.add_fault(start, "", "a comment without end", "expected */ behind it");
                 return self.give_up();
@@ -247,22 +257,22 @@ impl<'a> RonParser<'a> {
 
     /// Reads and skips a field's name before a colon, or before another mark in place of a colon.
     fn read_field_name(&mut self, path: &str) -> Option<Range<usize>> {
-        let start = self.at;
+        let start = self.offset;
         // State to which the parser returns if there is no name.
         let (last_end, mistake_count, aborted) = (self.last_end, self.mistakes.len(), self.aborted);
         let is_quoted = self.current_char() == Some('"');
         let name = if is_quoted {
             self.skip_string(path);
-            start + 1..(self.at - 1).max(start + 1)
+            start + 1..(self.offset - 1).max(start + 1)
         } else {
             let length = self.word_length();
             if length == 0 || !self.remaining_text().starts_with(|c: char| c.is_alphabetic() || c == '_') {
                 return None;
             }
             self.advance(length);
-            start..self.at
+            start..self.offset
         };
-        let end = self.at;
+        let end = self.offset;
         self.skip_blank();
         let word = &self.text[name.clone()];
         match self.current_char() {
@@ -279,13 +289,13 @@ impl<'a> RonParser<'a> {
                 return Some(name);
             }
             Some('=') if !is_quoted => {
-                self.add_fault(self.at, path, &format!("'=' behind {word}"), &format!("expected {word}: value"));
+                self.add_fault(self.offset, path, &format!("'=' behind {word}"), &format!("expected {word}: value"));
                 self.advance(1);
                 return Some(name);
             }
             // A name and a value on one line, as `number 50`.
             Some(next) if !is_quoted && !self.aborted => {
-                let is_same_line = !self.text[end..self.at].contains('\n') && self.at > end;
+                let is_same_line = !self.text[end..self.offset].contains('\n') && self.offset > end;
                 let begins_value = next.is_alphanumeric() || "\"[-+.".contains(next);
                 if is_same_line && begins_value {
                     self.add_fault(end, path, &format!("no ':' behind '{word}'"), &format!("expected {word}: value"));
@@ -294,14 +304,14 @@ impl<'a> RonParser<'a> {
             }
             _ => {}
         }
-        (self.at, self.last_end, self.aborted) = (start, last_end, aborted);
+        (self.offset, self.last_end, self.aborted) = (start, last_end, aborted);
         self.mistakes.truncate(mistake_count);
         None
     }
 
     /// Skips a text in quotes.
     fn skip_string(&mut self, path: &str) {
-        let start = self.at;
+        let start = self.offset;
         self.advance(1);
         loop {
             match self.current_char() {
@@ -312,7 +322,7 @@ impl<'a> RonParser<'a> {
                 }
                 // Strings of our files have one line: the closing quote is missing.
                 None | Some('\n') => {
-                    let found = format!("no '\"' behind {}", display_text(&self.text[start..self.at]));
+                    let found = format!("no '\"' behind {}", display_text(&self.text[start..self.offset]));
                     self.add_fault(start, path, &found, "expected '\"' at the end of the text");
                     return self.give_up();
                 }
@@ -333,7 +343,7 @@ impl<'a> RonParser<'a> {
         match body.find(&end) {
             Some(length) => self.advance(marks + 2 + length + end.len()),
             None => {
-                self.add_fault(self.at, "", "no end of the text in quotes", &format!("expected {end}"));
+                self.add_fault(self.offset, "", "no end of the text in quotes", &format!("expected {end}"));
                 self.give_up();
             }
         }
@@ -343,7 +353,7 @@ impl<'a> RonParser<'a> {
     /// Skips the value at `path`.
     fn skip_value(&mut self, path: &str, name: Option<Range<usize>>) {
         self.skip_blank();
-        let start = self.at;
+        let start = self.offset;
         match self.current_char() {
             Some('"') => self.skip_string(path),
             Some('r') if self.skip_raw_string() => {}
@@ -355,7 +365,7 @@ impl<'a> RonParser<'a> {
                     return self.report_missing_value(path);
                 }
                 self.advance(length);
-                let head = self.at;
+                let head = self.offset;
                 self.skip_blank();
                 match self.current_char() {
                     Some('(') => self.skip_items(path, '('),
@@ -372,7 +382,7 @@ impl<'a> RonParser<'a> {
             None if self.open.is_empty() => self.add_fault(self.last_end, path, "the text ends", "expected a value"),
             None => {}
             Some(mark @ (',' | ')' | ']' | '}' | ';' | ':' | '=')) => {
-                self.add_fault(self.at, path, &format!("'{mark}'"), "expected a value before it");
+                self.add_fault(self.offset, path, &format!("'{mark}'"), "expected a value before it");
                 if mark == ':' || mark == '=' {
                     self.advance(1);
                 }
@@ -389,7 +399,7 @@ impl<'a> RonParser<'a> {
                 };
                 let quotes = "\u{201c}\u{201d}\u{201e}\u{ab}\u{bb}`".contains(mark);
                 self.add_fault(
-                    self.at,
+                    self.offset,
                     path,
                     &found,
                     if quotes { "expected plain quotes \"" } else { "expected a value" },
@@ -401,7 +411,7 @@ impl<'a> RonParser<'a> {
 
     /// Skips `'x'`; a longer text in such quotes is a mistake.
     fn skip_character(&mut self, path: &str) {
-        let start = self.at;
+        let start = self.offset;
         let line = self.remaining_text()[1..].split('\n').next().unwrap_or("");
         match line.find('\'') {
             Some(end) => {
@@ -420,7 +430,7 @@ impl<'a> RonParser<'a> {
 
     /// Skips a bracket, its contents and its closing bracket.
     fn skip_items(&mut self, path: &str, bracket: char) {
-        let start = self.at;
+        let start = self.offset;
         let (line, column) = line_and_column(self.text, start);
         let closing = closing_bracket(bracket);
         if bracket == '{' {
@@ -449,23 +459,23 @@ impl<'a> RonParser<'a> {
                     return;
                 }
                 Some(close @ (')' | ']' | '}')) if close == closing || bracket == '{' => {
-                    self.brackets.push((bracket, start, self.at));
+                    self.brackets.push((bracket, start, self.offset));
                     self.open.pop();
                     return self.advance(1);
                 }
                 Some(close @ (')' | ']' | '}')) => {
                     let found = format!("'{close}', while '{bracket}' of {line}:{column} is open");
-                    self.add_fault(self.at, path, &found, &format!("expected '{closing}' before it"));
+                    self.add_fault(self.offset, path, &found, &format!("expected '{closing}' before it"));
                     return self.give_up();
                 }
                 Some(',') => {
-                    self.add_fault(self.at, path, "','", "expected a value before it");
+                    self.add_fault(self.offset, path, "','", "expected a value before it");
                     self.advance(1);
                     continue;
                 }
                 Some(_) => {}
             }
-            let item = self.at;
+            let item = self.offset;
             let name = self.read_field_name(path);
             let word = name.as_ref().map_or("", |name| &self.text[name.clone()]);
             if name.is_some() && bracket == '[' {
@@ -490,7 +500,7 @@ impl<'a> RonParser<'a> {
             let lacks_name = !has_name && names > 0 && bracket == '(';
             let mistakes_before = self.mistakes.len();
             self.skip_blank();
-            let value_start = self.at;
+            let value_start = self.offset;
             self.skip_value(&item_path, name);
             let value = &self.text[value_start..self.last_end.max(value_start)];
             if lacks_name && self.mistakes.len() == mistakes_before && !self.aborted {
@@ -500,7 +510,7 @@ impl<'a> RonParser<'a> {
             match self.current_char() {
                 Some(',') => self.advance(1),
                 Some(';') => {
-                    self.add_fault(self.at, &item_path, "';'", "expected ','");
+                    self.add_fault(self.offset, &item_path, "';'", "expected ','");
                     self.advance(1);
                 }
                 Some(')' | ']' | '}') | None => {}
@@ -524,7 +534,7 @@ impl<'a> RonParser<'a> {
         let before = &self.text[..item];
         let digit = |c: char| c.is_ascii_digit();
         if before.ends_with(',') && before[..item - 1].ends_with(digit) && value.starts_with(digit) {
-            let number = before.rfind(|c: char| !(digit(c) || c == ',' || c == '-')).map_or(0, |at| at + 1);
+            let number = before.rfind(|c: char| !(digit(c) || c == ',' || c == '-')).map_or(0, |offset| offset + 1);
             let found = self.text[number..item + value.len()].to_string();
             let with_point = found.replace(',', ".");
             let expected = match with_point.matches('.').count() {
@@ -541,7 +551,7 @@ impl<'a> RonParser<'a> {
     /// Reports the text that follows a value instead of a comma; `mark` is its first character.
     fn report_missing_comma(&mut self, path: &str, value: &str, mark: char) {
         let next = display_text(&self.remaining_text()[..self.word_length().max(mark.len_utf8())]);
-        let is_same_line = !self.text[self.last_end..self.at].contains('\n');
+        let is_same_line = !self.text[self.last_end..self.offset].contains('\n');
         let is_number = begins_with_number(value);
         // The text up to the end of the item, as in `2700.0 kg/m3` and `2.7*1000`.
         let rest = self.remaining_text();
@@ -549,18 +559,18 @@ impl<'a> RonParser<'a> {
         let end = rest[..end].find("//").unwrap_or(end);
         let ends_item = !rest[end..].starts_with([':', '(', '[', '"']);
         if is_number && is_same_line && ends_item && (mark.is_alphabetic() || "*/^%\u{b0}\u{b7}".contains(mark)) {
-            let at = self.last_end - value.len();
-            let begin = self.at;
+            let offset = self.last_end - value.len();
+            let begin = self.offset;
             self.advance(rest[..end].trim_end().len());
-            let found = display_text(&self.text[at..self.at]);
+            let found = display_text(&self.text[offset..self.offset]);
             let is_term = |part: &str| part.trim().parse::<f64>().is_ok();
-            let is_arithmetic = self.text[begin..self.at].split(['*', '/', '^', '%']).skip(1).any(is_term);
+            let is_arithmetic = self.text[begin..self.offset].split(['*', '/', '^', '%']).skip(1).any(is_term);
             let expected = if is_arithmetic && !mark.is_alphabetic() {
                 "expected one number: arithmetic is not supported"
             } else {
                 "expected a number without unit"
             };
-            self.add_fault(at, path, &found, expected);
+            self.add_fault(offset, path, &found, expected);
             self.skip_blank();
             if self.current_char() == Some(',') {
                 self.advance(1);
@@ -571,7 +581,7 @@ impl<'a> RonParser<'a> {
                 self.give_up();
             }
         } else {
-            self.add_fault(self.at, path, &format!("'{next}'"), "expected ','");
+            self.add_fault(self.offset, path, &format!("'{next}'"), "expected ','");
             self.give_up();
         }
     }
@@ -591,11 +601,11 @@ fn closing_bracket(bracket: char) -> char {
 }
 
 /// Expectation for a text in single quotes: the numbers in it without quotes, or the text in double quotes.
-fn unquoted_expectation(inside: &str) -> String {
-    let numbers = inside.trim().trim_start_matches('(').trim_end_matches(')');
+fn unquoted_expectation(content: &str) -> String {
+    let numbers = content.trim().trim_start_matches('(').trim_end_matches(')');
     match (numbers.split(',').all(|part| part.trim().parse::<f64>().is_ok()), numbers.contains(',')) {
-        (true, true) => format!("expected ({numbers}), or \"{inside}\" for a text"),
-        (true, false) => format!("expected {numbers}, or \"{inside}\" for a text"),
-        (false, _) => format!("expected \"{inside}\""),
+        (true, true) => format!("expected ({numbers}), or \"{content}\" for a text"),
+        (true, false) => format!("expected {numbers}, or \"{content}\" for a text"),
+        (false, _) => format!("expected \"{content}\""),
     }
 }

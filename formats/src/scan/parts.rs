@@ -26,8 +26,8 @@ struct TextCounts {
 
 impl AsciiText<'_> {
     /// The text in parts, each of which but the first begins with a line `$keyword`. The counts of the text are added to
-    /// `before`, those of the text before it.
-    fn parts(&self, keyword: &str, before: &mut TextCounts) -> Vec<TextPart<'_>> {
+    /// `counts_before`, those of the text before it.
+    fn parts(&self, keyword: &str, counts_before: &mut TextCounts) -> Vec<TextPart<'_>> {
         let begin = format!("\n${keyword}");
         let mut texts = Vec::new();
         let mut rest: &str = &self.0;
@@ -51,8 +51,9 @@ impl AsciiText<'_> {
             several => several.par_iter().map(count).collect(),
         };
         let part = |(text, own): (_, TextCounts)| {
-            let part = TextPart { text, lines_before: before.lines, records_before: before.records };
-            *before = TextCounts { lines: before.lines + own.lines, records: before.records + own.records };
+            let part = TextPart { text, lines_before: counts_before.lines, records_before: counts_before.records };
+            *counts_before =
+                TextCounts { lines: counts_before.lines + own.lines, records: counts_before.records + own.records };
             part
         };
         texts.into_iter().zip(counts).map(part).collect()

@@ -303,25 +303,25 @@ fn read_table(path: &Path) -> Result<Vec<RunErrors>, Faults> {
 
 /// Root mean square of each error over the realisations, and mean of the seconds; value and order of the runs are taken
 /// from the first realisation.
-fn average_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<RunErrors>, Faults> {
+fn average_realisations(folders: &[PathBuf], realisations: &[Vec<RunErrors>]) -> Result<Vec<RunErrors>, Faults> {
     let mut faults = Faults::default();
     let mismatch_fault = |folder: &Path, found: String| {
         let expected = format!("expected the runs of {}", folders[0].display());
         Fault::new(&existing_table(folder), None, "run", found, expected)
     };
     let row_of = |runs: &[RunErrors], name: &str| runs.iter().find(|run| run.name == name).map(|run| run.row);
-    for (folder, runs) in folders.iter().zip(all) {
-        for run in runs.iter().filter(|run| row_of(&all[0], &run.name).is_none()) {
+    for (folder, runs) in folders.iter().zip(realisations) {
+        for run in runs.iter().filter(|run| row_of(&realisations[0], &run.name).is_none()) {
             faults.push(mismatch_fault(folder, format!("{} as well", run.name)));
         }
     }
     let mut averages = Vec::new();
-    for run in &all[0] {
+    for run in &realisations[0] {
         let errors_of = |(folder, runs): (&PathBuf, &Vec<RunErrors>)| {
             row_of(runs, &run.name).ok_or_else(|| Faults::from(mismatch_fault(folder, format!("no {}", run.name))))
         };
         let rows: Vec<ErrorRow> =
-            folders.iter().zip(all).filter_map(|each| faults.gather_result(errors_of(each))).collect();
+            folders.iter().zip(realisations).filter_map(|each| faults.gather_result(errors_of(each))).collect();
         let mean = |figure: fn(ErrorRow) -> f64| rows.iter().map(|row| figure(*row)).sum::<f64>() / rows.len() as f64;
         let columns: Vec<_> = rows.iter().map(|row| row.to_columns()).collect();
         let root_mean_square =

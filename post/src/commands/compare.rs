@@ -73,7 +73,7 @@ pub struct ComparisonOptions<'a> {
     /// Columns to compare; if empty, the columns of the plots.
     pub columns: &'a [String],
     /// Column of the horizontal axis; without it time, or the table's first column.
-    pub against: Option<&'a str>,
+    pub x_column: Option<&'a str>,
 }
 
 /// Reads a table of each case and writes a figure and a table for each of the columns into `output`.
@@ -88,7 +88,7 @@ pub fn write(
     comparison: &ComparisonOptions,
     output: &Path,
 ) -> Result<(usize, Vec<String>), Faults> {
-    let ComparisonOptions { table, columns, against } = *comparison;
+    let ComparisonOptions { table, columns, x_column } = *comparison;
     let mut faults = Faults::default();
     let option =
         |name: &str, found: String, expected: String| Fault::new(Path::new("options"), None, name, found, expected);
@@ -113,8 +113,8 @@ pub fn write(
     let columns = if are_default_columns { quantity_columns.as_ref().unwrap_or(&kind.drawn) } else { columns };
     // Plots of columns that no run has, such as the bed of aggregates, are left out.
     let omits_empty_columns = are_default_columns && table == Path::new("series.csv");
-    let against = against.unwrap_or(kind.find_column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
-    let requested = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
+    let x_column = x_column.unwrap_or(kind.find_column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
+    let requested = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", x_column)]);
     let has_column = |name: &str| {
         let is_of_quantity = |columns: &Vec<String>| {
             ["step", "time", "h"].contains(&name) || columns.iter().any(|column| column == name)
@@ -133,7 +133,7 @@ pub fn write(
     let known: Vec<&str> = requested.map(|(_, name)| name).filter(|name| has_column(name)).collect();
     let mut names = case_names(cases);
     names.iter_mut().zip(labels).for_each(|(name, label)| name.clone_from(label));
-    faults.0.extend(name_faults(if labels.is_empty() { "runs" } else { "labels" }, &names, Some(against)));
+    faults.0.extend(name_faults(if labels.is_empty() { "runs" } else { "labels" }, &names, Some(x_column)));
     // A table with a row for each snapshot has one at least; others may be empty, such as forces of grains that do not touch.
     let by_snapshot = kind.find_column("time").is_some();
     let read_table = |case: &PathBuf| {
@@ -156,7 +156,7 @@ pub fn write(
     let has_values = |name: &&String| runs.iter().any(|run| run.columns[*name].iter().any(|value| value.is_finite()));
     let columns: Vec<&String> = columns.iter().filter(|name| !omits_empty_columns || has_values(name)).collect();
     for name in &columns {
-        let (figure, table) = comparison_figure(&runs, &kind, name, against);
+        let (figure, table) = comparison_figure(&runs, &kind, name, x_column);
         notes.extend(figure.repeated_style_warning());
         atomic::write(&output.join(format!("{name}.svg")), figure.to_svg().as_bytes())?;
         atomic::write(&output.join(format!("{name}.csv")), table.as_bytes())?;
@@ -206,10 +206,10 @@ fn writing_command(case: &Path, table: &Path) -> String {
 
 /// Figure and table of a column: a row for each value of the horizontal axis of any run, with an empty field for runs
 /// without that value. Several values of a run at one position are averaged.
-fn comparison_figure(runs: &[SeriesRun], kind: &TableKind, name: &str, against: &str) -> (Figure, String) {
+fn comparison_figure(runs: &[SeriesRun], kind: &TableKind, name: &str, x_column: &str) -> (Figure, String) {
     let points: Vec<Vec<(f64, f64)>> = runs
         .iter()
-        .map(|run| run.columns[against].iter().copied().zip(run.columns[name].iter().copied()).collect())
+        .map(|run| run.columns[x_column].iter().copied().zip(run.columns[name].iter().copied()).collect())
         .collect();
     let axis = |name: &str| {
         let unit = kind.find_column(name).map_or("1", |(_, unit, _)| unit);
@@ -225,9 +225,9 @@ fn comparison_figure(runs: &[SeriesRun], kind: &TableKind, name: &str, against: 
     let mut letters = label(name).chars().collect::<Vec<_>>().into_iter();
     let title = letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect());
     let curves = runs.iter().zip(&points).map(|(run, points)| Curve::line(&run.name, points.clone())).collect();
-    let x = FigureAxis { quantity: label(against), logarithmic: false, ..axis(against) };
+    let x = FigureAxis { quantity: label(x_column), logarithmic: false, ..axis(x_column) };
     let figure = Figure { title, x, y: axis(name), curves };
-    let is_same = |a: f64, b: f64| a == b || against == "time" && same_time(a, b);
+    let is_same = |a: f64, b: f64| a == b || x_column == "time" && same_time(a, b);
     let mut abscissas: Vec<f64> = Vec::new();
     for points in &points {
         let others = abscissas.clone();
@@ -237,10 +237,10 @@ fn comparison_figure(runs: &[SeriesRun], kind: &TableKind, name: &str, against: 
     abscissas.sort_by(f64::total_cmp);
     abscissas.dedup();
     let run_names: Vec<String> = runs.iter().map(|run| name_field(&run.name)).collect();
-    let header: Vec<&str> = std::iter::once(against).chain(run_names.iter().map(String::as_str)).collect();
+    let header: Vec<&str> = std::iter::once(x_column).chain(run_names.iter().map(String::as_str)).collect();
     let rows = abscissas.into_iter().map(|x| {
         let mean_value = |points: &Vec<(f64, f64)>| {
-            let abscissa = if against == "time" { nearest_time(points.iter().map(|p| p.0), x) } else { Some(x) };
+            let abscissa = if x_column == "time" { nearest_time(points.iter().map(|p| p.0), x) } else { Some(x) };
             // A table may contain one position several times: the mean of its values there.
             let finite_points = points.iter().filter(|p| Some(p.0) == abscissa && p.1.is_finite());
             let (count, sum) = finite_points.fold((0.0, 0.0), |(count, sum), p| (count + 1.0, sum + p.1));

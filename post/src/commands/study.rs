@@ -54,13 +54,13 @@ pub struct StudyOptions<'a> {
     /// Group of each case, which the figures distinguish; empty for a single group.
     pub groups: &'a [String],
     /// Parameters whose values are the groups, in place of `groups`.
-    pub by: &'a [String],
+    pub grouping: &'a [String],
     /// Table of `cd-pre study` with the parameters of the cases.
     pub parameters: Option<&'a Path>,
     /// Start of the snapshots over which means are taken, s; without it, the last snapshot alone.
     pub from: Option<f64>,
     /// End of these snapshots, s.
-    pub until: Option<f64>,
+    pub to: Option<f64>,
 }
 
 /// Cases, with the values of their parameters as in the table of a study.
@@ -156,12 +156,12 @@ impl StudyCases {
         self.folders.extend(other.folders);
     }
 
-    /// Group of each case: the values of the parameters `by`.
-    fn groups_by(&self, by: &[String]) -> Result<Vec<String>, Faults> {
+    /// Group of each case: the values of these `parameters`.
+    fn groups_by(&self, parameters: &[String]) -> Result<Vec<String>, Faults> {
         let mut faults = Faults::default();
         let known: Vec<&str> = self.names.iter().map(String::as_str).collect();
         let mut columns = Vec::new();
-        for name in by {
+        for name in parameters {
             match self.names.iter().position(|known| known == name) {
                 Some(column) => columns.push(column),
                 None => {
@@ -231,8 +231,8 @@ impl StudyRun {
 pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result<([usize; 2], Vec<String>), Faults> {
     let study = StudyCases::new(paths, options.parameters)?;
     let cases = &study.folders;
-    let groups = study.groups_by(options.by)?;
-    let groups = if options.by.is_empty() { options.groups } else { &groups };
+    let groups = study.groups_by(options.grouping)?;
+    let groups = if options.grouping.is_empty() { options.groups } else { &groups };
     let mut faults = Faults::default();
     if !groups.is_empty() && groups.len() != cases.len() {
         let expected = format!("expected {}, one for each case", cases.len());
@@ -246,7 +246,7 @@ pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
         let name = names[k].clone();
         let parameters = study.values[k].clone();
-        runs.extend(faults.gather_result(measure_run(case, options.from, options.until)).map(|values| StudyRun {
+        runs.extend(faults.gather_result(measure_run(case, options.from, options.to)).map(|values| StudyRun {
             name,
             group,
             parameters,
@@ -274,19 +274,19 @@ pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result
 }
 
 /// Values of a run.
-fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f64>, Faults> {
+fn measure_run(case: &Path, from: Option<f64>, to: Option<f64>) -> Result<Vec<f64>, Faults> {
     let path = case.join("POSTPRO/series.csv");
     let needed = ["step", "time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure_sphere"];
     let series = read_columns(&path, &needed)?;
     let times = &series["time"];
     let nearest_snapshot_time = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
-    let until = until.map_or(f64::INFINITY, nearest_snapshot_time);
-    let last = times.iter().copied().filter(|time| *time <= until).fold(f64::NAN, f64::max);
-    let counted_times = from.map_or(last, nearest_snapshot_time)..=until;
+    let to = to.map_or(f64::INFINITY, nearest_snapshot_time);
+    let last = times.iter().copied().filter(|time| *time <= to).fold(f64::NAN, f64::max);
+    let counted_times = from.map_or(last, nearest_snapshot_time)..=to;
     let counted: Vec<usize> = (0..times.len()).filter(|&k| counted_times.contains(&times[k])).collect();
     if counted.is_empty() {
         let found = times.last().map_or("has no snapshot".into(), |time| format!("ends at {} s", number_text(*time)));
-        let end = if until.is_finite() { format!(" to --until {} s", number_text(until)) } else { String::new() };
+        let end = if to.is_finite() { format!(" to --until {} s", number_text(to)) } else { String::new() };
         let expected = match from {
             Some(from) => format!("expected a snapshot from --from {} s{end}", number_text(from)),
             None => format!("expected a snapshot{end}"),

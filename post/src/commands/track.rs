@@ -187,7 +187,7 @@ fn upward_direction(frame: &Frame, body: u64) -> Option<Vec3> {
 /// Acceleration of a grain without contacts, m/s^2; None in rotating axes.
 fn free_fall(frame: &Frame, grain: GrainId) -> Option<Vec3> {
     let (x, fields) = (frame.grains[grain].x, external_fields(frame));
-    let turns = fields.iter().any(|field| matches!(field, FieldModel::Turning { .. }));
+    let turns = fields.iter().any(|field| matches!(field, FieldModel::RotatingAxes { .. }));
     let others = frame.grain_ids().filter(|other| *other != grain);
     let pull = self_gravity_constant(frame).map_or(Vec3::zeros(), |constant| {
         others.map(|other| ball_attraction(&frame.grains[other], x)).sum::<Vec3>() * constant

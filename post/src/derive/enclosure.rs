@@ -287,8 +287,8 @@ impl<'a> GrainEnclosure<'a> {
         Some(BedWalls { planes: self.planes, bores: self.bores })
     }
 
-    fn members_inside(&self, inside: impl Fn(&Vec3) -> bool) -> Vec<GrainId> {
-        self.frame.grain_ids().filter(|&i| inside(&self.frame.grains[i].x)).collect()
+    fn members_inside(&self, is_inside: impl Fn(&Vec3) -> bool) -> Vec<GrainId> {
+        self.frame.grain_ids().filter(|&i| is_inside(&self.frame.grains[i].x)).collect()
     }
 
     /// Returns the layer between two heights (m) above the lowest point of the space, or of the grains if the space is open

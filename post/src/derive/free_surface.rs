@@ -422,12 +422,12 @@ impl ColumnGrid {
         heights
     }
 
-    /// Removes the heights of columns that stand on the flank of the grains along a leaning wall, with `lowest` the lowest
+    /// Removes the heights of columns that stand on the flank of the grains along a leaning wall, with `lowest_height` the lowest
     /// point of the grains. A wall over most of the columns is a lid, under which all is surface.
     ///
     /// The flank of grains of depth H has the width H sin(lean) seen from above.
-    fn remove_flanks(&self, heights: &mut [f64], lowest: f64, walls: &[LeaningWall]) {
-        let depth = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max) - lowest;
+    fn remove_flanks(&self, heights: &mut [f64], lowest_height: f64, walls: &[LeaningWall]) {
+        let depth = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max) - lowest_height;
         let known: Vec<usize> = (0..heights.len()).filter(|&k| heights[k].is_finite()).collect();
         let point = |k: usize, height: f64| {
             let [a, b] = self.column_middle(k);

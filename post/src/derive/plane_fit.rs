@@ -64,9 +64,9 @@ impl PlaneFit {
     }
 
     /// Adds a height (m) at (x, y) from the point, which represents `part` of the surface.
-    pub fn add(&mut self, at: [f64; 2], height: f64, part: f64) {
-        let weighted_part = self.weight_at(at) * part;
-        let row = Vec3::new(1.0, at[0] / self.reach, at[1] / self.reach);
+    pub fn add(&mut self, position: [f64; 2], height: f64, part: f64) {
+        let weighted_part = self.weight_at(position) * part;
+        let row = Vec3::new(1.0, position[0] / self.reach, position[1] / self.reach);
         self.matrix += weighted_part * row * row.transpose();
         self.sums += weighted_part * height * row;
         self.noise += weighted_part * weighted_part / part * row * row.transpose();

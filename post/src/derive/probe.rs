@@ -123,8 +123,8 @@ fn even_points(count: usize) -> impl Iterator<Item = [f64; 3]> {
 #[derive(Default)]
 struct ContainedVolume {
     /// Volume inside of a probe.
-    inside: f64,
-    all: f64,
+    contained: f64,
+    total: f64,
 }
 
 /// Number and name of a region in the tables.
@@ -152,14 +152,14 @@ pub fn share_of_grain(region: &ConvexRegion, grain: &Grain) -> f64 {
     }
     let ball = |(x, r): (Vec3, f64)| {
         let volume = 4.0 / 3.0 * std::f64::consts::PI * r.powi(3);
-        ContainedVolume { inside: volume * region.share_of_ball(&x, r), all: volume }
+        ContainedVolume { contained: volume * region.share_of_ball(&x, r), total: volume }
     };
     let parts = grain.balls().map(ball).chain([polyhedron_volumes(region, grain)]);
     let sum = parts.fold(ContainedVolume::default(), |sum, part| ContainedVolume {
-        inside: sum.inside + part.inside,
-        all: sum.all + part.all,
+        contained: sum.contained + part.contained,
+        total: sum.total + part.total,
     });
-    sum.inside / sum.all
+    sum.contained / sum.total
 }
 
 /// Volumes of a grain's polyhedra, by tetrahedra from its centre to triangles of its faces.
@@ -171,9 +171,11 @@ fn polyhedron_volumes(region: &ConvexRegion, grain: &Grain) -> ContainedVolume {
     triangles.fold(ContainedVolume::default(), |sum, triangle| {
         let [a, b, c] = triangle.map(|k| vertices[k as usize] - grain.x);
         let volume = a.dot(&b.cross(&c)) / 6.0;
-        let contained =
-            points.iter().filter(|[s, t, u]| region.contains(&(grain.x + a * *s + b * *t + c * *u))).count();
-        ContainedVolume { inside: sum.inside + volume * contained as f64 / points.len() as f64, all: sum.all + volume }
+        let count = points.iter().filter(|[s, t, u]| region.contains(&(grain.x + a * *s + b * *t + c * *u))).count();
+        ContainedVolume {
+            contained: sum.contained + volume * count as f64 / points.len() as f64,
+            total: sum.total + volume,
+        }
     })
 }
 

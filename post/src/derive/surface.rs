@@ -153,7 +153,7 @@ fn acceleration_in_own_axes(
     let borne =
         |contact: &Contact| contact.grain_pair().is_none() && contact.on_grains().any(|(i, _, _)| own[i.index()]);
     if frame.active_contacts().any(borne) {
-        let turning = fields.iter().filter(|field| matches!(field, FieldModel::Turning { .. }));
+        let turning = fields.iter().filter(|field| matches!(field, FieldModel::RotatingAxes { .. }));
         return Vec3::from(frame.meta.parameters.uniform_gravity)
             + turning.map(|f| f.acceleration_and_potential(&sums.x).0).sum::<Vec3>();
     }

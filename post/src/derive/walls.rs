@@ -105,8 +105,8 @@ fn counter_clockwise(mut corners: Vec<Vec3>, normal: &Vec3) -> Vec<Vec3> {
 const MAX_ESCAPED_SHARE: f64 = 0.02;
 
 /// Whether all grains but [`MAX_ESCAPED_SHARE`] of them have their centres inside.
-fn nearly_all(frame: &Frame, grains: &[GrainId], inside: impl Fn(&Vec3) -> bool) -> bool {
-    let beyond = grains.iter().filter(|&&i| !inside(&frame.grains[i].x)).count();
+fn nearly_all(frame: &Frame, grains: &[GrainId], is_inside: impl Fn(&Vec3) -> bool) -> bool {
+    let beyond = grains.iter().filter(|&&i| !is_inside(&frame.grains[i].x)).count();
     beyond as f64 <= MAX_ESCAPED_SHARE * grains.len() as f64
 }
 

@@ -298,7 +298,7 @@ fn merge_visibility(
         let is_short = check::is_positive(alert) && alert < attraction_range(law);
         let expected = format!("at least the range of the law, {} m", number_text(attraction_range(law)));
         report.require(!is_short, &alert_path, report.number_text(&alert_path, alert), &expected);
-        let can_be_pushed = |colour: &str| groups.iter().any(|group| group.moving.contains(colour));
+        let can_be_pushed = |colour: &str| groups.iter().any(|group| group.free_colours.contains(colour));
         let mut pairs = contact_pairs(&used_contactors, (a, b));
         if can_be_pushed(a) || can_be_pushed(b) {
             pairs.extend(wall_pairs(&used_contactors, (a, b)));
@@ -353,18 +353,18 @@ fn rows_of_new_shapes(
 #[derive(Default)]
 struct GroupColours<'a> {
     /// Colours of bodies that contacts can push.
-    moving: BTreeSet<&'a str>,
+    free_colours: BTreeSet<&'a str>,
     /// Colours of bodies that contacts cannot push.
-    imposed: BTreeSet<&'a str>,
+    held_colours: BTreeSet<&'a str>,
 }
 
 impl<'a> GroupColours<'a> {
     /// Adds the colour of a body.
     fn insert(&mut self, colour: &'a str, can_be_pushed: bool) {
         if can_be_pushed {
-            self.moving.insert(colour)
+            self.free_colours.insert(colour)
         } else {
-            self.imposed.insert(colour)
+            self.held_colours.insert(colour)
         };
     }
 
@@ -407,9 +407,9 @@ fn expect_all_pairs(
 ) {
     let mut reported_pairs: BTreeSet<(&str, &str)> = BTreeSet::new();
     for (i, group) in groups.iter().enumerate() {
-        for a in &group.moving {
+        for a in &group.free_colours {
             for (j, other) in groups.iter().enumerate() {
-                for b in other.moving.iter().chain(&other.imposed) {
+                for b in other.free_colours.iter().chain(&other.held_colours) {
                     let pair = ordered_pair(a, b);
                     let is_checked = i == j && i < part_count
                         || known_pairs.contains(&pair)

@@ -231,9 +231,9 @@ fn decompose_convex(
 
 /// Merges pairs of pieces into their common hull, those to which it adds the least volume first, until at most
 /// `max_pieces` are left. The decomposition halves pieces and may exceed that number.
-fn merge_pieces(mut all: Vec<Surface>, max_pieces: usize, max_vertices: usize) -> Result<Vec<Surface>, HullError> {
-    if all.len() <= max_pieces {
-        return Ok(all);
+fn merge_pieces(mut pieces: Vec<Surface>, max_pieces: usize, max_vertices: usize) -> Result<Vec<Surface>, HullError> {
+    if pieces.len() <= max_pieces {
+        return Ok(pieces);
     }
     let hull = |a: &Surface, b: &Surface| {
         hull::convex_hull(&[a.vertices(), b.vertices()].concat()).and_then(|hull| reduce_vertices(hull, max_vertices))
@@ -242,19 +242,20 @@ fn merge_pieces(mut all: Vec<Surface>, max_pieces: usize, max_vertices: usize) -
     let (mut remaining, mut pairs) = (Vec::new(), Vec::<(f64, [usize; 2])>::new());
     let mut first_new = 0;
     loop {
-        for b in first_new..all.len() {
+        for b in first_new..pieces.len() {
             let added_volume = |a: usize| {
-                hull(&all[a], &all[b]).map_or(f64::INFINITY, |hull| hull.volume() - all[a].volume() - all[b].volume())
+                hull(&pieces[a], &pieces[b])
+                    .map_or(f64::INFINITY, |hull| hull.volume() - pieces[a].volume() - pieces[b].volume())
             };
             pairs.extend(remaining.iter().map(|&a| (added_volume(a), [a, b])));
             remaining.push(b);
         }
-        first_new = all.len();
+        first_new = pieces.len();
         let best_pair = pairs.iter().min_by(|(volume, _), (other, _)| volume.total_cmp(other));
         let Some(&(_, joined)) = best_pair.filter(|_| remaining.len() > max_pieces) else {
-            return Ok(remaining.into_iter().map(|k| all[k].clone()).collect());
+            return Ok(remaining.into_iter().map(|k| pieces[k].clone()).collect());
         };
-        all.push(hull(&all[joined[0]], &all[joined[1]])?);
+        pieces.push(hull(&pieces[joined[0]], &pieces[joined[1]])?);
         remaining.retain(|k| !joined.contains(k));
         pairs.retain(|(_, pair)| pair.iter().all(|k| !joined.contains(k)));
     }

@@ -126,7 +126,7 @@ fn change_motion(scene: &Scene, state: &mut State, new_motion: impl Fn(usize, Tw
         add_vector(&mut state.ledger.angular_momentum_expected, &(state.x[i].cross(&momentum) + own_angular_momentum));
         (state.v[i], state.w[i]) = (v, w);
     }
-    for (&i, angular_momentum) in scene.turning.iter().zip(&mut state.angular_momentum) {
+    for (&i, angular_momentum) in scene.free_rotors.iter().zip(&mut state.angular_momentum) {
         let i = i.index();
         *angular_momentum = scene.bodies[i].angular_momentum(&state.q[i], &state.w[i]);
     }

@@ -57,9 +57,9 @@ pub(super) struct BondState {
     pub in_aggregate: bool,
 }
 
-/// Whether each body is in one of the contacts `chosen`, or is connected to one of these through others. `contacts` are
+/// Whether each body is in one of the contacts `roots`, or is connected to one of these through others. `contacts` are
 /// all that can close. Bodies that never move are not counted.
-pub fn connected_bodies(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]) -> Vec<bool> {
+pub fn connected_bodies(scene: &Scene, contacts: &[Contact], roots: &[&Contact]) -> Vec<bool> {
     let mut rests: Vec<bool> = scene.bodies.iter().map(|body| body.driven && !body.is_driven_in_part()).collect();
     scene.drives.iter().filter(|drive| drive.ever_moves()).for_each(|drive| rests[drive.body.index()] = false);
     let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|i| i.index());
@@ -68,7 +68,7 @@ pub fn connected_bodies(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]
         groups.union(a, b);
     }
     let mut has_chosen = vec![false; scene.bodies.len()];
-    for i in chosen.iter().flat_map(|contact| bodies(contact)).filter(|&i| !rests[i]) {
+    for i in roots.iter().flat_map(|contact| bodies(contact)).filter(|&i| !rests[i]) {
         has_chosen[groups.find(i)] = true;
     }
     (0..scene.bodies.len()).map(|i| has_chosen[groups.find(i)]).collect()

@@ -25,8 +25,8 @@ pub struct InterfaceRow {
 
 impl InterfaceRow {
     /// Velocity of the interface at û of its row, m/s.
-    pub fn velocity(&self, n: &Vec3, shifted: &Vec3) -> Vec3 {
-        shifted - n * self.shift
+    pub fn velocity(&self, n: &Vec3, shifted_velocity: &Vec3) -> Vec3 {
+        shifted_velocity - n * self.shift
     }
 
     /// Opening and sliding at the end of the step with the velocity `v` of the interface, m.

@@ -2,6 +2,7 @@
 
 mod closed_by_others;
 mod context;
+mod curvature;
 mod events;
 mod faces;
 mod forces;
@@ -14,7 +15,6 @@ mod rigid_motion;
 mod rows;
 mod self_gravity;
 mod stored;
-mod turning;
 
 pub use closed_by_others::contacts_closed_by_others;
 pub use events::{AppliedEvents, apply_events, apply_torque_and_damping};

@@ -145,7 +145,7 @@ fn extrapolate_self_gravity(
             evaluate_self_gravity(scene, &q_c.order, positions, masses);
         let record = Record { times: [now; 2], potentials: [energy; 2], removed, ..Record::default() };
         let rows: Arc<[Vec3]> = acceleration.as_slice().into();
-        let next = GravityHistory { record, last: rows.clone(), before: rows };
+        let next = GravityHistory { record, last: rows.clone(), previous: rows };
         let report = GravityReport { removed, ..GravityReport::default() };
         return SelfGravity { acceleration, energy, report, next: Some(next) };
     };
@@ -153,7 +153,7 @@ fn extrapolate_self_gravity(
     let [last, before] = record.times;
     let extrapolation = if last > before { (now - last) / (last - before) } else { 0.0 };
     let mut acceleration: Vec<Vec3> =
-        old.last.iter().zip(&*old.before).map(|(a, b)| a + (a - b) * extrapolation).collect();
+        old.last.iter().zip(&*old.previous).map(|(a, b)| a + (a - b) * extrapolation).collect();
     let (age, moved) = (record.age + q_c.step_multiple, record.moved + largest_speed * q_c.h);
     // The error after a time s, extrapolated over an interval t, is proportional to s (s + t).
     let allowed = EXTRAPOLATION_ERROR_SHARE * options.gravity_error() / record.extrapolation_error;
@@ -177,7 +177,7 @@ fn extrapolate_self_gravity(
     let times = [now, last];
     let potentials = [energy, record.potentials[0]];
     let record = Record { age: 0, times, potentials, moved: 0.0, removed, extrapolation_error };
-    let next = GravityHistory { record, last: fresh.as_slice().into(), before: old.last.clone() };
+    let next = GravityHistory { record, last: fresh.as_slice().into(), previous: old.last.clone() };
     SelfGravity { acceleration: fresh, energy, report: report(removed, extrapolation_error), next: Some(next) }
 }
 

@@ -14,7 +14,7 @@ use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::{BodyId, BodyShape, Scene};
 use crate::state::{Contact, Velocities};
 
-/// Contacts of pairs that are not in `listed` and that the velocities `solved` close in the step; both lists are ordered by
+/// Contacts of pairs that are not in `contacts` and that the velocities `solved` close in the step; both lists are ordered by
 /// key.
 ///
 /// `free`, `solved`: velocities in the contact configuration without and with contacts. A pair is not late if contacts have
@@ -24,10 +24,10 @@ pub fn late_contacts(
     q_c: &ContactConfiguration,
     free: Velocities,
     solved: Velocities,
-    listed: &[Contact],
+    contacts: &[Contact],
 ) -> Vec<Contact> {
     let alerts = scene.visibility.table.iter().flatten().map(|rule| rule.alert);
-    let Some(smallest_alert) = alerts.reduce(f64::min).filter(|_| !listed.is_empty()) else { return Vec::new() };
+    let Some(smallest_alert) = alerts.reduce(f64::min).filter(|_| !contacts.is_empty()) else { return Vec::new() };
     // Each of the two bodies gets half of the margin.
     let margin = 0.5 * LISTING_MARGIN * smallest_alert;
     let extents = rotating_extents(scene);
@@ -42,7 +42,7 @@ pub fn late_contacts(
     if !searched.contains(&true) {
         return Vec::new();
     }
-    let is_listed = |contact: &Contact| listed.binary_search_by_key(&contactor_pair(contact), contactor_pair).is_ok();
+    let is_listed = |contact: &Contact| contacts.binary_search_by_key(&contactor_pair(contact), contactor_pair).is_ok();
     let bounds = TravelBounds { nearby: 0.0, ..TravelBounds::new(scene, q_c, solved, span) };
     if scene.has_parts() {
         let mut found =
@@ -58,7 +58,7 @@ pub fn late_contacts(
         let is_surface = |contact: &&Contact| {
             scene.find_link([contact.candidate, contact.antagonist], contact.part_numbers).is_none()
         };
-        let mut all: Vec<Contact> = listed.iter().filter(is_surface).chain(&found).copied().collect();
+        let mut all: Vec<Contact> = contacts.iter().filter(is_surface).chain(&found).copied().collect();
         all.sort_unstable_by_key(Contact::key);
         let mut kept = parts::without_inner_edges(scene, q_c, &bounds, all);
         kept.retain(|contact| !is_listed(contact));
@@ -99,7 +99,7 @@ pub fn late_contacts(
     let is_plane = |body: BodyId| matches!(scene.bodies[body.index()].shape, BodyShape::Plane { .. });
     let (mut plate_pairs, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|(pair, _)| is_plane(pair[1]));
     if !plate_pairs.is_empty() {
-        let listed_on_plates = listed.iter().filter(|contact| is_plane(contact.antagonist));
+        let listed_on_plates = contacts.iter().filter(|contact| is_plane(contact.antagonist));
         plate_pairs.extend(listed_on_plates.map(|contact| ([contact.candidate, contact.antagonist], contact.law)));
     }
     let mut pairs = joints::without_inner_rims(scene, q_c, &bounds, plate_pairs);

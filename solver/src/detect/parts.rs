@@ -363,7 +363,7 @@ impl<'a> Prefetcher<'a> {
 fn visible_parts(scene: &Scene, contactors: &[PosedContactor], pair: [u32; 2]) -> Option<VisiblePair> {
     let [i, j] = pair.map(PartId);
     let [a, b] = [i, j].map(|part| &contactors[part.index()]);
-    if a.body == b.body || (a.imposed && b.imposed) {
+    if a.body == b.body || (a.is_imposed && b.is_imposed) {
         return None;
     }
     let rule = scene.visibility.interaction_rule(a.class, b.class)?;

@@ -38,7 +38,7 @@ pub struct PosedContactor<'a> {
     /// Row and column in the visibility table.
     pub class: u16,
     /// Whether all of its body's motion is imposed.
-    pub imposed: bool,
+    pub is_imposed: bool,
     /// Index among the contactors of its body.
     pub number: u16,
     pub shape: PosedShape<'a>,
@@ -91,7 +91,7 @@ fn posed_contactor<'a>(
         curvature: scene.part_curvature(part),
         body: part.body,
         class: part.class,
-        imposed: scene.bodies[i].is_imposed(),
+        is_imposed: scene.bodies[i].is_imposed(),
         number: part.number,
         shape: match &part.geometry {
             ContactorShape::Sphere { radius } => PosedShape::Sphere { radius: *radius },
@@ -231,14 +231,14 @@ impl<'a> CandidatePair<'a> {
     }
 }
 
-/// Approach of the surfaces of `a` and `b` in the step, with b at `c` from a, m: the component `along` of their relative
+/// Approach of the surfaces of `a` and `b` in the step, with b at `c` from a, m: the `component` of their relative
 /// displacement, and the contribution of rotation. The smallest of the values seen by observers who turn with a, with b
 /// or not at all: bodies that turn as one do not approach.
-fn surface_approach(a: &PosedContactor, b: &PosedContactor, c: &Vec3, along: impl Fn(&Vec3) -> f64) -> f64 {
+fn surface_approach(a: &PosedContactor, b: &PosedContactor, c: &Vec3, component: impl Fn(&Vec3) -> f64) -> f64 {
     let path = a.path - b.path;
     let turn = (a.turn - b.turn).norm();
-    let in_fixed_axes = along(&path) + a.turn.norm() * a.rotating_extent + b.turn.norm() * b.rotating_extent;
-    let with_a = along(&(path + a.turn.cross(c))) + turn * b.rotating_extent;
-    let with_b = along(&(path + b.turn.cross(c))) + turn * a.rotating_extent;
+    let in_fixed_axes = component(&path) + a.turn.norm() * a.rotating_extent + b.turn.norm() * b.rotating_extent;
+    let with_a = component(&(path + a.turn.cross(c))) + turn * b.rotating_extent;
+    let with_b = component(&(path + b.turn.cross(c))) + turn * a.rotating_extent;
     in_fixed_axes.min(with_a).min(with_b)
 }

@@ -29,19 +29,19 @@ pub struct SweptBall {
     pub searched: bool,
 }
 
-/// Smallest distance of two points, one of which moves by `path` relative to the other from `between` on, m.
+/// Smallest distance of two points, one of which moves by `path` relative to the other from `offset` on, m.
 ///
 /// ```
 /// # use cd_solve::{detect::swept::least_distance, math::Vec3};
 /// let at = |x: f64| least_distance(&Vec3::new(x, 3.0, 0.0), &Vec3::new(8.0, 0.0, 0.0));
 /// assert_eq!((at(-4.0), at(-12.0), at(4.0)), (3.0, 5.0, 5.0));
 /// ```
-pub fn least_distance(between: &Vec3, path: &Vec3) -> f64 {
-    let along = -between.dot(path);
+pub fn least_distance(offset: &Vec3, path: &Vec3) -> f64 {
+    let along = -offset.dot(path);
     if along <= 0.0 {
-        return between.norm();
+        return offset.norm();
     }
-    (between + path * (along / path.norm_squared()).min(1.0)).norm()
+    (offset + path * (along / path.norm_squared()).min(1.0)).norm()
 }
 
 /// Node of the tree: bounds of the positions and displacements of its balls.

@@ -424,14 +424,19 @@ fn rim_to_side(side: &PosedCylinder, rim: &PosedCylinder, d: &Vec3) -> [Option<V
     })
 }
 
-/// Direction next to the normal `n` of an end in which f = m·`between` - Σ R |m x u| is larger than along `n`; `None` if f is
+/// Direction next to the normal `n` of an end in which f = m·`centre_offset` - Σ R |m x u| is larger than along `n`; `None` if f is
 /// largest along `n` itself.
 ///
 /// * `discs`: axes u and radii R (m) of the two rims.
 /// * `is_higher`: whether f along a direction exceeds f along `n`.
-fn off_corner(n: &Vec3, between: &Vec3, discs: &[(Vec3, f64); 2], is_higher: impl Fn(&Vec3) -> bool) -> Option<Vec3> {
+fn off_corner(
+    n: &Vec3,
+    centre_offset: &Vec3,
+    discs: &[(Vec3, f64); 2],
+    is_higher: impl Fn(&Vec3) -> bool,
+) -> Option<Vec3> {
     // Rims about n lower f by their radius times the angle off n in all directions; the rest of f has a slope.
-    let (mut slope, mut radius) = (*between, 0.0);
+    let (mut slope, mut radius) = (*centre_offset, 0.0);
     for (u, r) in discs {
         match (n - u * u.dot(n)).try_normalize(1e-9) {
             Some(out) => slope -= out * *r,

@@ -221,9 +221,9 @@ pub(super) fn share_at_tilt(polygon: &[[f64; 3]]) -> f64 {
     (1.0 - tilt2 / (MAX_AREA_TILT * MAX_AREA_TILT)).max(0.0)
 }
 
-/// Area of the part of a convex polygon where its gap, which is linear on it, is at most `within` (m), m^2; for a finite
-/// `within` multiplied by [`share_at_tilt`].
-fn polygon_area(corners: &[PatchCorner], within: f64) -> f64 {
+/// Area of the part of a convex polygon where its gap, which is linear on it, is at most `max_gap` (m), m^2; for a finite
+/// `max_gap` multiplied by [`share_at_tilt`].
+fn polygon_area(corners: &[PatchCorner], max_gap: f64) -> f64 {
     if corners.len() < 3 {
         return 0.0;
     }
@@ -233,31 +233,31 @@ fn polygon_area(corners: &[PatchCorner], within: f64) -> f64 {
         [flat[0] - mean[0], flat[1] - mean[1], gap]
     };
     let mut polygon: Polygon = convex_order(corners).iter().map(corner).collect();
-    if polygon.iter().any(|corner| corner[2] > within) {
-        polygon = clipped_to_gap(&polygon, within);
+    if polygon.iter().any(|corner| corner[2] > max_gap) {
+        polygon = clipped_to_gap(&polygon, max_gap);
     }
     let mut doubled = 0.0;
     for (k, &[x, y, _]) in polygon.iter().enumerate() {
         let [next_x, next_y, _] = polygon[if k + 1 == polygon.len() { 0 } else { k + 1 }];
         doubled += x * next_y - y * next_x;
     }
-    let share = if within == f64::INFINITY { 1.0 } else { share_at_tilt(&polygon) };
+    let share = if max_gap == f64::INFINITY { 1.0 } else { share_at_tilt(&polygon) };
     (0.5 * doubled).max(0.0) * share
 }
 
 /// Corners x, y and gap, m.
 pub(super) type Polygon = SmallVec<[[f64; 3]; 12]>;
 
-/// Part of a convex polygon with gaps up to `within`, m: one side of a straight line.
-pub(super) fn clipped_to_gap(polygon: &[[f64; 3]], within: f64) -> Polygon {
+/// Part of a convex polygon with gaps up to `max_gap`, m: one side of a straight line.
+pub(super) fn clipped_to_gap(polygon: &[[f64; 3]], max_gap: f64) -> Polygon {
     let mut nearer = Polygon::new();
     for (k, p) in polygon.iter().enumerate() {
         let q = &polygon[if k + 1 == polygon.len() { 0 } else { k + 1 }];
-        if p[2] <= within {
+        if p[2] <= max_gap {
             nearer.push(*p);
         }
-        if (p[2] <= within) != (q[2] <= within) {
-            let share = (within - p[2]) / (q[2] - p[2]);
+        if (p[2] <= max_gap) != (q[2] <= max_gap) {
+            let share = (max_gap - p[2]) / (q[2] - p[2]);
             nearer.push([0, 1, 2].map(|i| p[i] + (q[i] - p[i]) * share));
         }
     }

@@ -590,7 +590,7 @@ fn search_edges<L: F64Arithmetic>(
                 (a1 - a0, pair.posed_a.face_normal(edge.faces[0]), pair.posed_a.face_normal(edge.faces[1]));
             let mut k = 0;
             while k < count {
-                let arc = EdgeArc { start: &a0, along: &along, normals: [&n0, &n1] };
+                let arc = EdgeArc { start: &a0, span: &along, normals: [&n0, &n1] };
                 let (mask, s) = crossing_arcs(l, &block, k, arc);
                 let mut mask = mask & l.mask_greater(s, l.splat(separation_to_beat(best, tie)));
                 if mask != 0 {
@@ -624,7 +624,7 @@ fn search_edges<L: F64Arithmetic>(
 struct EdgeArc<'a> {
     start: &'a Vec3,
     /// Vector from the start to the end, m.
-    along: &'a Vec3,
+    span: &'a Vec3,
     normals: [&'a Vec3; 2],
 }
 
@@ -634,7 +634,7 @@ fn crossing_arcs<L: F64Arithmetic>(
     l: L,
     block: &[[f64; COLUMN_BLOCK]; 13],
     k: usize,
-    EdgeArc { start: a0, along, normals: [n0, n1] }: EdgeArc,
+    EdgeArc { start: a0, span: along, normals: [n0, n1] }: EdgeArc,
 ) -> (u32, L::V) {
     let parallel = PARALLEL_EDGE_PRODUCT * along.norm_squared();
     macro_rules! at {

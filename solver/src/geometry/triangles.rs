@@ -282,14 +282,14 @@ struct SideDistances<L: F64Arithmetic> {
     clearance: L::V,
 }
 
-/// Distances of the `corners` of a triangle from the sides of the triangle `outline`; `near`: square of the distance
+/// Distances of the `corners` of a triangle from the sides of the triangle `outline`; `rounding_distance2`: square of the distance
 /// within which rounding matters, m².
 #[inline(always)]
 fn side_distances<L: F64Arithmetic>(
     l: L,
     outline: &[Vec3Lanes<L>; 3],
     corners: &[Vec3Lanes<L>; 3],
-    near: L::V,
+    rounding_distance2: L::V,
 ) -> SideDistances<L> {
     let zero = l.splat(0.0);
     let mut distances = [[zero; 3]; 3];
@@ -299,8 +299,8 @@ fn side_distances<L: F64Arithmetic>(
         let (start, end) = (outline[side], outline[(side + 1) % 3]);
         let (dx, dy) = (l.sub(end[0], start[0]), l.sub(end[1], start[1]));
         let square = l.mul_add(dx, dx, l.mul(dy, dy));
-        let bound = l.mul(near, square);
-        clearance = l.min(l.sub(square, near), clearance);
+        let bound = l.mul(rounding_distance2, square);
+        clearance = l.min(l.sub(square, rounding_distance2), clearance);
         let mut corner = 0;
         while corner < 3 {
             let (x, y) = (l.sub(corners[corner][0], start[0]), l.sub(corners[corner][1], start[1]));

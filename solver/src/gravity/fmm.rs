@@ -81,8 +81,8 @@ struct WalkScratch {
     open: IndexList,
     /// Sources to classify for the present cell, and those found far and near.
     todo: IndexList,
-    far: IndexList,
-    near: IndexList,
+    far_sources: IndexList,
+    near_sources: IndexList,
     /// Partial sums of the far field: eight for each number of a narrow row.
     sums: Vec<[f64; 8]>,
     /// Leaves whose bodies attract those of the present leaf pair by pair.
@@ -103,7 +103,7 @@ struct WalkScratch {
 #[derive(Clone, Copy)]
 struct AncestorPull {
     /// Sum of M/d^2 over the far cells so far.
-    far: f64,
+    far_strength: f64,
     /// Sum of M/d^2 over far and open sources, with the squared size of open ones added to d^2: about the smallest pull at
     /// this cell.
     strength: f64,
@@ -117,7 +117,7 @@ struct CellVisit<'a> {
     a: usize,
     /// Coefficients L_n of the local expansion about its centre, see [`super::expansion`].
     local: &'a mut NarrowRow<f64>,
-    above: AncestorPull,
+    inherited: AncestorPull,
 }
 
 impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
@@ -133,8 +133,8 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         work.open.extend(&[0]);
         let CellSummary { mass, radius, .. } = CellSummary::from_line(&self.tree.summaries[0]);
         let strength = if radius > 0.0 { mass / (2.0 * radius * radius) } else { 0.0 };
-        let above = AncestorPull { far: 0.0, strength, from: 0 };
-        self.visit_subtree(&range, CellVisit { a: 0, local: &mut [0.0; _], above }, &mut work, &mut out);
+        let inherited = AncestorPull { far_strength: 0.0, strength, from: 0 };
+        self.visit_subtree(&range, CellVisit { a: 0, local: &mut [0.0; _], inherited }, &mut work, &mut out);
         out.truncate(range.end);
         out.drain(..range.start);
         out
@@ -144,7 +144,7 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
     fn visit_subtree(
         &self,
         range: &Range<usize>,
-        CellVisit { a, local, above }: CellVisit,
+        CellVisit { a, local, inherited }: CellVisit,
         work: &mut WalkScratch,
         out: &mut [BodyPull],
     ) {
@@ -155,9 +155,15 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         }
         let summary = &CellSummary::from_line(&self.tree.summaries[a]);
         let below = work.open.len();
-        let above = self.lanes.run(ClassifySources { walk: self, a, summary, above, work });
-        if !work.far.is_empty() {
-            self.lanes.run(AddFarField { walk: self, summary, far: &work.far, sums: &mut work.sums, local });
+        let inherited = self.lanes.run(ClassifySources { walk: self, a, summary, inherited, work });
+        if !work.far_sources.is_empty() {
+            self.lanes.run(AddFarField {
+                walk: self,
+                summary,
+                far_sources: &work.far_sources,
+                sums: &mut work.sums,
+                local,
+            });
         }
         if cell.is_leaf() {
             self.lanes.run(EvaluateLeaf { walk: self, cell, summary, local, out });
@@ -175,37 +181,39 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
             let mut other = WalkScratch::default();
             other.open.extend(&work.open[below..]);
             rayon::join(
-                || self.visit_subtree(range, CellVisit { a: halves[0], local: &mut one, above }, work, out_one),
+                || self.visit_subtree(range, CellVisit { a: halves[0], local: &mut one, inherited }, work, out_one),
                 || {
-                    let above = AncestorPull { from: 0, ..above };
-                    let second = CellVisit { a: halves[1], local: &mut two, above };
+                    let inherited = AncestorPull { from: 0, ..inherited };
+                    let second = CellVisit { a: halves[1], local: &mut two, inherited };
                     self.visit_subtree(range, second, &mut other, out_two)
                 },
             );
         } else {
-            self.visit_subtree(range, CellVisit { a: halves[0], local: &mut one, above }, work, out_one);
-            self.visit_subtree(range, CellVisit { a: halves[1], local: &mut two, above }, work, out_two);
+            self.visit_subtree(range, CellVisit { a: halves[0], local: &mut one, inherited }, work, out_one);
+            self.visit_subtree(range, CellVisit { a: halves[1], local: &mut two, inherited }, work, out_two);
         }
         work.open.count = below;
     }
 
     /// Adds the pull of the near leaves on the bodies of a leaf.
     fn add_near_pulls(&self, cell: &TreeCell, summary: &CellSummary, work: &mut WalkScratch, out: &mut [BodyPull]) {
-        let WalkScratch { near, sources, singles, doubles, targets, targets_f32, nearest, pulls, .. } = work;
+        let WalkScratch { near_sources, sources, singles, doubles, targets, targets_f32, nearest, pulls, .. } = work;
         let (l, bodies, offsets) = (self.lanes, &self.tree.bodies, &self.tree.offsets);
         targets.clear();
         targets.extend(cell.body_range().map(|i| [bodies[0][i], bodies[1][i], bodies[2][i]]));
         sources.clear();
         let Some(near_share) = self.settings.single else {
             sources.extend(
-                near.iter().map(|&b| SourceLeaf { bodies: self.tree.cells[b as usize].body_range(), centre: [0.0; 3] }),
+                near_sources
+                    .iter()
+                    .map(|&b| SourceLeaf { bodies: self.tree.cells[b as usize].body_range(), centre: [0.0; 3] }),
             );
             l.run(PackF64 { to: doubles, bodies, sources });
             l.run(PullF64 { l, packed: doubles, targets, out });
             return;
         };
         let (mut length, mut largest_radius) = (0.0, 0.0);
-        for &b in near.iter() {
+        for &b in near_sources.iter() {
             let source = CellSummary::from_line(&self.tree.summaries[b as usize]);
             let [x, y, z] = centre_offset(&source, summary);
             let reach = (x * x + y * y + z * z).sqrt() + source.radius;
@@ -219,7 +227,7 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         let scale = 1.0 / length;
         // The leaf itself is first, so that a body has the same index among the sources as among the targets.
         sources.push(SourceLeaf { bodies: cell.body_range(), centre: [0.0; 3] });
-        for &b in near.iter() {
+        for &b in near_sources.iter() {
             let (source, other) =
                 (&self.tree.cells[b as usize], CellSummary::from_line(&self.tree.summaries[b as usize]));
             if source.first != cell.first {
@@ -290,7 +298,7 @@ struct ClassifySources<'a, L, const P: usize> {
     walk: &'a TreeWalk<'a, L, P>,
     a: usize,
     summary: &'a CellSummary,
-    above: AncestorPull,
+    inherited: AncestorPull,
     work: &'a mut WalkScratch,
 }
 
@@ -304,18 +312,18 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, 
     type Output = AncestorPull;
     #[inline(always)]
     fn call(self) -> AncestorPull {
-        let ClassifySources { walk, a, summary, above, work } = self;
+        let ClassifySources { walk, a, summary, inherited, work } = self;
         let (l, tree) = (walk.lanes, walk.tree);
         let (cells, summaries) = (&tree.cells[..], &tree.summaries[..]);
         let is_leaf = cells[a].is_leaf();
-        let WalkScratch { open, todo, far, near, .. } = work;
+        let WalkScratch { open, todo, far_sources, near_sources, .. } = work;
         let below = open.count;
-        (todo.count, far.count, near.count) = (0, 0, 0);
-        todo.extend(&open.items[above.from..open.count]);
+        (todo.count, far_sources.count, near_sources.count) = (0, 0, 0);
+        todo.extend(&open.items[inherited.from..open.count]);
 
         let centre = [l.splat(summary.centre[0]), l.splat(summary.centre[1]), l.splat(summary.centre[2])];
         let (zero, one, two) = (l.splat(0.0), l.splat(SPLIT_CODE), l.splat(FAR_CODE));
-        let error_limit = walk.settings.share * above.strength;
+        let error_limit = walk.settings.share * inherited.strength;
         let limit = l.splat(error_limit * error_limit);
         let theta2 = l.splat(walk.settings.opening * walk.settings.opening);
         let (own_radius, own_radius2) = (l.splat(summary.radius), l.splat(summary.radius * summary.radius));
@@ -361,13 +369,17 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, 
                 from += L::WIDTH;
             }
             todo.reserve(2 * BATCH_CELLS);
-            far.reserve(BATCH_CELLS);
-            near.reserve(BATCH_CELLS);
+            far_sources.reserve(BATCH_CELLS);
+            near_sources.reserve(BATCH_CELLS);
             open.reserve(BATCH_CELLS);
-            let (to_classify, to_far) =
-                (&mut todo.items[todo.count..][..2 * BATCH_CELLS], &mut far.items[far.count..][..BATCH_CELLS]);
-            let (to_near, to_open) =
-                (&mut near.items[near.count..][..BATCH_CELLS], &mut open.items[open.count..][..BATCH_CELLS]);
+            let (to_classify, to_far) = (
+                &mut todo.items[todo.count..][..2 * BATCH_CELLS],
+                &mut far_sources.items[far_sources.count..][..BATCH_CELLS],
+            );
+            let (to_near, to_open) = (
+                &mut near_sources.items[near_sources.count..][..BATCH_CELLS],
+                &mut open.items[open.count..][..BATCH_CELLS],
+            );
             let [mut classify_count, mut far_count, mut near_count, mut open_count] = [0; 4];
             for lane in 0..batch_count {
                 let b = index[lane];
@@ -386,13 +398,13 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, 
                 open_count += (!is_far & !split & !is_leaf) as usize;
             }
             todo.count += classify_count;
-            far.count += far_count;
-            near.count += near_count;
+            far_sources.count += far_count;
+            near_sources.count += near_count;
             open.count += open_count;
             k += batch_count;
         }
-        let far = above.far + pairwise_sum(&far_parts);
-        AncestorPull { far, strength: far + pairwise_sum(&open_parts), from: below }
+        let far_strength = inherited.far_strength + pairwise_sum(&far_parts);
+        AncestorPull { far_strength, strength: far_strength + pairwise_sum(&open_parts), from: below }
     }
 }
 
@@ -400,7 +412,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, 
 struct AddFarField<'a, L, const P: usize> {
     walk: &'a TreeWalk<'a, L, P>,
     summary: &'a CellSummary,
-    far: &'a [u32],
+    far_sources: &'a [u32],
     sums: &'a mut Vec<[f64; 8]>,
     local: &'a mut NarrowRow<f64>,
 }
@@ -409,7 +421,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for AddFarField<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let AddFarField { walk, summary, far, sums: parts, local } = self;
+        let AddFarField { walk, summary, far_sources, sums: parts, local } = self;
         let (l, tree) = (walk.lanes, walk.tree);
         let lines = narrow_len(P).div_ceil(8);
         let centre = [l.splat(summary.centre[0]), l.splat(summary.centre[1]), l.splat(summary.centre[2])];
@@ -418,8 +430,8 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for AddFarField<'_, L, P> {
         while from < BATCH_CELLS {
             let mut sums: NarrowRow<L::V> = [l.splat(0.0); _];
             let mut first = 0;
-            while first < far.len() {
-                let (cells, _) = index_batch(far, first, tree.cells.len() as u32);
+            while first < far_sources.len() {
+                let (cells, _) = index_batch(far_sources, first, tree.cells.len() as u32);
                 let mut moments: NarrowRow<L::V> = [l.splat(0.0); _];
                 for_lines!(LINE < narrow_len(P).div_ceil(8), {
                     let mut index = [0; BATCH_CELLS];

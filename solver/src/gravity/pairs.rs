@@ -123,11 +123,11 @@ pub struct PackedBodies<T> {
 impl<T: Copy + Default> PackedBodies<T> {
     /// Reserves space for `count` bodies and one more vector.
     #[inline(always)]
-    fn resize(&mut self, count: usize, sums: usize, far: T) {
+    fn resize(&mut self, count: usize, sums: usize, far_coordinate: T) {
         self.count = count.next_multiple_of(sums);
         for (k, column) in self.columns.iter_mut().enumerate() {
             column.resize(column.len().max(self.count + sums), T::default());
-            column[count..self.count].fill(if k < 3 { far } else { T::default() });
+            column[count..self.count].fill(if k < 3 { far_coordinate } else { T::default() });
         }
     }
 
@@ -252,23 +252,25 @@ impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_
             let mut nearest_of_lanes = [0.0f32; PARTIAL_SUMS_F32];
             let mut from = 0;
             while from < PARTIAL_SUMS_F32 {
-                let mut sums = PullSums { pulls: [[l.splat(0.0); 4]; TARGETS_AT_ONCE], near: l.splat(f32::MAX.into()) };
+                let mut sums =
+                    PullSums { pulls: [[l.splat(0.0); 4]; TARGETS_AT_ONCE], nearest: l.splat(f32::MAX.into()) };
                 let mut k = from;
                 while k < own {
                     let source = [l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]), l.load(&m[k..])];
                     add_source_vector::<L, K, false>(l, source, &p, [l.splat(0.0); TARGETS_AT_ONCE], &mut sums);
                     k += PARTIAL_SUMS_F32;
                 }
-                let mut apart = [l.splat(0.0); TARGETS_AT_ONCE];
+                let mut self_distance2 = [l.splat(0.0); TARGETS_AT_ONCE];
                 for t in 0..TARGETS_AT_ONCE {
-                    apart[t] = l.load(&SELF_DISTANCE2[first % PARTIAL_SUMS_F32 + t.min(count_here - 1)][from..]);
+                    self_distance2[t] =
+                        l.load(&SELF_DISTANCE2[first % PARTIAL_SUMS_F32 + t.min(count_here - 1)][from..]);
                 }
                 let source = [l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]), l.load(&m[k..])];
-                add_source_vector::<L, K, true>(l, source, &p, apart, &mut sums);
+                add_source_vector::<L, K, true>(l, source, &p, self_distance2, &mut sums);
                 k += PARTIAL_SUMS_F32;
                 while k < count {
                     let source = [l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]), l.load(&m[k..])];
-                    add_source_vector::<L, K, false>(l, source, &p, apart, &mut sums);
+                    add_source_vector::<L, K, false>(l, source, &p, self_distance2, &mut sums);
                     k += PARTIAL_SUMS_F32;
                 }
                 for t in 0..TARGETS_AT_ONCE {
@@ -276,7 +278,7 @@ impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_
                         l.store(&mut parts[t][k][from..], sums.pulls[t][k]);
                     }
                 }
-                l.store(&mut nearest_of_lanes[from..], sums.near);
+                l.store(&mut nearest_of_lanes[from..], sums.nearest);
                 from += L::WIDTH;
             }
             let mut nearest_distance2 = f32::MAX;
@@ -304,25 +306,25 @@ struct PullSums<S> {
     /// [`BodyPull`] of each target.
     pulls: [[S; 4]; TARGETS_AT_ONCE],
     /// Smallest squared distance of a target from a source.
-    near: S,
+    nearest: S,
 }
 
-/// Adds a vector of sources; those that are also targets get the distance `apart` from themselves.
+/// Adds a vector of sources; those that are also targets get the squared distance `self_distance2` from themselves.
 #[inline(always)]
 fn add_source_vector<L: F32Arithmetic, K: PullKernel, const OWN: bool>(
     l: L,
     [x, y, z, m]: [L::V; 4],
     targets: &[[L::V; 3]; TARGETS_AT_ONCE],
-    apart: [L::V; TARGETS_AT_ONCE],
+    self_distance2: [L::V; TARGETS_AT_ONCE],
     sums: &mut PullSums<L::V>,
 ) {
     for t in 0..TARGETS_AT_ONCE {
         let [dx, dy, dz] = [l.sub(x, targets[t][0]), l.sub(y, targets[t][1]), l.sub(z, targets[t][2])];
         let mut d2 = l.mul_add(dx, dx, l.mul_add(dy, dy, l.mul(dz, dz)));
         if OWN {
-            d2 = l.add(d2, apart[t]);
+            d2 = l.add(d2, self_distance2[t]);
         }
-        sums.near = l.min(d2, sums.near);
+        sums.nearest = l.min(d2, sums.nearest);
         let (strength, root) = K::pull_strength(l, m, d2);
         let to = &mut sums.pulls[t];
         to[0] = l.mul_add(dx, strength, to[0]);

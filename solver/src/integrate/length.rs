@@ -88,7 +88,7 @@ pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
     let nearest_to =
         |centre: &Vec3| scene.free.iter().map(|&i| (state.x[i.index()] - centre).norm()).fold(f64::INFINITY, f64::min);
     let period_in = |field: FieldModel| match field {
-        FieldModel::Turning { rate, .. } => TAU / rate.norm(),
+        FieldModel::RotatingAxes { rate, .. } => TAU / rate.norm(),
         FieldModel::Primary { strength, centre, .. } => TAU * (nearest_to(&centre).powi(3) / strength).sqrt(),
         FieldModel::Polyhedron { strength, shape, position, rotation } => {
             let centre = position + rotation.map_or(shape.centre(), |rotation| rotation * shape.centre());

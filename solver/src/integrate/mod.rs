@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
-use crate::math::rotation::{angular_momentum, angular_velocity, free_rotation, guided_rotation};
+use crate::math::rotation::{angular_momentum, angular_velocity, constrained_rotation, free_rotation};
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, morton, rotate_by_vector};
 use crate::scene::{BodyId, RigidBody, Scene};
 use crate::state::{ContactKey, State, Velocities};
@@ -101,14 +101,19 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
         let q = turn_in_axes(&state.q[i], momentum, inertia, &frame_rate, time_before);
         (q, angular_velocity(&q, inertia, momentum))
     };
-    let rotations: Vec<_> =
-        scene.turning.par_iter().zip(&mut momenta).with_min_len(MIN_TURNING_PER_TASK).map(predict_rotation).collect();
-    for (&i, rotation) in scene.turning.iter().zip(rotations) {
+    let rotations: Vec<_> = scene
+        .free_rotors
+        .par_iter()
+        .zip(&mut momenta)
+        .with_min_len(MIN_TURNING_PER_TASK)
+        .map(predict_rotation)
+        .collect();
+    for (&i, rotation) in scene.free_rotors.iter().zip(rotations) {
         (q[i.index()], w[i.index()]) = rotation;
     }
-    for &body in &scene.guided {
+    for &body in &scene.constrained_rotors {
         let i = body.index();
-        (q[i], w[i]) = turn_guided(&scene.bodies[i], &state.q[i], &state.w[i], time_before);
+        (q[i], w[i]) = rotate_constrained(&scene.bodies[i], &state.q[i], &state.w[i], time_before);
     }
     let lookahead = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 * h } else { h };
     let order = morton::morton_order(&x, &state.order);
@@ -161,10 +166,10 @@ fn turn_in_axes(q: &Quat, momentum: &mut Vec3, inertia: &[f64; 3], rate: &Vec3, 
     q
 }
 
-/// [`guided_rotation`] of a body.
-fn turn_guided(body: &RigidBody, q: &Quat, w: &Vec3, h: f64) -> (Quat, Vec3) {
+/// [`constrained_rotation`] of a body.
+fn rotate_constrained(body: &RigidBody, q: &Quat, w: &Vec3, h: f64) -> (Quat, Vec3) {
     let [_, _, _, free @ ..] = body.free_components;
-    guided_rotation(q, w, &body.inertia, free, h)
+    constrained_rotation(q, w, &body.inertia, free, h)
 }
 
 /// Advances the state to the step's end with the velocities `v`, `w` of the bodies in the contact configuration after all
@@ -193,19 +198,19 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
         *momentum = at_end;
         (q, angular_velocity(&q, inertia, &at_end), change_by_axes)
     };
-    let turning = scene.turning.par_iter().zip(&mut state.angular_momentum).zip(&q_c.angular_momentum);
+    let turning = scene.free_rotors.par_iter().zip(&mut state.angular_momentum).zip(&q_c.angular_momentum);
     let rotations: Vec<_> = turning.with_min_len(MIN_TURNING_PER_TASK).map(advance_rotation).collect();
     let mut change_by_axes = Vec3::zeros();
-    for (&i, (q, angular_velocity, term)) in scene.turning.iter().zip(rotations) {
+    for (&i, (q, angular_velocity, term)) in scene.free_rotors.iter().zip(rotations) {
         (state.q[i.index()], w[i.index()]) = (q, angular_velocity);
         change_by_axes += term;
     }
     if frame_rate != Vec3::zeros() {
         state.ledger.angular_momentum_expected.iter_mut().zip(&change_by_axes).for_each(|(sum, term)| *sum += term);
     }
-    for &body in &scene.guided {
+    for &body in &scene.constrained_rotors {
         let i = body.index();
-        (state.q[i], w[i]) = turn_guided(&scene.bodies[i], &q_c.q[i], &w[i], time_after);
+        (state.q[i], w[i]) = rotate_constrained(&scene.bodies[i], &q_c.q[i], &w[i], time_after);
     }
     driven.advance_state(scene, state, q_c, Velocities { v: &v, w: &w });
     // No impulse acts from the contact configuration to the step's end: only the moments that impose rotations change this

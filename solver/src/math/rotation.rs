@@ -60,7 +60,7 @@ fn free_rotation_step(q: &Quat, momentum: &Vec3, inertia: &[f64; 3], h: f64) -> 
 /// Euler's equations J dΩ/dt = J Ω x Ω of the free components, by the implicit midpoint rule: they are linear in these if one
 /// component is imposed, and of constant right-hand side if two are. A free component next to a rate that is imposed at 0
 /// keeps its value.
-pub fn guided_rotation(q: &Quat, w: &Vec3, inertia: &[f64; 3], free: [bool; 3], h: f64) -> (Quat, Vec3) {
+pub fn constrained_rotation(q: &Quat, w: &Vec3, inertia: &[f64; 3], free: [bool; 3], h: f64) -> (Quat, Vec3) {
     let slope = |i: usize| {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         if free[i] { (inertia[j] - inertia[k]) / inertia[i] } else { 0.0 }
@@ -73,7 +73,7 @@ pub fn guided_rotation(q: &Quat, w: &Vec3, inertia: &[f64; 3], free: [bool; 3], 
     let part = h / divisions;
     let mut q = *q;
     for _ in 0..divisions as usize {
-        let middle = guided_midpoint(&own, &slopes, free, 0.5 * part);
+        let middle = constrained_midpoint(&own, &slopes, free, 0.5 * part);
         own = Vec3::from_fn(|i, _| if free[i] { 2.0 * middle[i] - own[i] } else { own[i] });
         q = cayley_rotation(&q, &middle, part);
     }
@@ -82,7 +82,7 @@ pub fn guided_rotation(q: &Quat, w: &Vec3, inertia: &[f64; 3], free: [bool; 3], 
 
 /// Ω of the midpoint after half a step `half` (s): W_i = Ω_i + half s_i W_j W_k for free i, with s = `slopes` and i, j, k cyclic;
 /// at least one component is imposed.
-fn guided_midpoint(own: &Vec3, slopes: &Vec3, free: [bool; 3], half: f64) -> Vec3 {
+fn constrained_midpoint(own: &Vec3, slopes: &Vec3, free: [bool; 3], half: f64) -> Vec3 {
     let mut middle = *own;
     match (0..3).find(|&k| !free[k] && free[(k + 1) % 3] && free[(k + 2) % 3]) {
         Some(k) => {
@@ -220,7 +220,7 @@ mod tests {
         let (mut q, mut w) = (Quat::identity(), Vec3::new(0.25, 0.0, c));
         let steps = 4000;
         for _ in 0..steps {
-            (q, w) = guided_rotation(&q, &w, &inertia, [true, true, false], 1e-3);
+            (q, w) = constrained_rotation(&q, &w, &inertia, [true, true, false], 1e-3);
         }
         let own = q.inverse_transform_vector(&w);
         let angle = rate * f64::from(steps) * 1e-3;
@@ -229,7 +229,7 @@ mod tests {
         assert!((own - expected).norm() < 1e-7, "{own} {expected}");
         // Two imposed rates: a constant acceleration (J_2 - J_3)/J_1 Ω_2 Ω_3 about the first axis.
         let (q, w) =
-            guided_rotation(&Quat::identity(), &Vec3::new(0.0, 1.0, 0.5), &inertia, [true, false, false], 0.25);
+            constrained_rotation(&Quat::identity(), &Vec3::new(0.0, 1.0, 0.5), &inertia, [true, false, false], 0.25);
         let own = q.inverse_transform_vector(&w);
         assert!((own - Vec3::new(-0.5 * 0.5 * 0.25, 1.0, 0.5)).norm() < 1e-15, "{own}");
     }

@@ -84,8 +84,8 @@ pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'stat
     ]
 }
 
-/// Counts as text; `moving`: number of moving bodies, `line_bytes`: size of the data of a body in a message.
-fn counts_text(counts: &DivisionCounts, moving: usize, line_bytes: usize) -> String {
+/// Counts as text; `moving_count`: number of moving bodies, `line_bytes`: size of the data of a body in a message.
+fn counts_text(counts: &DivisionCounts, moving_count: usize, line_bytes: usize) -> String {
     let DivisionCounts { blocks, colours, work, messages, lines, neighbours, ghosts, border_bodies, .. } = counts;
     let largest_count = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0);
     let working = work.iter().filter(|&&work| work > 0).count();
@@ -95,7 +95,7 @@ fn counts_text(counts: &DivisionCounts, moving: usize, line_bytes: usize) -> Str
         count_text(*blocks, "block"),
         count_text(*colours, "colour"),
         count_text(*border_bodies as usize, "body"),
-        100.0 * *border_bodies as f64 / moving.max(1) as f64,
+        100.0 * *border_bodies as f64 / moving_count.max(1) as f64,
         largest_count(work) as f64 * working as f64 / work.iter().sum::<u64>().max(1) as f64,
         count_text(largest_count(ghosts) as usize, "ghost"),
         count_text(largest_count(messages) as usize, "message"),

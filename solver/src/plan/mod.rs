@@ -182,7 +182,7 @@ pub fn unused_models(scene: &Scene) -> Vec<&'static str> {
         (!scene.walls.contains(&true), "walls"),
         (!scene.needs_blocks(), "full 3x3 contact blocks of polyhedra (the diagonal suffices)"),
         (!scene.options.orients_spheres() && scene.postpro.is_empty(), "orientation of spheres"),
-        (scene.turning.is_empty(), "change of angular velocity without torque (moments of inertia are equal)"),
+        (scene.free_rotors.is_empty(), "change of angular velocity without torque (moments of inertia are equal)"),
         (
             laws.iter().all(|law| law.friction_static == 0.0 && law.friction_dynamic == 0.0),
             // Sweeps with moments keep all three components.

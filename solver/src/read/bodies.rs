@@ -81,8 +81,8 @@ pub fn scene_without_laws(
     let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.orients_spheres()).collect();
     let bodies_with_moment = loads.iter().filter(|load| load.component >= 3).map(|load| load.body);
     bodies_with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body.index()] = true);
-    let turning = indices(&|body| body.rotates_freely() && !body.is_isotropic());
-    let guided = indices(&|body| body.rotates_in_part() && !body.is_isotropic());
+    let free_rotors = indices(&|body| body.rotates_freely() && !body.is_isotropic());
+    let constrained_rotors = indices(&|body| body.rotates_in_part() && !body.is_isotropic());
     let mut scene = Scene {
         drives,
         loads,
@@ -119,8 +119,8 @@ pub fn scene_without_laws(
             .chain(axes_notes(dof, &axes_matches))
             .chain(shapes.note())
             .collect(),
-        turning,
-        guided,
+        free_rotors,
+        constrained_rotors,
         oriented,
         mean_radius: 0.0,
         smallest_radius: 0.0,

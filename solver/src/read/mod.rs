@@ -5,12 +5,12 @@ mod behaviour;
 mod bodies;
 mod contactors;
 pub mod driver;
-mod growth;
 mod lenient;
 mod links;
 mod mirror;
 mod parts;
 pub mod resume;
+mod sinks_and_sources;
 
 use std::path::{Path, PathBuf};
 
@@ -144,7 +144,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     scene.events = event_schedule(&scene.options.events, scene.end_time());
     let dt = scene.options.dt.min(state.h);
     resume::pass_events(&scene, &mut state, dt);
-    growth::prepare_growth(&datbox.join(COMPUTE_FILE), flags, &mut scene, &mut state)?;
+    sinks_and_sources::prepare_sinks_and_sources(&datbox.join(COMPUTE_FILE), flags, &mut scene, &mut state)?;
     if !has_start || flags.events.is_some() {
         scene.notes.extend(passed_events_note(&scene, &state));
     }
@@ -173,7 +173,7 @@ fn initial_state(
     gravity: Vec3,
 ) -> State {
     let angular_momentum_of = |i: &BodyId| scene.bodies[i.index()].angular_momentum(&q[i.index()], &w[i.index()]);
-    let angular_momentum = scene.turning.iter().map(angular_momentum_of).collect();
+    let angular_momentum = scene.free_rotors.iter().map(angular_momentum_of).collect();
     State {
         step: dof.step,
         time: dof.time,

@@ -42,7 +42,7 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
     let cached_pairs = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| restored_pairs(scene, shapes, BodyId));
     let has_same_parts = snapshot.shapes.as_ref().is_none_or(|shapes| {
         cached_pairs.len() == shapes.pairs.pair_memory.len()
-            && shapes.turning.turning_body.iter().copied().map(BodyId).eq(scene.turning.iter().copied())
+            && shapes.turning.turning_body.iter().copied().map(BodyId).eq(scene.free_rotors.iter().copied())
     });
     if !has_same_parts || snapshot.shapes.is_some() != scene.has_parts() {
         let found = "other contactors or moments of inertia";
@@ -163,15 +163,15 @@ fn unreadable_snapshot_faults(faults: Faults, snapshots: &[(u64, PathBuf)]) -> F
 
 /// Step and time (s) from which steps are counted: those of the run before, or the start if that run had steps of another
 /// length.
-fn counted_from(scene: &Scene, state: &State, before: Option<(u64, f64)>) -> StepTime {
+fn counted_from(scene: &Scene, state: &State, previous_start: Option<(u64, f64)>) -> StepTime {
     let agrees = |StepTime { step, time }: &StepTime| {
         let steps = state.step.saturating_sub(*step) as f64;
         let deviation = (state.time - (time + steps * scene.options.dt)).abs();
         deviation <= 4.0 * f64::EPSILON * state.time.abs().max(time.abs())
     };
-    let before = before.map(|(step, time)| StepTime { step, time });
+    let previous_start = previous_start.map(|(step, time)| StepTime { step, time });
     let now = StepTime { step: state.step, time: state.time };
-    before.into_iter().chain([scene.start]).find(agrees).unwrap_or(now)
+    previous_start.into_iter().chain([scene.start]).find(agrees).unwrap_or(now)
 }
 
 /// Applies the settings of past events to the laws of the scene. They are not restored from the snapshot, so that flags may
@@ -270,13 +270,15 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
         (state.x[i], state.q[i]) = (restored.x[row], restored.q[row]);
         (state.v[i], state.w[i]) = (restored.v[row], restored.w[row]);
     }
-    for (&i, angular_momentum) in scene.turning.iter().zip(&mut state.angular_momentum) {
+    for (&i, angular_momentum) in scene.free_rotors.iter().zip(&mut state.angular_momentum) {
         *angular_momentum = scene.bodies[i.index()].angular_momentum(&state.q[i.index()], &state.w[i.index()]);
     }
     // A body whose density has changed keeps its angular velocity.
     for (angular_momentum, row) in restored.angular_momentum.into_iter().zip(turning) {
         let (i, body_inertia) = (bodies_of_rows[row as usize], inertia[row as usize]);
-        if let (Ok(index), true) = (scene.turning.binary_search(&i), scene.bodies[i.index()].inertia == body_inertia) {
+        if let (Ok(index), true) =
+            (scene.free_rotors.binary_search(&i), scene.bodies[i.index()].inertia == body_inertia)
+        {
             state.angular_momentum[index] = angular_momentum;
         }
     }
@@ -412,7 +414,11 @@ fn restored_attraction(scene: &Scene, snapshot: &Snapshot) -> Option<GravityHist
     }
     let (record, gravity) = (snapshot.meta.attraction.clone()?, snapshot.gravity.as_ref()?);
     let free_rows = |rows: &[[f64; 3]]| scene.free.iter().map(|&i| Vec3::from(rows[i.index()])).collect();
-    Some(GravityHistory { record, last: free_rows(&gravity.gravity_last), before: free_rows(&gravity.gravity_before) })
+    Some(GravityHistory {
+        record,
+        last: free_rows(&gravity.gravity_last),
+        previous: free_rows(&gravity.gravity_before),
+    })
 }
 
 /// Cached data of pairs of contactors that this scene has; `body` returns the body of each row of the snapshot.

@@ -83,17 +83,17 @@ pub fn solve_by_sweeps(
 /// problem. Sweeps then continue towards `target_residual`, as does a requested solver of stored problems; the fallback
 /// after sweeps stops at `tol`, because a smaller residual is not worth its cost.
 ///
-/// `stored` converts the rows that can close to a problem with its Delassus matrix. A result worse than zero impulses is
+/// `to_stored` converts the rows that can close to a problem with its Delassus matrix. A result worse than zero impulses is
 /// replaced by that of a round of sweeps from these.
 pub fn solve_contact_problem(
     contact_problem: &ContactProblem,
     request: SolveRequest,
-    stored: impl Fn(&ContactProblem) -> StoredProblem,
+    to_stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
     if !contact_problem.regularised.is_empty() {
         return solve_by_sweeps(contact_problem, request.criteria, request.width);
     }
-    let solution = solve_from_warm_start(contact_problem, request, stored);
+    let solution = solve_from_warm_start(contact_problem, request, to_stored);
     if solution.residual < 1.0 {
         return solution;
     }
@@ -118,7 +118,7 @@ pub fn solve_contact_problem(
 fn solve_from_warm_start(
     contact_problem: &ContactProblem,
     request: SolveRequest,
-    stored: impl Fn(&ContactProblem) -> StoredProblem,
+    to_stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
     let StoppingCriteria { tol, target_residual, max_sweeps, .. } = request.criteria;
     let max_sweeps = if request.skips_fallback() { max_sweeps.min(MOMENTUM_CYCLE) } else { max_sweeps };
@@ -135,7 +135,7 @@ fn solve_from_warm_start(
             return sweep(max_sweeps);
         }
         ContactSolver::Auto if !COSTS.fallback_pays(contacts) => {
-            return solve_with_subproblem_corrections(contact_problem, request, max_sweeps, stored);
+            return solve_with_subproblem_corrections(contact_problem, request, max_sweeps, to_stored);
         }
         ContactSolver::Auto => (MatrixSolver::Auto, COSTS.fallback_budget(contacts)),
         ContactSolver::NlgsAnderson => (MatrixSolver::NlgsAnderson, f64::INFINITY),
@@ -158,7 +158,7 @@ fn solve_from_warm_start(
         return start;
     }
     let limits = SolverLimits { tol: target, max_sweeps: max_sweeps - start.sweeps, max_time: None, max_cost };
-    let found = solve_by_fallback(contact_problem, start, solver, limits, request, stored);
+    let found = solve_by_fallback(contact_problem, start, solver, limits, request, to_stored);
     if solver == MatrixSolver::Auto { continue_sweeps(contact_problem, found, max_sweeps, request) } else { found }
 }
 
@@ -290,7 +290,7 @@ fn solve_with_subproblem_corrections(
     contact_problem: &ContactProblem,
     request: SolveRequest,
     max_sweeps: u64,
-    stored: impl Fn(&ContactProblem) -> StoredProblem,
+    to_stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
     let sweep = |contact_problem: &ContactProblem, max_sweeps| {
         solve_nlgs(contact_problem, StoppingCriteria { max_sweeps, ..request.criteria }, request.width)
@@ -302,7 +302,7 @@ fn solve_with_subproblem_corrections(
     let mut contact_problem = contact_problem.clone();
     let mut best = last.clone();
     while !best.converged && best.sweeps < max_sweeps && !activity::is_stopped() {
-        let solved = solve_stalled_subproblem(&contact_problem, &last.impulses, request.width, &stored);
+        let solved = solve_stalled_subproblem(&contact_problem, &last.impulses, request.width, &to_stored);
         let fallback_used = last.fallback_used || solved.is_some();
         let round = if solved.is_some() { COSTS.sweeps_between_subproblems } else { MOMENTUM_CYCLE };
         let sweeps = round.min(max_sweeps - best.sweeps);
@@ -322,7 +322,7 @@ fn solve_stalled_subproblem(
     contact_problem: &ContactProblem,
     impulses: &[Vec3],
     width: SimdWidth,
-    stored: impl Fn(&ContactProblem) -> StoredProblem,
+    to_stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> Option<Vec<Vec3>> {
     let can_act = |k: &ContactId| contact_problem.rows[k.index()].can_close || impulses[k.index()] != Vec3::zeros();
     let rows: Vec<ContactId> = (0..contact_problem.rows.len()).map(ContactId::new).filter(can_act).collect();
@@ -358,7 +358,7 @@ fn solve_stalled_subproblem(
         max_time: None,
         max_cost,
     };
-    Some(solve_on_matrix(&subproblem, impulses, MatrixSolver::Auto, limits, stored)?.0)
+    Some(solve_on_matrix(&subproblem, impulses, MatrixSolver::Auto, limits, to_stored)?.0)
 }
 
 /// Solves the rows that can close by a solver of stored problems, from `impulses`. Returns all impulses, with those of these
@@ -368,9 +368,9 @@ fn solve_on_matrix(
     impulses: &[Vec3],
     solver: MatrixSolver,
     limits: impl FnOnce(&MatrixProblem, &[[f64; 3]]) -> SolverLimits,
-    stored: impl Fn(&ContactProblem) -> StoredProblem,
+    to_stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> Option<(Vec<Vec3>, matrix::MatrixSolution)> {
-    let problem = stored(contact_problem);
+    let problem = to_stored(contact_problem);
     let local = |(row, frame): &(ContactId, [Vec3; 3])| to_local(frame, &impulses[row.index()]).into();
     let from: Vec<[f64; 3]> = problem.rows.iter().map(local).collect();
     let matrix = MatrixProblem::new(problem.mu, problem.q, problem.blocks).ok()?;
@@ -390,7 +390,7 @@ fn solve_by_fallback(
     solver: MatrixSolver,
     limits: SolverLimits,
     request: SolveRequest,
-    stored: impl Fn(&ContactProblem) -> StoredProblem,
+    to_stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
     let mut contact_problem = contact_problem.clone();
     // Rows that the sweeps have included are part of the problem.
@@ -410,7 +410,7 @@ fn solve_by_fallback(
             tol: COSTS.tolerance_share * limits.tol.max(evaluator.relative_floor()) * residual(matrix, &balance),
             ..remaining
         };
-        let Some((impulses, found)) = solve_on_matrix(&contact_problem, &best.impulses, solver, limits_of, &stored)
+        let Some((impulses, found)) = solve_on_matrix(&contact_problem, &best.impulses, solver, limits_of, &to_stored)
         else {
             return best;
         };

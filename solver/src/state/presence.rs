@@ -10,7 +10,7 @@ impl State {
         let identity = |part: PartId| (scene.parts[part.index()].body, scene.parts[part.index()].number);
         let cached = self.detection_cache.cached_pairs();
         let cached: Vec<_> = cached.into_iter().map(|pair| (pair.parts.map(identity), pair.memory)).collect();
-        let turning = std::mem::take(&mut scene.turning);
+        let turning = std::mem::take(&mut scene.free_rotors);
         scene.set_presence(&self.presence);
         let scene = &*scene;
         let restored = cached.into_iter().filter_map(|([a, b], memory)| {
@@ -22,7 +22,7 @@ impl State {
             Ok(position) => self.angular_momentum[position],
             Err(_) => scene.bodies[body.index()].angular_momentum(&self.q[body.index()], &self.w[body.index()]),
         };
-        self.angular_momentum = scene.turning.iter().map(momentum).collect();
+        self.angular_momentum = scene.free_rotors.iter().map(momentum).collect();
         let is_present = |body: BodyId| self.presence[body.index()] == BodyPresence::Present;
         let kept: Vec<bool> = self
             .contacts

@@ -7,7 +7,7 @@
 use super::clock::StageClock;
 use super::context::{PredictedStep, SolvedProblem};
 use super::ends::solved_velocities;
-use super::turning::{approach, overturned_bodies, pushed_bodies};
+use super::overturning::{approach, overturned_bodies, pushed_bodies};
 use crate::activity::{self, StepStage};
 use crate::assemble;
 use crate::detect;

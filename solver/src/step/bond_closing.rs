@@ -67,7 +67,7 @@ pub fn close_bonds(scene: &Scene, state: &mut State, contact_problem: &ContactPr
         }
     }
     // The angular momentum stays, so bodies with unequal principal moments change their angular velocity.
-    for (&i, momentum) in scene.turning.iter().zip(&state.angular_momentum) {
+    for (&i, momentum) in scene.free_rotors.iter().zip(&state.angular_momentum) {
         let i = i.index();
         state.w[i] = angular_velocity(&state.q[i], &scene.bodies[i].inertia, momentum);
     }

@@ -127,14 +127,14 @@ impl BondedPair {
     }
 }
 
-/// Pairs of bodies with bonds in the `bonded` rows, the strongest first, without those of which a bond is `broken` (sorted).
-fn bonded_pairs(contact_problem: &ContactProblem, bonded: &[usize], broken: &[usize]) -> Vec<BondedPair> {
+/// Pairs of bodies with bonds in the `bonded_rows`, the strongest first, without those with a bond in the `broken_rows` (sorted).
+fn bonded_pairs(contact_problem: &ContactProblem, bonded_rows: &[usize], broken_rows: &[usize]) -> Vec<BondedPair> {
     let unbroken_pair = |rows: &[usize]| {
-        let is_unbroken = rows.iter().all(|k| broken.binary_search(k).is_err());
+        let is_unbroken = rows.iter().all(|k| broken_rows.binary_search(k).is_err());
         is_unbroken.then(|| BondedPair::new(contact_problem, rows.to_vec()))
     };
     let same_bodies = |a: &usize, b: &usize| contact_problem.rows[*a].bodies == contact_problem.rows[*b].bodies;
-    let mut pairs: Vec<BondedPair> = bonded.chunk_by(same_bodies).filter_map(unbroken_pair).collect();
+    let mut pairs: Vec<BondedPair> = bonded_rows.chunk_by(same_bodies).filter_map(unbroken_pair).collect();
     pairs.sort_by(|a, b| b.strength.total_cmp(&a.strength));
     pairs
 }
@@ -159,15 +159,15 @@ struct Branch {
     motion: Twist,
 }
 
-/// Largest impulse by which the velocity errors load one of the `bonded` rows in the next step, divided by its
-/// strength. The `broken` rows carry nothing; both are sorted.
+/// Largest impulse by which the velocity errors load one of the `bonded_rows` in the next step, divided by its
+/// strength. The `broken_rows` carry nothing; both are sorted.
 pub fn largest_error_load(
     contact_problem: &ContactProblem,
     solution: &ContactSolution,
-    bonded: &[usize],
-    broken: &[usize],
+    bonded_rows: &[usize],
+    broken_rows: &[usize],
 ) -> f64 {
-    let pairs = bonded_pairs(contact_problem, bonded, broken);
+    let pairs = bonded_pairs(contact_problem, bonded_rows, broken_rows);
     if pairs.is_empty() {
         return 0.0;
     }

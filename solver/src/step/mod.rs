@@ -9,7 +9,7 @@ mod ends;
 mod error_loads;
 mod implicit_step;
 mod ledger;
-mod turning;
+mod overturning;
 mod velocity_errors;
 
 pub use self::clock::StageTimes;
@@ -23,7 +23,7 @@ use self::clock::StageClock;
 use self::context::{PredictedStep, StepContext};
 use self::ends::finish_contacts;
 use self::ledger::update_ledger;
-use self::turning::approach;
+use self::overturning::approach;
 use self::velocity_errors::refine_until_decided;
 use crate::activity::{self, StepStage};
 use crate::assemble::{self, AppliedEvents};

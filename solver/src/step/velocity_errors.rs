@@ -192,14 +192,14 @@ impl StepBonds<'_> {
         rigid.iter().copied().filter(is_moving).collect()
     }
 
-    /// Whether the solution leaves open which bonds break, in this step or, by its errors, in the next. `rigid` and `broken`:
+    /// Whether the solution leaves open which bonds break, in this step or, by its errors, in the next. `rigid` and `broken_rows`:
     /// rows with rigid bonds, and those of them that break.
     fn are_undecided(
         &self,
         SolvedProblem { contact_problem, solution, .. }: &SolvedProblem,
         errors: &VelocityErrors,
         rigid: &[usize],
-        broken: &[usize],
+        broken_rows: &[usize],
     ) -> bool {
         let StepContext { scene, q_c, contacts, .. } = self.context;
         let is_undecided = |(k, contact): (usize, &Contact)| {
@@ -212,7 +212,7 @@ impl StepBonds<'_> {
                 && errors.is_undecided(contact_problem, solution, k, q_c.h, radius())
         };
         contacts.par_iter().enumerate().with_min_len(PAR_MIN_LEN).any(is_undecided)
-            || largest_error_load(contact_problem, solution, rigid, broken) > MAX_ERROR_LOAD
+            || largest_error_load(contact_problem, solution, rigid, broken_rows) > MAX_ERROR_LOAD
     }
 }
 

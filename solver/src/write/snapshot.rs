@@ -146,7 +146,7 @@ fn body_arrays(scene: &Scene, state: &State) -> BodyArrays {
 
 fn shape_arrays(scene: &Scene, state: &State) -> ShapeArrays {
     let mut shapes = ShapeArrays::default();
-    shapes.turning.turning_body = scene.turning.iter().map(|body| body.0).collect();
+    shapes.turning.turning_body = scene.free_rotors.iter().map(|body| body.0).collect();
     shapes.turning.turning_momentum = state.angular_momentum.iter().map(|&l| l.into()).collect();
     shapes.contacts.contact_rank =
         state.contacts.iter().map(|c| [c.contact.part_numbers.0, c.contact.part_numbers.1].map(u32::from)).collect();
@@ -187,7 +187,7 @@ fn gravity_arrays(scene: &Scene, state: &State) -> Option<GravityArrays> {
     };
     Some(GravityArrays {
         gravity_last: rows_of_all_bodies(&attraction.last),
-        gravity_before: rows_of_all_bodies(&attraction.before),
+        gravity_before: rows_of_all_bodies(&attraction.previous),
     })
 }
 

@@ -4,7 +4,7 @@ use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
 use crate::case::{AXES, Case, Figures, Vec3, equal};
-use crate::guided::{OUT_OF_PLANE, hold, impose};
+use crate::constrained_rotation::{OUT_OF_PLANE, hold, impose};
 
 const G: f64 = 8.0;
 

@@ -7,7 +7,7 @@ use cd_formats::law_table::{LawInterface, LawModel};
 use cd_solve::laws::interface::{soundness, stiffness_share};
 
 use crate::case::{Case, Figures, near};
-use crate::guided::impose;
+use crate::constrained_rotation::impose;
 
 /// Mass of a ball of radius 1/2 and density 1.
 const MASS: f64 = PI / 6.0;

@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 use cd_formats::compute::ContactSolver;
 
 use crate::case::{AXES, Case, uniform};
-use crate::growth::mixed;
 use crate::same_bits::{collapse, outbox, poured, same, scene, slab};
+use crate::sinks_and_sources::mixed;
 
 /// Smallest number of bodies in a block in these tests.
 const BLOCK_BODIES: &str = "4";

@@ -109,17 +109,18 @@ fn slope_shares() -> Vec<f64> {
     (1..=SLOPE_SHARE_COUNT).map(|k| k as f64 / SLOPE_SHARE_COUNT as f64).collect()
 }
 
-/// Returns slopes.csv and slopes.svg; `below`: the slopes (rad) that [`slope_shares`] of the surface are below.
-fn slope_files(title: &str, below: &[f64]) -> Vec<StateFile> {
-    let below: Vec<(f64, f64)> = slope_shares().into_iter().zip(below.iter().map(|slope| slope.to_degrees())).collect();
+/// Returns slopes.csv and slopes.svg; `quantiles`: the slopes (rad) below which [`slope_shares`] of the surface are.
+fn slope_files(title: &str, quantiles: &[f64]) -> Vec<StateFile> {
+    let quantiles: Vec<(f64, f64)> =
+        slope_shares().into_iter().zip(quantiles.iter().map(|slope| slope.to_degrees())).collect();
     let figure = Figure {
         title: title.into(),
         x: FigureAxis::linear("share of the surface that is below", "1"),
         y: FigureAxis::linear("slope", "°"),
-        curves: vec![Curve::line("surface", below.clone())],
+        curves: vec![Curve::line("surface", quantiles.clone())],
     };
     vec![
-        text_file("slopes.csv", csv_table(&SLOPE_COLUMNS, below.into_iter().map(|(share, slope)| [share, slope]))),
+        text_file("slopes.csv", csv_table(&SLOPE_COLUMNS, quantiles.into_iter().map(|(share, slope)| [share, slope]))),
         text_file("slopes.svg", figure.to_svg()),
     ]
 }

@@ -333,16 +333,16 @@ fn dash_pattern(repeat: usize) -> Option<(u32, u32)> {
 
 /// Draws a dot: full for the first curve of its colour, then open, then of another form.
 fn draw_dot<'a, Coord: Clone + 'static>(
-    at: Coord,
+    position: Coord,
     size: i32,
     colour: RGBColor,
     repeat: usize,
 ) -> DynElement<'static, SVGBackend<'a>, Coord> {
     match repeat % DOT_FORMS {
-        0 => Circle::new(at, size, colour.filled()).into_dyn(),
-        1 => Circle::new(at, size, colour.stroke_width(1)).into_dyn(),
-        2 => TriangleMarker::new(at, size + 1, colour.filled()).into_dyn(),
-        _ => Cross::new(at, size, colour.stroke_width(1)).into_dyn(),
+        0 => Circle::new(position, size, colour.filled()).into_dyn(),
+        1 => Circle::new(position, size, colour.stroke_width(1)).into_dyn(),
+        2 => TriangleMarker::new(position, size + 1, colour.filled()).into_dyn(),
+        _ => Cross::new(position, size, colour.stroke_width(1)).into_dyn(),
     }
 }
 

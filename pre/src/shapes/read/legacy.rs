@@ -10,7 +10,7 @@ const FIELD: &str = "a field";
 /// Reads a file. Binary numbers are big-endian by definition; a file that makes sense only as little-endian is read so.
 pub fn read(bytes: &[u8]) -> Result<PolygonMesh, ReadError> {
     let read_as = |big_endian: bool| {
-        let piece = LegacyReader { bytes, at: 0, line: 1 }.read_piece(big_endian)?;
+        let piece = LegacyReader { bytes, offset: 0, line: 1 }.read_piece(big_endian)?;
         let mut mesh = PolygonMesh::default();
         piece.add_to(&mut mesh).map_err(|error| ReadError::new(None, error.to_string(), FILE_KIND))?;
         Ok(mesh)
@@ -26,7 +26,7 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, ReadError> {
 struct LegacyReader<'a> {
     bytes: &'a [u8],
     /// Next byte.
-    at: usize,
+    offset: usize,
     /// Line of the last word, in ASCII files.
     line: usize,
 }
@@ -41,7 +41,7 @@ struct NumberFormat {
 impl<'a> LegacyReader<'a> {
     fn read_piece(mut self, big_endian: bool) -> Result<PolyDataPiece, ReadError> {
         let mut head = self.next_text_line();
-        while head.trim().is_empty() && self.at < self.bytes.len() {
+        while head.trim().is_empty() && self.offset < self.bytes.len() {
             head = self.next_text_line();
         }
         let version = head.trim().to_ascii_lowercase();
@@ -98,8 +98,8 @@ impl<'a> LegacyReader<'a> {
 
     /// Whether the line just read was the rest of the line with METADATA.
     fn skipped_first_line(&self) -> bool {
-        let before = self.bytes[..self.at].trim_ascii_end();
-        self.at < self.bytes.len() && before.to_ascii_uppercase().ends_with(b"METADATA")
+        let before = self.bytes[..self.offset].trim_ascii_end();
+        self.offset < self.bytes.len() && before.to_ascii_uppercase().ends_with(b"METADATA")
     }
 
     /// Reads cells; with offsets, as from version 5 on, the ends of cells and their corners are lists of their own.
@@ -158,13 +158,13 @@ impl<'a> LegacyReader<'a> {
     ) -> Result<Vec<f64>, ReadError> {
         if form.binary {
             self.next_text_line();
-            let rest = &self.bytes[self.at.min(self.bytes.len())..];
+            let rest = &self.bytes[self.offset.min(self.bytes.len())..];
             let size = count.saturating_mul(number.byte_size());
             let Some(array_bytes) = rest.get(..size) else {
                 let found = format!("{name}: {count} numbers announced, {} found", rest.len() / number.byte_size());
                 return Err(self.error_here(found, "a complete file"));
             };
-            self.at += size;
+            self.offset += size;
             return Ok(number.decode_all(array_bytes, form.big_endian));
         }
         // Limited by the number of words in the file, not by the announced number.
@@ -187,21 +187,21 @@ impl<'a> LegacyReader<'a> {
 
     /// Returns the next word, empty at the end.
     fn next_word(&mut self) -> String {
-        while let Some(byte) = self.bytes.get(self.at).filter(|byte| byte.is_ascii_whitespace()) {
+        while let Some(byte) = self.bytes.get(self.offset).filter(|byte| byte.is_ascii_whitespace()) {
             self.line += usize::from(*byte == b'\n');
-            self.at += 1;
+            self.offset += 1;
         }
-        let rest = &self.bytes[self.at..];
+        let rest = &self.bytes[self.offset..];
         let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
-        self.at += length;
+        self.offset += length;
         String::from_utf8_lossy(&rest[..length]).into_owned()
     }
 
     /// Returns the rest of the line, without its end.
     fn next_text_line(&mut self) -> String {
-        let rest: &'a [u8] = &self.bytes[self.at..];
+        let rest: &'a [u8] = &self.bytes[self.offset..];
         let length = rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());
-        self.at = (self.at + length + 1).min(self.bytes.len());
+        self.offset = (self.offset + length + 1).min(self.bytes.len());
         self.line += 1;
         String::from_utf8_lossy(&rest[..length]).into_owned()
     }

@@ -142,7 +142,7 @@ impl<'a> InnerEdgeSearch<'a> {
     fn collect_inner_contacts(&self, part: usize, scratch: &mut JointScratch, inner: &mut Vec<InnerContact>) {
         let a = &self.contactors[part];
         self.list_near_contacts(part, scratch);
-        let JointScratch { near, heights, .. } = &mut *scratch;
+        let JointScratch { nearby: near, heights, .. } = &mut *scratch;
         if heights.len() <= MAX_CONTACTS_ALL_PAIRS && !any_is_low(heights) {
             return;
         }
@@ -165,7 +165,7 @@ impl<'a> InnerEdgeSearch<'a> {
             };
             scratch.find_inner_contacts(near.len(), contact_at, supporting_plane, is_inner, inner);
         }
-        scratch.near = near;
+        scratch.nearby = near;
     }
 
     /// Lists in `scratch` the contacts of a contactor that can act in this step, and their heights: a contact that cannot
@@ -179,7 +179,7 @@ impl<'a> InnerEdgeSearch<'a> {
         // B cannot be nearer than C.
         let travel = views.iter().map(|&view| other_contactor(RunView(view)).travel).fold(0.0, f64::max);
         let reach = a.travel + travel + 2.0 * FLUSH_TOLERANCE * a.radius;
-        let JointScratch { near, heights, .. } = scratch;
+        let JointScratch { nearby: near, heights, .. } = scratch;
         near.clear();
         near.extend(views.iter().filter(|&&view| self.attracts || run(RunView(view)).gap <= reach));
         let height = |&view: &u32| {

@@ -44,8 +44,8 @@ pub struct NearbyContactor<'a> {
 }
 
 impl NearbyContactor<'_> {
-    fn velocity_at(&self, at: &Vec3) -> Vec3 {
-        self.v + self.w.cross(&(at - self.body_centre))
+    fn velocity_at(&self, point: &Vec3) -> Vec3 {
+        self.v + self.w.cross(&(point - self.body_centre))
     }
 }
 
@@ -140,8 +140,8 @@ impl UpperContactor<'_> {
 
     /// Uncertainty of the height of a face at `distance` from a contactor's centre due to the rounding of numbers in
     /// files, m.
-    fn height_uncertainty(&self, n: &Vec3, near: &NearbyContactor, distance: f64) -> f64 {
-        FILE_ROUNDING * (n.dot(&(self.centre + near.centre)).abs() + distance.abs())
+    fn height_uncertainty(&self, n: &Vec3, plate: &NearbyContactor, distance: f64) -> f64 {
+        FILE_ROUNDING * (n.dot(&(self.centre + plate.centre)).abs() + distance.abs())
     }
 }
 
@@ -203,7 +203,7 @@ pub fn any_is_low(heights: &[ContactHeight]) -> bool {
 /// Scratch memory, reused from contactor to contactor.
 pub struct JointScratch {
     /// Contacts that may act in the step.
-    pub near: Vec<u32>,
+    pub nearby: Vec<u32>,
     pub heights: Vec<ContactHeight>,
     /// Supporting plane of each contact. `None`: not computed yet; `Some(None)`: the contact has no supporting face.
     pub planes: Vec<Option<Option<FacePlane>>>,
@@ -228,7 +228,7 @@ pub struct InnerContact {
 impl JointScratch {
     /// Scratch without items.
     pub const fn new() -> Self {
-        JointScratch { near: Vec::new(), heights: Vec::new(), planes: Vec::new(), found: Vec::new() }
+        JointScratch { nearby: Vec::new(), heights: Vec::new(), planes: Vec::new(), found: Vec::new() }
     }
 
     /// Appends to `inner` the inner contacts among `count` contacts of A, each with the normal of a plane that hides it.

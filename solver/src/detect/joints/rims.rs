@@ -12,23 +12,23 @@ use crate::integrate::ContactConfiguration;
 use crate::math::Vec3;
 use crate::scene::{BodyShape, Scene};
 
-/// Returns the pairs `listed` of spheres and plates except the inner contacts, with rims at joints of flush plates.
+/// Returns the `pairs` of spheres and plates except the inner contacts, with rims at joints of flush plates.
 pub fn without_inner_rims(
     scene: &Scene,
     q_c: &ContactConfiguration,
     travel_bounds: &TravelBounds,
-    listed: Vec<ListedPair>,
+    pairs: Vec<ListedPair>,
 ) -> Vec<ListedPair> {
     if scene.planes.len() < 2 {
-        return listed;
+        return pairs;
     }
     let mut counts = vec![0u32; scene.bodies.len()];
-    listed.iter().for_each(|([sphere, _], _)| counts[sphere.index()] += 1);
+    pairs.iter().for_each(|([sphere, _], _)| counts[sphere.index()] += 1);
     let is_alone = |([sphere, _], _): &ListedPair| counts[sphere.index()] == 1;
-    let (mut kept, mut listed): (Vec<ListedPair>, Vec<ListedPair>) = listed.into_iter().partition(is_alone);
-    listed.sort_unstable_by_key(|(pair, _)| *pair);
+    let (mut kept, mut pairs): (Vec<ListedPair>, Vec<ListedPair>) = pairs.into_iter().partition(is_alone);
+    pairs.sort_unstable_by_key(|(pair, _)| *pair);
     let (mut scratch, mut inner) = (JointScratch::new(), Vec::new());
-    for plates in listed.chunk_by(|(a, _), (b, _)| a[0] == b[0]) {
+    for plates in pairs.chunk_by(|(a, _), (b, _)| a[0] == b[0]) {
         inner.clear();
         SphereOnPlates::new(scene, q_c, travel_bounds, plates).collect_inner_contacts(&mut scratch, &mut inner);
         let is_inner = |k: usize| inner.iter().any(|inner| inner.contact.index as usize == k);

@@ -967,8 +967,8 @@ impl<'a> ScriptWalker<'a> {
         names.iter().any(|command| is_effective(command))
     }
 
-    /// Records a call of a command of LMGC90, or follows one of a function of the script. `inside`: its arguments.
-    fn record_call(&mut self, name: &str, line: usize, inside: &[Lexeme]) {
+    /// Records a call of a command of LMGC90, or follows one of a function of the script. `arguments`: its arguments.
+    fn record_call(&mut self, name: &str, line: usize, arguments: &[Lexeme]) {
         if PURE_FUNCTIONS.contains(&name) && !self.functions.contains_key(name) {
             return;
         }
@@ -980,7 +980,7 @@ impl<'a> ScriptWalker<'a> {
             self.reject(line, name, "is a class with commands of LMGC90, which is not read");
         }
         let (mut positional, mut keywords) = (Vec::new(), Vec::new());
-        for part in split_at(inside, ",") {
+        for part in split_at(arguments, ",") {
             let keyword = part.get(1).is_some_and(|lexeme| lexeme.token.is("="));
             let unpacked_lexemes =
                 |symbol: &str| part.first().filter(|lexeme| lexeme.token.is(symbol)).map(|_| &part[1..]);
@@ -1016,7 +1016,7 @@ impl<'a> ScriptWalker<'a> {
             }
             // These count their items, or copy them into a new object.
             if !["enumerate", "tqdm", "dict", "list", "tuple", "min", "max"].contains(&name) {
-                self.forget_objects(inside);
+                self.forget_objects(arguments);
             }
         }
     }

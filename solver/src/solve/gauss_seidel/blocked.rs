@@ -47,7 +47,7 @@ pub struct BodyBlock<N, G, T> {
     /// Lines after the sweep before, from which momentum is computed.
     previous: Vec<N>,
     /// Constraints between bodies of the block, or with bodies that do not move.
-    inside: G,
+    constraints: G,
     /// Sums of the last sweep.
     sums: SweepSums<T>,
 }
@@ -58,7 +58,7 @@ pub struct BlockBorders<N, G, T> {
     /// Copies of the lines of these bodies, and one for unused lanes.
     lines: Vec<N>,
     /// Constraints between bodies of different blocks.
-    across: G,
+    constraints: G,
     /// Sums of the last sweep.
     sums: SweepSums<T>,
 }
@@ -111,7 +111,7 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
             let lines = block.lines.get_mut().unwrap_or_else(PoisonError::into_inner);
             mem::swap(lines, &mut block.previous);
             operations.apply_momentum(lines, &block.previous);
-            block.sums = operations.sweep_group(lines, &mut block.inside);
+            block.sums = operations.sweep_group(lines, &mut block.constraints);
         });
         let mut first = 0;
         for (colour, &end) in colours.iter().enumerate() {
@@ -119,13 +119,13 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
                 share.exchange_lines::<N, T>(colour, blocks);
             }
             borders[first..end].par_iter_mut().with_max_len(1).for_each(|border| {
-                let BlockBorders { bodies, lines, across, sums } = border;
+                let BlockBorders { bodies, lines, constraints, sums } = border;
                 bodies.copy_lines(blocks, |lines_of_block, indices, range| {
                     for (to, &body) in lines[range].iter_mut().zip(indices) {
                         *to = lines_of_block[body as usize];
                     }
                 });
-                *sums = operations.sweep_group(lines, across);
+                *sums = operations.sweep_group(lines, constraints);
                 bodies.copy_lines(blocks, |lines_of_block, indices, range| {
                     for (from, &body) in lines[range].iter().zip(indices) {
                         lines_of_block[body as usize] = *from;
@@ -204,15 +204,15 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
 
     /// Groups of constraints whose impulses this rank reports to the others.
     pub fn reported_groups(&self, share: &SweepShare) -> impl Iterator<Item = &G> {
-        let inside = self.blocks[share.own_blocks()].iter().map(|block| &block.inside);
+        let inside = self.blocks[share.own_blocks()].iter().map(|block| &block.constraints);
         let borders: Vec<usize> = share.reported_borders(share.rank()).collect();
-        inside.chain(borders.into_iter().map(|border| &self.borders[border].across))
+        inside.chain(borders.into_iter().map(|border| &self.borders[border].constraints))
     }
 
     /// All groups of constraints.
     pub fn groups(&self) -> impl Iterator<Item = &G> {
-        let inside = self.blocks.iter().map(|block| &block.inside);
-        inside.chain(self.borders.iter().map(|border| &border.across))
+        let inside = self.blocks.iter().map(|block| &block.constraints);
+        inside.chain(self.borders.iter().map(|border| &border.constraints))
     }
 }
 
@@ -225,17 +225,17 @@ impl<N, G, T> AsMut<[N]> for BodyBlock<N, G, T> {
 
 impl<N: Clone, G, T: LaneFloat> BodyBlock<N, G, T> {
     /// A block with these lines.
-    pub fn new(lines: Vec<N>, inside: G) -> Self {
-        BodyBlock { previous: lines.clone(), lines: Mutex::new(lines), inside, sums: SweepSums::default() }
+    pub fn new(lines: Vec<N>, constraints: G) -> Self {
+        BodyBlock { previous: lines.clone(), lines: Mutex::new(lines), constraints, sums: SweepSums::default() }
     }
 }
 
 impl<N: Clone, G, T: LaneFloat> BlockBorders<N, G, T> {
-    /// A task for the constraints `across` of the bodies with these curve indices, ascending; `padding` is the line of
+    /// A task for the `constraints` of the bodies with these curve indices, ascending; `padding` is the line of
     /// unused lanes.
-    pub fn new(partition: &BodyPartition, curve_indices: &[u32], padding: N, across: G) -> Self {
+    pub fn new(partition: &BodyPartition, curve_indices: &[u32], padding: N, constraints: G) -> Self {
         let bodies = BorderBodies::new(partition, curve_indices);
-        BlockBorders { bodies, lines: vec![padding; curve_indices.len() + 1], across, sums: SweepSums::default() }
+        BlockBorders { bodies, lines: vec![padding; curve_indices.len() + 1], constraints, sums: SweepSums::default() }
     }
 }
 

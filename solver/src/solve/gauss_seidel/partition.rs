@@ -47,7 +47,7 @@ pub struct BodyPartition {
 #[derive(Debug, PartialEq)]
 pub struct SweepTasks {
     /// Indices of the constraints inside each block, ascending.
-    pub inside: Vec<Vec<u32>>,
+    pub blocks: Vec<Vec<u32>>,
     /// Constraints between blocks, colour by colour.
     pub borders: Vec<BorderTask>,
     /// End of each colour in `borders`. The tasks of a colour share no block.
@@ -202,7 +202,7 @@ impl BodyPartition {
             ends.push(constraints.len());
         }
         SweepTasks {
-            inside: (0..count).into_par_iter().map(|block| members(block).to_vec()).collect(),
+            blocks: (0..count).into_par_iter().map(|block| members(block).to_vec()).collect(),
             borders: constraints.into_par_iter().map(|constraints| BorderTask::new(constraints, pairs)).collect(),
             colours: ends,
         }
@@ -329,7 +329,7 @@ mod tests {
         assert_eq!([0, 2, 4].map(|curve_index| partition.position(curve_index)), [(0, 0), (1, 0), (1, 2)]);
         let tasks = partition.sweep_tasks(&partition.pairs);
         let last = BorderTask { constraints: vec![1, 2], curve_indices: vec![0, 1, 2, 3] };
-        assert_eq!(tasks, SweepTasks { inside: vec![vec![], vec![0]], borders: vec![last], colours: vec![1] });
+        assert_eq!(tasks, SweepTasks { blocks: vec![vec![], vec![0]], borders: vec![last], colours: vec![1] });
         assert_eq!(GroupBodies::Border(&[3, 5, 8]).index_of(8), 2);
         assert_eq!(GroupBodies::Block(3..9).index_of(8), 5);
     }
@@ -363,16 +363,16 @@ mod tests {
         let active: Vec<ContactId> = (0..pairs.len()).map(ContactId::new).collect();
         let partition = BodyPartition::new(&problem, &active, 108);
         let curve_pairs = &partition.pairs;
-        let SweepTasks { inside, borders, colours } = partition.sweep_tasks(curve_pairs);
-        assert_eq!((partition.block_count(), inside.len()), (64, 64));
+        let SweepTasks { blocks, borders, colours } = partition.sweep_tasks(curve_pairs);
+        assert_eq!((partition.block_count(), blocks.len()), (64, 64));
 
-        let all = inside.iter().flatten().chain(borders.iter().flat_map(|task| &task.constraints));
+        let all = blocks.iter().flatten().chain(borders.iter().flat_map(|task| &task.constraints));
         let mut all: Vec<u32> = all.copied().collect();
         all.sort_unstable();
         assert_eq!(all, (1..pairs.len() as u32).collect::<Vec<_>>());
 
         let block_of = |curve_index: u32| partition.position(curve_index).0;
-        for (block, constraints) in inside.iter().enumerate() {
+        for (block, constraints) in blocks.iter().enumerate() {
             let moving = constraints
                 .iter()
                 .flat_map(|&k| curve_pairs[k as usize])

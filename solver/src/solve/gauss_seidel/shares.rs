@@ -70,7 +70,7 @@ impl SweepShare {
         }
         let share = SweepShare::new(communicator, partition, &tasks, work);
         let own_blocks = share.own_blocks();
-        let inside = tasks.inside.iter_mut().enumerate().filter(|(block, _)| !own_blocks.contains(block));
+        let inside = tasks.blocks.iter_mut().enumerate().filter(|(block, _)| !own_blocks.contains(block));
         inside.for_each(|(_, constraints)| constraints.clear());
         let borders = tasks.borders.iter_mut().enumerate().filter(|(border, _)| !share.sweeps_border(*border));
         borders.for_each(|(_, task)| *task = BorderTask { constraints: vec![], curve_indices: vec![] });
@@ -219,7 +219,7 @@ fn add_line(messages: &mut Vec<LineMessage>, rank: u32, line: (u32, u32)) {
 /// Relative cost of a sweep by block, in halves: a constraint between two blocks counts half in each.
 pub fn block_work(partition: &BodyPartition, tasks: &SweepTasks, work: impl Fn(u32) -> u64) -> Vec<u64> {
     let inside_work = |constraints: &Vec<u32>| 2 * constraints.iter().map(|&k| work(k)).sum::<u64>();
-    let mut block_work: Vec<u64> = tasks.inside.iter().map(inside_work).collect();
+    let mut block_work: Vec<u64> = tasks.blocks.iter().map(inside_work).collect();
     for task in &tasks.borders {
         let task_work: u64 = task.constraints.iter().map(|&k| work(k)).sum();
         // Bodies of a border task have about the same number of constraints in it.
@@ -344,13 +344,13 @@ impl DivisionCounts {
         let blocks = cut_by_work(&block_work(partition, tasks, &work), ranks);
         let division = BorderDivision::new(partition, tasks, &blocks);
         let task_work = |constraints: &Vec<u32>| constraints.iter().map(|&k| work(k)).sum::<u64>();
-        let inside_work = |blocks: &Range<usize>| tasks.inside[blocks.clone()].iter().map(task_work).sum();
+        let inside_work = |blocks: &Range<usize>| tasks.blocks[blocks.clone()].iter().map(task_work).sum();
         let mut counts = DivisionCounts {
             blocks: partition.block_count(),
             colours: tasks.colours.len(),
-            tasks: tasks.inside.len() + tasks.borders.len(),
+            tasks: tasks.blocks.len() + tasks.borders.len(),
             whole_work: tasks
-                .inside
+                .blocks
                 .iter()
                 .chain(tasks.borders.iter().map(|task| &task.constraints))
                 .map(task_work)

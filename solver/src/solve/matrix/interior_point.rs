@@ -70,14 +70,14 @@ fn apply_cone_scaling([n, t]: [f64; 2], v: LocalVector) -> LocalVector {
 
 /// Changes of x and y; `None` if numbers are not finite.
 fn newton_direction(
-    scaled: &ScaledProblem,
+    problem: &ScaledProblem,
     sizes: &[[f64; 2]],
     x: &[LocalVector],
     y: &[LocalVector],
 ) -> Option<[Vec<LocalVector>; 2]> {
     let count = x.len();
     let r: Vec<LocalVector> = x.iter().zip(sizes).map(|(x, size)| apply_cone_scaling(*size, *x)).collect();
-    let u = scaled.relative_velocities(&r);
+    let u = problem.relative_velocities(&r);
     let defects: Vec<LocalVector> = (0..count)
         .map(|i| {
             let u = apply_cone_scaling(sizes[i], u[i]);
@@ -97,7 +97,7 @@ fn newton_direction(
     };
     let mut matrix: Vec<BlockEntry> = Vec::new();
     for i in 0..count {
-        for (j, w) in scaled.row_blocks(i) {
+        for (j, w) in problem.row_blocks(i) {
             let value = |k: usize, l: usize| {
                 let value = sizes[i][k.min(1)] * w[k][l] * sizes[j][l.min(1)];
                 let square = || apply_slip_matrix(i, [squares[i][0][l], squares[i][1][l], squares[i][2][l]])[k];

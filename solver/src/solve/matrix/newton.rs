@@ -73,7 +73,7 @@ pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
 
 /// Iterate with the data of Newton's method.
 struct NewtonIterate<'a> {
-    scaled: &'a ScaledProblem,
+    problem: &'a ScaledProblem,
     /// Iterate r_k of the outer loop.
     centre: &'a [LocalVector],
     /// Proximal parameter.
@@ -88,20 +88,20 @@ struct NewtonIterate<'a> {
 
 impl<'a> NewtonIterate<'a> {
     /// Evaluates tau and Phi at `r`.
-    fn new(scaled: &'a ScaledProblem, r: &[LocalVector], centre: &'a [LocalVector], a: f64) -> Self {
-        let u = scaled.relative_velocities(r);
+    fn new(problem: &'a ScaledProblem, r: &[LocalVector], centre: &'a [LocalVector], a: f64) -> Self {
+        let u = problem.relative_velocities(r);
         let tau: Vec<LocalVector> =
             (0..r.len()).map(|i| std::array::from_fn(|k| r[i][k] - u[i][k] - a * (r[i][k] - centre[i][k]))).collect();
         let phi = (0..r.len())
             .map(|i| {
                 let (r, [n, t1, t2]) = (r[i], tau[i]);
                 let n = n.max(0.0);
-                let (tangential_length, bound) = ((t1 * t1 + t2 * t2).sqrt(), scaled.mu[i] * n);
+                let (tangential_length, bound) = ((t1 * t1 + t2 * t2).sqrt(), problem.mu[i] * n);
                 let share = if tangential_length > bound { bound / tangential_length } else { 1.0 };
                 [r[0] - n, r[1] - share * t1, r[2] - share * t2]
             })
             .collect();
-        NewtonIterate { scaled, centre, a, r: r.to_vec(), tau, phi }
+        NewtonIterate { problem, centre, a, r: r.to_vec(), tau, phi }
     }
 
     /// Newton step -J^-1 Phi, J an element of Phi's generalised Jacobian; `None` if J is singular.
@@ -115,7 +115,7 @@ impl<'a> NewtonIterate<'a> {
         let mut right_side = vec![[0.0; 3]; closed.len()];
         for (row, &i) in closed.iter().enumerate() {
             let [n, t1, t2] = self.tau[i];
-            let mu = self.scaled.mu[i];
+            let mu = self.problem.mu[i];
             let tangential_length = libm::hypot(t1, t2);
             // Factors A and B in Phi' = A u' + B r'.
             let (mut factor_u, mut factor_r) = ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [[0.0; 3]; 3]);
@@ -132,7 +132,7 @@ impl<'a> NewtonIterate<'a> {
                 }
             }
             right_side[row] = self.phi[i].map(|phi| -phi);
-            for (column, w) in self.scaled.row_blocks(i) {
+            for (column, w) in self.problem.row_blocks(i) {
                 let mut w = *w;
                 if column == i {
                     (0..3).for_each(|k| w[k][k] += self.a);
@@ -164,7 +164,7 @@ impl<'a> NewtonIterate<'a> {
     fn advanced_by(&self, step: &[LocalVector], share: f64) -> Self {
         let r: Vec<LocalVector> =
             self.r.iter().zip(step).map(|(r, d)| std::array::from_fn(|k| r[k] + share * d[k])).collect();
-        NewtonIterate::new(self.scaled, &r, self.centre, self.a)
+        NewtonIterate::new(self.problem, &r, self.centre, self.a)
     }
 }
 

@@ -220,8 +220,8 @@ impl<C: PairContacts> BlockProblem<C> {
         let (pairs, pair_bodies) = group_into_pairs(source.problem, source.active, &partition);
         let work = |pair: u32| pairs[pair as usize].rows.len() as u64;
         let tasks = partition.sweep_tasks(&pair_bodies);
-        let (SweepTasks { inside, borders, colours }, share) = SweepShare::divide(&partition, tasks, work);
-        let blocks = inside.par_iter().enumerate().with_max_len(1).map(|(block, members)| {
+        let (SweepTasks { blocks, borders, colours }, share) = SweepShare::divide(&partition, tasks, work);
+        let blocks = blocks.par_iter().enumerate().with_max_len(1).map(|(block, members)| {
             let bodies = GroupBodies::Block(partition.curve_range(block));
             let mut lines: Vec<_> =
                 partition.bodies_of(block).iter().map(|&body| fill.body_lines::<C::T>(body)).collect();

@@ -140,12 +140,12 @@ impl<B: PackedBody> DiagonalProblem<B> {
         let units = SweepUnits::from_source::<B::T>(source);
         let partition = BodyPartition::new(source.problem, source.active, min_bodies);
         let (order, tasks) = contact_tasks(&partition);
-        let (SweepTasks { inside, borders, colours }, share) = SweepShare::divide(&partition, tasks, |_| 1);
+        let (SweepTasks { blocks, borders, colours }, share) = SweepShare::divide(&partition, tasks, |_| 1);
         let pack = |constraints: &[u32], bodies: &GroupBodies| {
             let rows: Vec<u32> = constraints.iter().map(|&k| order[k as usize]).collect();
             pack_group::<B>(&rows, &partition.pairs, bodies, source, units)
         };
-        let blocks = inside.par_iter().enumerate().with_max_len(1).map(|(block, constraints)| {
+        let blocks = blocks.par_iter().enumerate().with_max_len(1).map(|(block, constraints)| {
             let (batches, fixed) = pack(constraints, &GroupBodies::Block(partition.curve_range(block)));
             let packed_body = |body: &BodyId| B::new(&source.solver_bodies[body.index()], &units);
             let moving = partition.bodies_of(block).iter().map(packed_body);

@@ -79,23 +79,23 @@ pub fn overturned_bodies(
 /// Bodies that keep their orientation in this step, not yet pushed at their centres, that take themselves or another body
 /// deeper than [`MAX_PUSHED_DEPTH`] behind a surface.
 ///
-/// `moving`: velocities in the contact configuration, without rotation for bodies that keep their orientation.
+/// `velocities`: velocities in the contact configuration, without rotation for bodies that keep their orientation.
 pub fn pushed_bodies(
     scene: &Scene,
     q_c: &ContactConfiguration,
     contacts: &[Contact],
-    moving: Velocities,
+    velocities: Velocities,
 ) -> BTreeSet<BodyId> {
     let mut pushed = BTreeSet::new();
     if q_c.orientation_kept.len() == q_c.pushed_at_centre.len() {
         return pushed;
     }
     let span = q_c.reach_time(scene);
-    let motion = StepMotion { scene, q_c, span, velocities: moving };
+    let motion = StepMotion { scene, q_c, span, velocities: velocities };
     let is_pushable = |body: &BodyId| q_c.orientation_kept.contains(body) && !q_c.pushed_at_centre.contains(body);
     for contact in contacts {
         let bodies = [contact.candidate, contact.antagonist];
-        if !bodies.iter().any(is_pushable) || approach(q_c, span, contact, moving) <= 0.0 {
+        if !bodies.iter().any(is_pushable) || approach(q_c, span, contact, velocities) <= 0.0 {
             continue;
         }
         let is_deep =

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use cd_formats::atomic::{path_exists, read_text};
 use cd_formats::compute::ComputeFlags;
 use cd_formats::error::Faults;
-use cd_formats::growth::source_bodies;
 use cd_formats::probe::unknown_bodies;
 use cd_formats::report::FaultReport;
+use cd_formats::sinks_and_sources::source_bodies;
 
 use crate::math::{Twist, Vec3};
 use crate::scene::{BodyId, BodyPresence, BodyRoster, Scene};
@@ -16,7 +16,12 @@ use crate::state::State;
 
 /// Prepares a run with sinks or sources; bodies of sources wait from the start. Rejects combinations that are not
 /// computed, and sources of bodies that cannot enter. `file`: COMPUTE.RON.
-pub fn prepare_growth(file: &Path, flags: &ComputeFlags, scene: &mut Scene, state: &mut State) -> Result<(), Faults> {
+pub fn prepare_sinks_and_sources(
+    file: &Path,
+    flags: &ComputeFlags,
+    scene: &mut Scene,
+    state: &mut State,
+) -> Result<(), Faults> {
     if scene.options.sinks.is_empty() && scene.options.sources.is_empty() {
         return Ok(());
     }
@@ -36,7 +41,7 @@ pub fn prepare_growth(file: &Path, flags: &ComputeFlags, scene: &mut Scene, stat
     scene.roster = Some(Arc::new(BodyRoster {
         free: scene.free.clone(),
         spheres: scene.spheres.clone(),
-        turning: scene.turning.clone(),
+        free_rotors: scene.free_rotors.clone(),
         parts: scene.parts.clone(),
         part_starts: scene.part_starts.clone(),
         bounding_radii: (0..scene.bodies.len()).map(|i| scene.bounding_radius(BodyId::new(i))).collect(),

@@ -7,9 +7,9 @@ use std::process::Command;
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::compute::{Adaptive, ExternalField};
-use cd_formats::growth::{Sink, Source};
 use cd_formats::probe::{BodySelection, CountingSurface, EndCondition, Probe, ProbeQuantity};
 use cd_formats::region::SpaceRegion;
+use cd_formats::sinks_and_sources::{Sink, Source};
 use cd_formats::snapshot::{PRESENCE_GONE, PRESENCE_PRESENT, PRESENCE_WAITING, Snapshot};
 
 use crate::case::{AXES, Case, Figures, Vec3, equal, near, uniform};

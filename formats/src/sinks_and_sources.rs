@@ -43,25 +43,26 @@ pub fn source_bodies(sources: &[Source]) -> impl Iterator<Item = (String, &BodyS
     sources.iter().enumerate().map(|(k, source)| (format!("sources.{k}.bodies"), &source.bodies))
 }
 
-/// Reports the values of sinks and sources that no run could use; `at` is the prefix of their paths.
-pub fn check_growth(sinks: &[Sink], sources: &[Source], at: &str, report: &mut FaultReport) {
+/// Reports the values of sinks and sources that no run could use; `prefix` begins their paths.
+pub fn check_sinks_and_sources(sinks: &[Sink], sources: &[Source], prefix: &str, report: &mut FaultReport) {
     let mut known: Vec<&str> = Vec::new();
-    let names = sinks.iter().map(|sink| &sink.name).enumerate().map(|(k, name)| (format!("{at}sinks.{k}.name"), name));
+    let names =
+        sinks.iter().map(|sink| &sink.name).enumerate().map(|(k, name)| (format!("{prefix}sinks.{k}.name"), name));
     let of_sources = sources.iter().map(|source| &source.name).enumerate();
-    for (path, name) in names.chain(of_sources.map(|(k, name)| (format!("{at}sources.{k}.name"), name))) {
+    for (path, name) in names.chain(of_sources.map(|(k, name)| (format!("{prefix}sources.{k}.name"), name))) {
         let is_valid = is_file_name(name) && !known.contains(&name.as_str());
         report.require(is_valid, &path, format!("'{name}'"), "a name of its own, of letters, digits, - and _");
         known.push(name);
     }
     for (k, sink) in sinks.iter().enumerate() {
         if let Some(expected) = sink.region.invalid_value() {
-            let path = format!("{at}sinks.{k}.region");
+            let path = format!("{prefix}sinks.{k}.region");
             let found = report.shown_text_or(&path, || format!("{:?}", sink.region));
             report.add_fault(&path, found, expected);
         }
     }
     for (k, Source { from, rate, .. }) in sources.iter().enumerate() {
-        let path = format!("{at}sources.{k}");
+        let path = format!("{prefix}sources.{k}");
         report.require_number(from.is_finite(), &format!("{path}.from"), *from, "a finite time (s)");
         let is_valid = rate.is_finite() && *rate > 0.0;
         report.require_number(is_valid, &format!("{path}.rate"), *rate, "a finite number > 0 of bodies per second");
