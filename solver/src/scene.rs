@@ -90,6 +90,32 @@ cd_formats::index_types! {
     LawId(u8);
 }
 
+/// Values of the two sides of a contact, ordered by that of the candidate first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub struct ContactSides<T> {
+    pub candidate: T,
+    pub antagonist: T,
+}
+
+impl<T> ContactSides<T> {
+    /// The same values with the sides exchanged.
+    pub fn swapped(self) -> Self {
+        ContactSides { candidate: self.antagonist, antagonist: self.candidate }
+    }
+}
+
+impl<T> From<[T; 2]> for ContactSides<T> {
+    fn from([candidate, antagonist]: [T; 2]) -> Self {
+        ContactSides { candidate, antagonist }
+    }
+}
+
+impl<T> From<ContactSides<T>> for [T; 2] {
+    fn from(sides: ContactSides<T>) -> Self {
+        [sides.candidate, sides.antagonist]
+    }
+}
+
 /// Contactor of a body, in scenes with bodies other than spheres and plates.
 #[derive(Debug, Clone)]
 pub struct BodyPart {
@@ -118,7 +144,7 @@ pub struct PointLink {
     /// Points in the frames of the bodies, m.
     pub offsets: [Vec3; 2],
     /// Numbers of the points, which follow the numbers of the parts of their bodies.
-    pub part_numbers: (u16, u16),
+    pub part_numbers: ContactSides<u16>,
     /// Distance of the points in BODIES.DAT, m: the length without strain.
     pub rest_length: f64,
     pub law: LawId,
@@ -738,7 +764,7 @@ impl Scene {
     }
 
     /// Wire or rod between two points, given by their bodies and numbers.
-    pub fn find_link(&self, bodies: [BodyId; 2], part_numbers: (u16, u16)) -> Option<&PointLink> {
+    pub fn find_link(&self, bodies: [BodyId; 2], part_numbers: ContactSides<u16>) -> Option<&PointLink> {
         let position =
             self.links.binary_search_by_key(&(bodies, part_numbers), |link| (link.bodies, link.part_numbers)).ok()?;
         self.links.get(position)

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame, sort_runs_by_key};
-use crate::scene::{BodyId, BodyPresence, InteractionRule, LawId, PartId, Scene, SphereId};
+use crate::scene::{BodyId, BodyPresence, ContactSides, InteractionRule, LawId, PartId, Scene, SphereId};
 
 /// First feature of a contact of polyhedra that was read from a text file without features; the second is a running
 /// number. In the next step it is identified with the nearest contact of the same contactors.
@@ -40,9 +40,9 @@ pub struct Contact {
     pub candidate: BodyId,
     pub antagonist: BodyId,
     /// Numbers of the parts of the two bodies that touch.
-    pub part_numbers: (u16, u16),
+    pub part_numbers: ContactSides<u16>,
     /// Touching features; a contact with the same contactors and features in the next step is the same contact.
-    pub features: (u32, u32),
+    pub features: ContactSides<u32>,
     /// Contact point at the candidate, world frame, m.
     pub point: Vec3,
     /// Shift from the antagonist's position to its touched image, m; 0 if the scene is not periodic, and in contacts that
@@ -58,7 +58,7 @@ pub struct Contact {
 }
 
 /// Bodies, numbers of their parts, and features that identify a contact.
-pub type ContactKey = (BodyId, BodyId, (u16, u16), (u32, u32));
+pub type ContactKey = (BodyId, BodyId, ContactSides<u16>, ContactSides<u32>);
 
 /// Two contactors that the visibility table lists, the candidate first, and their rule. `I`: type of their indices.
 pub type VisiblePair<I = PartId> = ([I; 2], InteractionRule);
@@ -167,8 +167,8 @@ impl Contact {
         let words = |contact: &Contact| {
             let &Contact { candidate, antagonist, part_numbers, features, .. } = contact;
             let bodies = u64::from(candidate.0) << 32 | u64::from(antagonist.0);
-            let part_numbers = u32::from(part_numbers.0) << 16 | u32::from(part_numbers.1);
-            (bodies, part_numbers, u64::from(features.0) << 32 | u64::from(features.1))
+            let part_numbers = u32::from(part_numbers.candidate) << 16 | u32::from(part_numbers.antagonist);
+            (bodies, part_numbers, u64::from(features.candidate) << 32 | u64::from(features.antagonist))
         };
         words(self).cmp(&words(other))
     }
@@ -501,8 +501,8 @@ mod tests {
         let contact = |k: u32| Contact {
             candidate: BodyId(digit(k, 0) * 65_537),
             antagonist: BodyId(digit(k, 1) * 65_537),
-            part_numbers: (digit(k, 2) as u16, digit(k, 3) as u16),
-            features: (digit(k, 4) * 65_537, digit(k, 5) * 65_537),
+            part_numbers: [digit(k, 2) as u16, digit(k, 3) as u16].into(),
+            features: [digit(k, 4) * 65_537, digit(k, 5) * 65_537].into(),
             ..Contact::default()
         };
         let contacts: Vec<Contact> = (0..729).map(contact).collect();

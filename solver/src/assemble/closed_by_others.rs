@@ -58,7 +58,8 @@ impl OpenPair<'_> {
             return 0.0;
         }
         let Contact { candidate, antagonist, part_numbers, .. } = *self.contact;
-        MAX_STEP_OVERLAP * self.scene.pair_size((candidate, part_numbers.0), (antagonist, part_numbers.1))
+        MAX_STEP_OVERLAP
+            * self.scene.pair_size((candidate, part_numbers.candidate), (antagonist, part_numbers.antagonist))
     }
 
     /// Whether these velocities close the contact by more than its gap and `depth` (m), whatever the motion across its normal.

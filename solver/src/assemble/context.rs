@@ -5,7 +5,7 @@ use super::problem::SolverBody;
 use crate::integrate::ContactConfiguration;
 use crate::math::Vec3;
 use crate::math::simd::SimdWidth;
-use crate::scene::{BodyId, ContactorShape, Scene};
+use crate::scene::{BodyId, ContactSides, ContactorShape, Scene};
 use crate::state::{Contact, State, Velocities};
 
 /// Bounds on the motion of a body in the step.
@@ -114,7 +114,7 @@ impl AssemblyContext<'_> {
         let Contact { candidate, antagonist, part_numbers, .. } = *contact;
         contact.area > 0.0
             || !self.state.laws[contact.law].has_stress()
-            || [(candidate, part_numbers.0), (antagonist, part_numbers.1)]
+            || [(candidate, part_numbers.candidate), (antagonist, part_numbers.antagonist)]
                 .into_iter()
                 .any(|(body, part_number)| self.is_round(body, part_number))
     }
@@ -141,13 +141,13 @@ impl AssemblyContext<'_> {
 
     /// Effective radius R of the two bodies, m, the scale of distances.
     pub(super) fn effective_radius(&self, contact: &Contact) -> f64 {
-        let (a, b) = contact.part_numbers;
+        let ContactSides { candidate: a, antagonist: b } = contact.part_numbers;
         self.scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
     }
 
     /// Smaller radius of the two bodies, m.
     fn smaller_radius(&self, contact: &Contact) -> f64 {
-        let (a, b) = contact.part_numbers;
+        let ContactSides { candidate: a, antagonist: b } = contact.part_numbers;
         self.scene.smaller_radius((contact.candidate, a), (contact.antagonist, b))
     }
 

@@ -78,8 +78,8 @@ impl AssemblyContext<'_> {
             let axis = q_c.q[body.index()] * part.axes * Vec3::z();
             (axis.dot(&contact.normal).abs() < MAX_SIDE_COSINE).then_some((axis, radius))
         };
-        let (axis, radius) = side(contact.candidate, contact.part_numbers.0)?;
-        let antagonist_side = side(contact.antagonist, contact.part_numbers.1);
+        let (axis, radius) = side(contact.candidate, contact.part_numbers.candidate)?;
+        let antagonist_side = side(contact.antagonist, contact.part_numbers.antagonist);
         let parallel = antagonist_side.filter(|(other, _)| axis.cross(other).norm() < MAX_SIDE_COSINE);
         Some((axis, 1.0 / (1.0 / radius + parallel.map_or(0.0, |(_, radius)| 1.0 / radius))))
     }
@@ -87,8 +87,8 @@ impl AssemblyContext<'_> {
     /// 1/(1/R_a + 1/R_b) of a sphere and the surface on which it rolls, m; 0 for corners and edges, which are fixed on their
     /// bodies.
     fn rolling_radius(&self, contact: &Contact) -> f64 {
-        let Some(own) = self.sphere_radius(contact.candidate, contact.part_numbers.0) else { return 0.0 };
-        let of_antagonist = self.sphere_radius(contact.antagonist, contact.part_numbers.1);
+        let Some(own) = self.sphere_radius(contact.candidate, contact.part_numbers.candidate) else { return 0.0 };
+        let of_antagonist = self.sphere_radius(contact.antagonist, contact.part_numbers.antagonist);
         1.0 / (1.0 / own + of_antagonist.map_or(0.0, f64::recip))
     }
 
@@ -104,9 +104,9 @@ impl AssemblyContext<'_> {
             return 0.0;
         }
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
-        let Some(drum) = scene.find_part(contact.antagonist, contact.part_numbers.1) else { return 0.0 };
+        let Some(drum) = scene.find_part(contact.antagonist, contact.part_numbers.antagonist) else { return 0.0 };
         let ContactorShape::Cylinder { hollow: true, .. } = drum.geometry else { return 0.0 };
-        if contact.features.1 >= FAR_WALL {
+        if contact.features.antagonist >= FAR_WALL {
             return 0.0; // a plane
         }
         let axis = q_c.q[b] * drum.axes * Vec3::z();
@@ -115,7 +115,7 @@ impl AssemblyContext<'_> {
         }
         // The centre of a sphere, the vertex of a polyhedron.
         let height_over_contact =
-            match scene.find_part(contact.candidate, contact.part_numbers.0).map(|part| &part.geometry) {
+            match scene.find_part(contact.candidate, contact.part_numbers.candidate).map(|part| &part.geometry) {
                 Some(ContactorShape::Sphere { radius }) => radius + 0.5 * contact.gap,
                 _ => 0.5 * contact.gap,
             };

@@ -11,7 +11,7 @@ use super::faces::LastLoad;
 use super::kinematics::{contact_arms, velocity_at_arms};
 use crate::laws::{ContactLaw, LawShift, MAX_TOUCHING_GAP};
 use crate::math::{Quat, Vec3, rotate_by_vector};
-use crate::scene::{BodyId, Scene};
+use crate::scene::{BodyId, ContactSides, Scene};
 use crate::state::{BondingMode, Contact, ContactId, LawMemory, SolvedContact, UNKNOWN_FEATURE};
 
 /// Contacts per task.
@@ -36,7 +36,7 @@ fn previous_by_key(old_contacts: &[SolvedContact], contacts: &[Contact]) -> Vec<
 }
 
 /// Two contactors given by their bodies and numbers of parts.
-type ContactorPair = (BodyId, BodyId, (u16, u16));
+type ContactorPair = (BodyId, BodyId, ContactSides<u16>);
 
 fn contactor_pair(contact: &Contact) -> ContactorPair {
     (contact.candidate, contact.antagonist, contact.part_numbers)
@@ -103,7 +103,7 @@ impl AssemblyContext<'_> {
     /// points: each is the history of one contact of the same two contactors, the nearest pairs first.
     fn find_previous_by_position(&self, contacts: &[Contact], found: &mut [Option<ContactId>]) {
         let before = &self.state.contacts;
-        let is_unknown = |old: &SolvedContact| old.contact.features.0 == UNKNOWN_FEATURE;
+        let is_unknown = |old: &SolvedContact| old.contact.features.candidate == UNKNOWN_FEATURE;
         if !before.par_iter().with_min_len(CONTACTS_PER_TASK).any(is_unknown) {
             return; // always, but in the first step
         }
@@ -327,8 +327,8 @@ impl AssemblyContext<'_> {
     /// Alert distance of the visibility table for a contact, m.
     pub(super) fn alert_distance(&self, contact: &Contact) -> Option<f64> {
         let Contact { candidate, antagonist, part_numbers, .. } = *contact;
-        let a = self.scene.contactor_class(candidate, part_numbers.0)?;
-        let b = self.scene.contactor_class(antagonist, part_numbers.1)?;
+        let a = self.scene.contactor_class(candidate, part_numbers.candidate)?;
+        let b = self.scene.contactor_class(antagonist, part_numbers.antagonist)?;
         self.scene.visibility.interaction_rule(a, b).map(|rule| rule.alert)
     }
 
@@ -378,7 +378,7 @@ impl AssemblyContext<'_> {
     /// position. Elsewhere it is the current gap, if the contact touches and the old one would still be in reach.
     pub(super) fn inherited_bond(&self, old: &SolvedContact, contact: &Contact, law: &ContactLaw) -> Option<f64> {
         let (bond, radius) = (old.bond?, self.effective_radius(contact));
-        let is_same_position = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN_FEATURE;
+        let is_same_position = old.contact.key() == contact.key() || old.contact.features.candidate == UNKNOWN_FEATURE;
         // Smaller distances are within the gap that counts as touching.
         let tolerance = MAX_TOUCHING_GAP * radius;
         if is_same_position || self.displacement_from(&old.contact, contact) <= tolerance {

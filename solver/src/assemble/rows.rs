@@ -401,7 +401,7 @@ impl AssemblyContext<'_> {
         // surfaces.
         let radii = [solver_bodies[a].radius, solver_bodies[b].radius];
         let antagonist_radius =
-            || match scene.find_part(contact.antagonist, contact.part_numbers.1).map(|part| &part.geometry) {
+            || match scene.find_part(contact.antagonist, contact.part_numbers.antagonist).map(|part| &part.geometry) {
                 Some(ContactorShape::Sphere { radius }) => *radius,
                 _ if on_plate => radii[0],
                 _ => radii[1],

@@ -73,7 +73,7 @@ mod tests {
     use super::super::problem::{ContactConstraint, SolverBody};
     use super::*;
     use crate::math::local_frame;
-    use crate::scene::LawId;
+    use crate::scene::{ContactSides, LawId};
 
     /// W r + q equals the relative velocities of the bodies, for a chain of three spheres on the ground.
     #[test]
@@ -92,8 +92,8 @@ mod tests {
         let contact = |k: usize| Contact {
             candidate: BodyId(pairs[k][0]),
             antagonist: BodyId(pairs[k][1]),
-            part_numbers: (0, 0),
-            features: (0, 0),
+            part_numbers: ContactSides::default(),
+            features: ContactSides::default(),
             point: Vec3::zeros(),
             image: Vec3::zeros(),
             normal: frames[k][0],

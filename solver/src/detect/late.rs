@@ -11,7 +11,7 @@ use super::{joints, parts, periodic};
 use crate::geometry::NarrowPhaseMode;
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::scene::{BodyId, BodyShape, Scene};
+use crate::scene::{BodyId, BodyShape, ContactSides, Scene};
 use crate::state::{Contact, Velocities};
 
 /// Contacts of pairs that are not in `contacts` and that the velocities `solved` close in the step; both lists are ordered by
@@ -110,7 +110,7 @@ pub fn late_contacts(
 }
 
 /// Bodies and numbers of parts that identify the pair of contactors.
-fn contactor_pair(contact: &Contact) -> (BodyId, BodyId, (u16, u16)) {
+fn contactor_pair(contact: &Contact) -> (BodyId, BodyId, ContactSides<u16>) {
     (contact.candidate, contact.antagonist, contact.part_numbers)
 }
 

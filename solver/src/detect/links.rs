@@ -2,7 +2,7 @@
 
 use crate::integrate::ContactConfiguration;
 use crate::math::Vec3;
-use crate::scene::{PointLink, Scene};
+use crate::scene::{ContactSides, PointLink, Scene};
 use crate::state::Contact;
 
 /// Contacts of all wires and rods, ordered by key. The gap is the distance of the points, and the contact point is in their middle:
@@ -16,7 +16,7 @@ pub fn link_contacts(scene: &Scene, q_c: &ContactConfiguration) -> impl Iterator
             candidate: bodies[0],
             antagonist: bodies[1],
             part_numbers,
-            features: (0, 0),
+            features: ContactSides::default(),
             point: (a + b) * 0.5,
             image: Vec3::zeros(),
             // Points that coincide have no direction; a rod pushes them apart along any.

@@ -7,7 +7,9 @@ use super::travel::{LISTING_MARGIN, TravelBounds};
 use crate::geometry::{ContactPoint, ListingRange, Manifold, PosedPolyhedron};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Quat, Vec3};
-use crate::scene::{BodyId, BodyPart, ContactorCurvature, ContactorShape, LawId, Scene, radius_of_curvatures};
+use crate::scene::{
+    BodyId, BodyPart, ContactSides, ContactorCurvature, ContactorShape, LawId, Scene, radius_of_curvatures,
+};
 use crate::state::{Contact, VisiblePair};
 
 /// Position of a contactor and the scene data that its pairs need, packed so that a pair reads little memory.
@@ -219,8 +221,8 @@ impl<'a> CandidatePair<'a> {
         manifold.points.iter().filter(move |point| point.gap <= max_gap).map(move |point| Contact {
             candidate: a.body,
             antagonist: b.body,
-            part_numbers: (a.number, b.number),
-            features: point.features,
+            part_numbers: ContactSides { candidate: a.number, antagonist: b.number },
+            features: <[u32; 2]>::from(point.features).into(),
             point: a.centre + point.position,
             image: self.image,
             normal: manifold.normal,

@@ -110,8 +110,8 @@ mod tests {
         let contact = |pair: u32, k: u32| Contact {
             candidate: BodyId(pair),
             antagonist: BodyId(k),
-            part_numbers: (pair as u16, k as u16),
-            features: (u32::MAX - pair, k),
+            part_numbers: [pair as u16, k as u16].into(),
+            features: [u32::MAX - pair, k].into(),
             point: Vec3::new(f64::from(pair), -0.0, f64::MIN_POSITIVE),
             image: Vec3::new(1.0, 2.0, 3.0),
             normal: Vec3::z(),

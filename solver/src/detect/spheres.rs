@@ -7,7 +7,7 @@ use super::travel::{LISTING_MARGIN, TravelBounds};
 use super::{narrow, swept};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::scene::{BodyId, BodyShape, InteractionRule, LawId, Scene, SphereId};
+use crate::scene::{BodyId, BodyShape, ContactSides, InteractionRule, LawId, Scene, SphereId};
 use crate::state::{Contact, DetectionCache, VisiblePair};
 
 /// Candidate and antagonist within range of each other, and their law.
@@ -142,8 +142,8 @@ pub fn sphere_contact(scene: &Scene, q_c: &ContactConfiguration, pair: [BodyId; 
     Contact {
         candidate,
         antagonist,
-        part_numbers: (0, 0),
-        features: (0, found.feature),
+        part_numbers: ContactSides::default(),
+        features: ContactSides { candidate: 0, antagonist: found.feature },
         point: found.point,
         image: scene.nearest_image_shift(&q_c.x[candidate.index()], &q_c.x[antagonist.index()]),
         normal: found.normal,

@@ -27,8 +27,8 @@ use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
 use crate::read::bodies::InitialMotion;
 use crate::read::contactors::{ContactorNumbers, ContactorTable, NamedContactor, POINT_NAME, part_number_in_scene};
 use crate::scene::{
-    BodyId, BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, LawId, RigidBody, Scene, StepTime,
-    VisibilityTable,
+    BodyId, BodyPart, BodyShape, ContactSides, ContactorShape, EVENT_SLACK, InteractionRule, LawId, RigidBody, Scene,
+    StepTime, VisibilityTable,
 };
 use crate::state::{Contact, ContactStatus, LawMemory, SolvedContact, UNKNOWN_FEATURE};
 
@@ -723,9 +723,10 @@ impl ContactReader<'_> {
         let swapped = order[0] > order[1];
         let (sign, [candidate, antagonist], kinds) =
             if swapped { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
-        let part_numbers = if swapped { (part_b, part_a) } else { (part_a, part_b) };
+        let part_numbers = ContactSides { candidate: part_a, antagonist: part_b };
+        let part_numbers = if swapped { part_numbers.swapped() } else { part_numbers };
         let normal = normal * sign;
-        let part = scene.find_part(BodyId::new(antagonist.body), part_numbers.1);
+        let part = scene.find_part(BodyId::new(antagonist.body), part_numbers.antagonist);
         let axes = orientations[antagonist.body] * part.map_or_else(Quat::identity, |part| part.axes);
         let is_in_front = normal.dot(&(axes * Vec3::z())) >= 0.0;
         if record.is_left_handed && is_in_front {
@@ -734,9 +735,9 @@ impl ContactReader<'_> {
         }
         // A plate's face is identified by the normal, all other features by the position.
         let features = match kinds.map(|kind| CONTACTOR_NAMES[kind]) {
-            ["SPHER", "SPHER"] => (0, 0),
-            ["SPHER", "PLANx"] => (0, if is_in_front { 0 } else { 1 }),
-            _ => (UNKNOWN_FEATURE, number),
+            ["SPHER", "SPHER"] => [0, 0],
+            ["SPHER", "PLANx"] => [0, if is_in_front { 0 } else { 1 }],
+            _ => [UNKNOWN_FEATURE, number],
         };
         // The file has the tangents of LMGC90, which differ from the tangents of `local_frame`.
         let to_own_frame = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
@@ -764,7 +765,7 @@ impl ContactReader<'_> {
                 candidate: BodyId::new(candidate.body),
                 antagonist: BodyId::new(antagonist.body),
                 part_numbers,
-                features,
+                features: features.into(),
                 point: Vec3::from(record.point),
                 image: Vec3::zeros(),
                 normal,

@@ -94,7 +94,7 @@ pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut 
                 let link = PointLink {
                     bodies: [a.body, b.body],
                     offsets: [a, b].map(|point| offset_in_body(scene, point)),
-                    part_numbers: (point_number(scene, a), point_number(scene, b)),
+                    part_numbers: [point_number(scene, a), point_number(scene, b)].into(),
                     rest_length,
                     law: LawId::new(law),
                 };

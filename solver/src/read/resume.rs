@@ -360,8 +360,8 @@ fn contacts_of_start<M: Default>(
             (bodies_of_rows[contact.candidate.index()], bodies_of_rows[contact.antagonist.index()]);
     }
     let rule_of = |contact: &Contact| {
-        let a = scene.contactor_class(contact.candidate, contact.part_numbers.0)?;
-        let b = scene.contactor_class(contact.antagonist, contact.part_numbers.1)?;
+        let a = scene.contactor_class(contact.candidate, contact.part_numbers.candidate)?;
+        let b = scene.contactor_class(contact.antagonist, contact.part_numbers.antagonist)?;
         scene.visibility.interaction_rule(a, b)
     };
     contacts.retain_mut(|(solved, memory)| {
@@ -377,13 +377,16 @@ fn contacts_of_start<M: Default>(
     // Bodies may have other numbers, or be combined with other shapes.
     for (number, (solved, _)) in (0..).zip(&mut contacts) {
         let Contact { candidate, antagonist, part_numbers, .. } = solved.contact;
-        let sides =
-            [scene.candidate_order(candidate, part_numbers.0), scene.candidate_order(antagonist, part_numbers.1)];
+        let sides = [
+            scene.candidate_order(candidate, part_numbers.candidate),
+            scene.candidate_order(antagonist, part_numbers.antagonist),
+        ];
         if sides[0] > sides[1] {
             swap_sides(solved);
             // Two spheres touch at one point; other contacts are identified by their position.
             let spheres = sides.iter().all(|side| side.0 == 0);
-            solved.contact.features = if spheres { (0, 0) } else { (UNKNOWN_FEATURE, number) };
+            let features = if spheres { [0, 0] } else { [UNKNOWN_FEATURE, number] };
+            solved.contact.features = features.into();
         }
     }
     for (solved, _) in &mut contacts {
@@ -399,7 +402,7 @@ fn swap_sides(solved: &mut SolvedContact) {
     let old = solved.contact.frame();
     let contact = &mut solved.contact;
     (contact.candidate, contact.antagonist) = (contact.antagonist, contact.candidate);
-    contact.part_numbers = (contact.part_numbers.1, contact.part_numbers.0);
+    contact.part_numbers = contact.part_numbers.swapped();
     contact.normal = -contact.normal;
     let new = contact.frame();
     for vector in [&mut solved.impulse, &mut solved.moment, &mut solved.velocity] {
@@ -439,10 +442,8 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     let Snapshot { meta, bodies, contacts, memory, laws, attractions, shapes, interval, .. } = snapshot;
     let shapes = shapes.unwrap_or_default();
     let interval = interval.unwrap_or_default();
-    let part_numbers = |k: usize| {
-        let [a, b] = shapes.contacts.contact_rank.get(k).copied().unwrap_or_default();
-        (a as u16, b as u16)
-    };
+    let part_numbers =
+        |k: usize| shapes.contacts.contact_rank.get(k).copied().unwrap_or_default().map(|number| number as u16).into();
     let vectors = |rows: Vec<[f64; 3]>| rows.into_iter().map(Vec3::from).collect::<Vec<_>>();
     state.step = meta.step;
     state.time = meta.time;

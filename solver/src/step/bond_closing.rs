@@ -43,7 +43,10 @@ pub fn close_bonds(scene: &Scene, state: &mut State, contact_problem: &ContactPr
     };
     let is_too_far = |solved: &SolvedContact| {
         let contact = &solved.contact;
-        let [a, b] = [(contact.candidate, contact.part_numbers.0), (contact.antagonist, contact.part_numbers.1)];
+        let [a, b] = [
+            (contact.candidate, contact.part_numbers.candidate),
+            (contact.antagonist, contact.part_numbers.antagonist),
+        ];
         bond_opening(solved).is_some_and(|bond_opening| bond_opening > LARGEST_OPENING * scene.effective_radius(a, b))
     };
     if !state.contacts.par_iter().with_min_len(PAR_MIN_LEN).any(is_too_far) {

@@ -60,8 +60,8 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
     let is_closing = |contact: &Contact| {
         let u = contact.normal.dot(&relative_velocity(contact, &start.x, Velocities { v: &state.v, w: &start.w }));
         let radius = scene.effective_radius(
-            (contact.candidate, contact.part_numbers.0),
-            (contact.antagonist, contact.part_numbers.1),
+            (contact.candidate, contact.part_numbers.candidate),
+            (contact.antagonist, contact.part_numbers.antagonist),
         );
         let find_old = || state.contacts.binary_search_by_key(&contact.key(), |old| old.contact.key());
         let bounded = || match find_old() {
@@ -104,7 +104,7 @@ impl<'a> FileStep<'a> {
         let first = contacts.partition_point(|old| pair(&old.contact) < pair(contact));
         let of_pair = contacts[first..].iter().take_while(|old| pair(&old.contact) == pair(contact));
         let is_of_file = |old: &&SolvedContact| {
-            self.state.step == self.scene.start.step || old.contact.features.0 == UNKNOWN_FEATURE
+            self.state.step == self.scene.start.step || old.contact.features.candidate == UNKNOWN_FEATURE
         };
         let mut of_file = of_pair.filter(is_of_file).peekable();
         of_file.peek().is_some() && of_file.all(|old| self.has_velocity(old))

@@ -112,7 +112,8 @@ type ContactorKey = (BodyId, u16);
 
 /// The two contactors of a contact in both orders.
 fn both_sides(contact: &Contact) -> [(ContactorKey, ContactorKey); 2] {
-    let [a, b] = [(contact.candidate, contact.part_numbers.0), (contact.antagonist, contact.part_numbers.1)];
+    let [a, b] =
+        [(contact.candidate, contact.part_numbers.candidate), (contact.antagonist, contact.part_numbers.antagonist)];
     [(a, b), (b, a)]
 }
 

@@ -19,7 +19,7 @@ use super::error_loads::largest_error_load;
 use crate::assemble::{ContactConstraint, ContactProblem, RollingConstraint, SolverBody, stored_problem};
 use crate::laws::{ContactLaw, ContactMotion};
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::scene::BodyId;
+use crate::scene::{BodyId, ContactSides};
 use crate::solve::{ContactSolution, MOMENTUM_CYCLE, SolveRequest, StoppingCriteria, solve_contact_problem};
 use crate::state::{Contact, ContactId};
 
@@ -204,7 +204,7 @@ impl StepBonds<'_> {
         let StepContext { scene, q_c, contacts, .. } = self.context;
         let is_undecided = |(k, contact): (usize, &Contact)| {
             let radius = || {
-                let (a, b) = contact.part_numbers;
+                let ContactSides { candidate: a, antagonist: b } = contact.part_numbers;
                 scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
             };
             has_active_bond(&contact_problem.rows[k])

@@ -376,7 +376,7 @@ impl<'a> StepFigures<'a> {
             let (candidate, antagonist, part_numbers) = pair(&contacts[0]);
             let any_force = |holds: fn(f64) -> bool| u32::from(contacts.iter().any(|solved| holds(solved.impulse.x)));
             let counts = [1, any_force(|r_n| r_n > 0.0), any_force(|r_n| r_n < 0.0)];
-            for grain in [(candidate, part_numbers.0), (antagonist, part_numbers.1)] {
+            for grain in [(candidate, part_numbers.candidate), (antagonist, part_numbers.antagonist)] {
                 let Some(sums) = counts_of_grains.get_mut(&grain) else { continue };
                 sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
             }

@@ -149,7 +149,7 @@ fn shape_arrays(scene: &Scene, state: &State) -> ShapeArrays {
     shapes.turning.turning_body = scene.free_rotors.iter().map(|body| body.0).collect();
     shapes.turning.turning_momentum = state.angular_momentum.iter().map(|&l| l.into()).collect();
     shapes.contacts.contact_rank =
-        state.contacts.iter().map(|c| [c.contact.part_numbers.0, c.contact.part_numbers.1].map(u32::from)).collect();
+        state.contacts.iter().map(|c| <[u16; 2]>::from(c.contact.part_numbers).map(u32::from)).collect();
     shapes.contacts.contact_area = state.contacts.iter().map(|c| c.contact.area).collect();
     let cached_pairs = state.detection_cache.cached_pairs();
     let pair_values = |value: fn(&BodyPart) -> u32| -> Vec<[u32; 2]> {

@@ -162,8 +162,8 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
     let record = |(k, solved): (usize, &SolvedContact)| {
         let SolvedContact { contact, impulse, velocity, status, bond, .. } = solved;
         let link = scene.find_link([contact.candidate, contact.antagonist], contact.part_numbers);
-        let candidate = side(contact.candidate, contact.part_numbers.0);
-        let antagonist = side(contact.antagonist, contact.part_numbers.1);
+        let candidate = side(contact.candidate, contact.part_numbers.candidate);
+        let antagonist = side(contact.antagonist, contact.part_numbers.antagonist);
         let record = ContactRecord {
             line: 0,
             kind: contact_kind(&candidate.contactor, &antagonist.contactor).into(),
@@ -206,7 +206,7 @@ fn plate_axes(scene: &Scene, state: &State, contact: &Contact) -> Option<[Vec3; 
     let axes = match scene.bodies[body.index()].shape {
         BodyShape::Plane { .. } => state.q[body.index()],
         BodyShape::Parts => {
-            let part = &scene.parts[scene.part_index(body, contact.part_numbers.1)?.index()];
+            let part = &scene.parts[scene.part_index(body, contact.part_numbers.antagonist)?.index()];
             matches!(part.geometry, ContactorShape::Plane { .. }).then(|| state.q[body.index()] * part.axes)?
         }
         BodyShape::Sphere { .. } => return None,

@@ -367,7 +367,10 @@ fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contac
             let (first, end) = (&of_pair[0], start + of_pair.len());
             let part =
                 |body: BodyId, part_number: u16| PartId(scene.part_starts[body.index()].0 + u32::from(part_number));
-            let parts = [part(first.candidate, first.part_numbers.0), part(first.antagonist, first.part_numbers.1)];
+            let parts = [
+                part(first.candidate, first.part_numbers.candidate),
+                part(first.antagonist, first.part_numbers.antagonist),
+            ];
             let gap = of_pair.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
             if attracts || can_close(parts.map(|part| &contactors[part.index()]), gap) {
                 runs.push(ContactRun { start: start as u32, end: end as u32, parts, gap });
