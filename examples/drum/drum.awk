@@ -1,17 +1,18 @@
 # Slope of the bed of a drum about the y axis, from its centre of mass, and the torque that turns it; columns are found by their names.
 #
-#   awk -v speed=0.5 -f drum.awk DATBOX/BULK_BEHAV.DAT POSTPRO/series.csv
+#   awk -f ../datbox.awk -f drum.awk DATBOX/evolution-1.dat POSTPRO/series.csv
 #
 # Means over the second half: the angle between the way down and the way from the axis to the centre of mass; the slope of
-# the free surface; and the power that the walls give over the moment of the weight times the speed (rad/s), which are equal in a
-# steady flow.
+# the free surface; and the power that the walls give over the moment of the weight times the speed of the drum (rad/s) at the end of
+# its table, which are equal in a steady flow.
 #
-# Reads: BULK_BEHAV.DAT: gravity; series.csv: time, mass, com_x, com_z, E_outside, surface_slope
+# Reads: evolution-1.dat: time, speed; DATBOX: gravity; series.csv: time, mass, com_x, com_z, E_outside, surface_slope
 # Writes: three lines on stdout: angle of the bed and slope of its surface, degrees; power over that of gravity, 1
 
 BEGIN { FS = "," }
-FILENAME ~ /BULK_BEHAV/ {
-    for (k = 1; k <= 3; k++) if (match($0, "grv" k "=")) gravity += substr($0, RSTART + RLENGTH, 14) ^ 2
+FILENAME ~ /\.dat$/ {
+    if (split($0, point, " ") == 2) speed = point[2]
+    datbox = FILENAME; sub(/\/[^\/]*$/, "", datbox)
     next
 }
 FNR == 1 { for (k = 1; k <= NF; k++) place[$k] = k; next }
@@ -26,5 +27,5 @@ END {
     x_mean = sum_x / count; if (x_mean < 0) x_mean = -x_mean
     printf "angle of the bed         %.1f degrees\n", atan2(x_mean, -sum_z / count) * 180 / atan2(0, -1)
     printf "slope of its surface     %.1f degrees\n", sum_slope / count * 180 / atan2(0, -1)
-    printf "power over that of gravity %.3f\n", power / (mass * sqrt(gravity) * x_mean * speed)
+    printf "power over that of gravity %.3f\n", power / (mass * uniform_gravity(datbox) * x_mean * speed)
 }

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Figures and tables of the beds and of the strikes on them.
 #
-#     CD_BIN=FOLDER MASS=200 ./figures.sh CASE...      MASS: of the lander, kg
+#     CD_BIN=FOLDER ./figures.sh CASE...
 #
 # Reads: POSTPRO and DATBOX of the cases, after analyse.sh.
 # Writes: study/figures: gGRAVITY/ (strikes by cohesion), beds/, layers/, impacts.csv, touches.csv, rest.csv.
@@ -30,4 +30,4 @@ if [ "$other_beds" ]; then
     cd_post compare $(echo $beds | cut -d ' ' -f 1) $other_beds -o $figures/layers --table state/layers.csv
 fi
 mkdir -p $figures
-awk -v mass="$MASS" -v folder=$figures -f impacts.awk $other_beds $beds $strikes $other_strikes $(cases 'study/g*/touch-*')
+awk -v folder=$figures -f ../datbox.awk -f impacts.awk $other_beds $beds $strikes $other_strikes $(cases 'study/g*/touch-*')

@@ -1,11 +1,11 @@
 # Tables of the results of cd-post, one row per case:
-#   awk -v mass=200 -v folder=study/figures -f impacts.awk study/g9.81e-4/bed study/g9.81e-4/strike-f0 ...
+#   awk -v folder=study/figures -f ../datbox.awk -f impacts.awk study/g9.81e-4/bed study/g9.81e-4/strike-f0 ...
 # FOLDER/rest.csv has the beds, FOLDER/impacts.csv the strikes, FOLDER/touches.csv the first seconds of them with a snapshot at
 # every step. Columns are found by their names; SI units.
 #
 # Reads: series.csv: mass, n_grains, Ec_mean, com_z, bed_nu, bed_stress_ratio; layers.csv: vertical_stress, weight; of the lander track.csv: time,
 #   v_x, v_y, v_z, force, impact.csv: impact_speed, restitution, largest_depth, final_depth, largest_force, contact_time, crater.csv: before,
-#   after; fragments.csv: grains
+#   after; fragments.csv: grains; DATBOX: mass of the lander, the last grain
 # Writes: rest.csv, impacts.csv, touches.csv, with the names of the columns in their first line, and the same on stdout
 
 BEGIN {
@@ -65,6 +65,7 @@ function bed(path,    files, n, k, all, most, weight, height, nu, ratio, stress,
 
 # The lander from the start to rest.
 function strike(path,    files, k, speed, force, n, loose, hollow, ring) {
+    read_bodies(path "/DATBOX"); mass = grain_mass
     found(path "/POSTPRO/track-*", files); file = files[1]
     load(file "/impact.csv"); line = sprintf("%s,%g,%s", start(path), g, cohesion)
     line = line "," or_dash(cell[1, "impact_speed"]) "," or_dash(cell[1, "restitution"]) "," or_dash(cell[1, "largest_depth"]) "," or_dash(cell[1, "final_depth"])
@@ -85,6 +86,7 @@ function lander(row) { return cell[row, "grains"] == 1 && cell[row, "mass"] > 0.
 
 # The first seconds: the force, the momentum that it takes, what flies then.
 function touch(path,    files, k, j, sum, impulse, from, half, speed, largest, tenth, v, h, fastest, ejected, rising, change) {
+    read_bodies(path "/DATBOX"); mass = grain_mass
     found(path "/POSTPRO/track-*", files); file = files[1]
     load(file "/impact.csv"); from = cell[1, "contact_time"]; speed = cell[1, "impact_speed"]; largest = cell[1, "largest_force"]
     load(file "/track.csv"); h = cell[2, "time"] - cell[1, "time"]

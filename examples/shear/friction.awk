@@ -1,6 +1,6 @@
 # Friction and solid fraction of a sheared bed against its inertial number:
 #
-#   awk -v svg=friction.svg -f friction.awk v0.01 v0.03 ...
+#   awk -v svg=friction.svg -f ../datbox.awk -f friction.awk v0.01 v0.03 ...
 #
 # Reads CASE/POSTPRO/plate/track.csv (displacement of the plate and force of the rocks on it) and, from CASE/DATBOX, the volume,
 # mean diameter and density of the rocks, the thickness of the plate and the area of the cell. Means
@@ -31,27 +31,6 @@ BEGIN {
 
 function fields(    k) { delete column; for (k = 1; k <= NF; k++) column[$k] = k }
 
-# The number that follows the first match of a pattern in a line.
-function number_after(pattern, words) { return match(words, pattern) ? substr(words, RSTART + RLENGTH) + 0 : 0 }
-
-# Sets area of the cell (m^2), volume (m^3), mean diameter (m) and density (kg/m^3) of the rocks, and half the thickness of the plates (m).
-function read_scene(datbox,    file, words, radius, material, rocks, sum, name) {
-    file = datbox "/COMPUTE.RON"; area = 1
-    while ((getline words < file) > 0) if (words ~ /[xy]periode:/) area *= number_after("Some\\(", words)
-    close(file)
-    file = datbox "/BODIES.DAT"; rock_volume = 0
-    while ((getline words < file) > 0) {
-        if (words ~ /avrd=/) { radius = number_after("avrd=", words); material = substr(words, 23, 5) }
-        if (words ~ /^ (POLYR|SPHER)/) { rocks++; sum += 2 * radius; rock_volume += 16 / 3 * atan2(1, 1) * radius ^ 3; name = material }
-        if (words ~ /^ PLANx/) half_thickness = number_after("axe3=", words)
-    }
-    close(file)
-    diameter = sum / rocks
-    file = datbox "/BULK_BEHAV.DAT"
-    while ((getline words < file) > 0) if (substr(words, 2, 5) == name) density = number_after("Umas=", words)
-    close(file)
-}
-
 function shear(folder, k,    file, rows, x, fx, fz, z, time, n, part, tenth, sum, sum2, m) {
     file = folder "/POSTPRO/plate/track.csv"
     if ((getline < file) <= 0) { print file ": is not there" > "/dev/stderr"; exit 1 }
@@ -62,16 +41,16 @@ function shear(folder, k,    file, rows, x, fx, fz, z, time, n, part, tenth, sum
         fx[rows] = -$column["f_x"]; fz[rows] = $column["f_z"]; z[rows] = $column["z"]
     }
     close(file)
-    read_scene(folder "/DATBOX")
+    read_bodies(folder "/DATBOX"); area = option_number(folder "/DATBOX", "xperiode") * option_number(folder "/DATBOX", "yperiode")
     if (rows < 20) { print file ": the plate has not gone farther than " START " m in twenty states" > "/dev/stderr"; exit 1 }
     for (n = 1; n <= rows; n++) { tangential[k] += fx[n] / rows / area; normal[k] += fz[n] / rows / area; height[k] += (z[n] - half_thickness) / rows }
     mu[k] = tangential[k] / normal[k]
     v[k] = (x[rows] - x[1]) / (time[rows] - time[1])
-    inertial[k] = v[k] / height[k] * diameter * sqrt(density / normal[k])
+    inertial[k] = v[k] / height[k] * mean_diameter * sqrt(grain_density / normal[k])
     for (n = 1; n <= rows; n++) { tenth = int(10 * (n - 1) / rows); part[tenth] += fx[n]; m[tenth] += fz[n] }
     for (n = 0; n < 10; n++) { sum += part[n] / m[n] / 10; sum2 += (part[n] / m[n]) ^ 2 / 10 }
     error[k] = sqrt((sum2 - sum * sum > 0 ? sum2 - sum * sum : 0) / 9)
-    nu[k] = rock_volume / area / height[k]
+    nu[k] = grain_volume / area / height[k]
 }
 
 function px(i) { return 80 + 440 * (log(i) - low) / (high - low) }

@@ -1,17 +1,18 @@
 # Mass rates of a silo against the side D of its orifice, with Beverloo's law W = C rho sqrt(g) (D - k d)^(5/2):
 #
-#   awk -v svg=silo.svg -f silo.awk D0.08 D0.10 ...
+#   awk -v svg=silo.svg -f ../datbox.awk -f silo.awk D0.10 D0.11 ...
 #
 # Means are from START s on, when the flow is steady. Errors of rates: a standard deviation of means over tenths of that time, over the root
 # of ten. C and k are those of the line of least squares through W^(2/5). The exponent is the slope of the line through log W against
 # log (D - k d), for two values of k, of which 1.4 is Beverloo's for round grains; its error is that of the line.
 #
-# Reads: CASE/POSTPRO/probe-outflow.csv: time, h, number, passed_mass; CASE/POSTPRO/probe-bed.csv: time, density, mu, inertial_number
+# Reads: CASE/POSTPRO/probe-outflow.csv: time, h, number, passed_mass; CASE/POSTPRO/probe-bed.csv: time, density, mu, inertial_number;
+#   CASE/DATBOX: gravity, mean diameter d of the beads
 # Writes: silo.csv next to the figure: side (m), rate (kg/s), rate_error, number, density (kg/m^3), mu, inertial_number; the same on stdout, with
 #   the fits; the figure (svg)
 
 BEGIN {
-    FS = ","; START = 0.2; GRAVITY = 9.81; DIAMETER = 0.02
+    FS = ","; START = 0.2
     for (i = 1; i < ARGC; i++) if (ARGV[i] ~ /D[0-9.]+$/) { cases++; measure(ARGV[i], cases) }
     if (cases < 3) { print "expected the folders of three cases or more" > "/dev/stderr"; exit 1 }
     table = svg; sub(/svg$/, "csv", table)
@@ -23,10 +24,11 @@ BEGIN {
         rho += density[n] / cases
     }
     close(table)
+    read_bodies(datbox); gravity = uniform_gravity(datbox)
     for (n = 1; n <= cases; n++) { x[n] = side[n]; y[n] = rate[n] ^ 0.4 }
     line_of_least_squares()
-    slope_of_root = slope; k = -intercept / slope / DIAMETER; k_error = sqrt(error_of_mean ^ 2 + (slope_error * mean_x) ^ 2) / slope / DIAMETER
-    c = slope ^ 2.5 / rho / sqrt(GRAVITY); c_error = 2.5 * c * slope_error / slope
+    slope_of_root = slope; k = -intercept / slope / mean_diameter; k_error = sqrt(error_of_mean ^ 2 + (slope_error * mean_x) ^ 2) / slope / mean_diameter
+    c = slope ^ 2.5 / rho / sqrt(gravity); c_error = 2.5 * c * slope_error / slope
     printf "Beverloo: C = %.3f +- %.3f, k = %.2f +- %.2f (W^(2/5) is linear in D: r^2 = %.5f)\n", c, c_error, k, k_error, r2
     fit_exponent(1.0); first = slope; fit_exponent(1.4)
     draw()
@@ -41,6 +43,7 @@ function open(file) {
 }
 
 function measure(folder, n,    file, rows, mass, h, m, tenth, part, length_of, sum, sum2, one) {
+    datbox = folder "/DATBOX"
     side[n] = folder; sub(/.*D/, "", side[n])
     file = folder "/POSTPRO/probe-outflow.csv"
     open(file)
@@ -75,7 +78,7 @@ function line_of_least_squares(    n, sx, sy, sxx, sxy, syy, rest) {
 }
 
 function fit_exponent(k,    n) {
-    for (n = 1; n <= cases; n++) { x[n] = log(side[n] - k * DIAMETER); y[n] = log(rate[n]) }
+    for (n = 1; n <= cases; n++) { x[n] = log(side[n] - k * mean_diameter); y[n] = log(rate[n]) }
     line_of_least_squares()
     printf "exponent with k = %.1f: %.2f +- %.2f, expected 2.5\n", k, slope, slope_error
 }
@@ -96,11 +99,11 @@ function draw(    n, tick, low, high) {
     for (tick = 0; tick <= 10; tick += 2) { stroke(px(tick), 400, px(tick), 405, "stroke=\"black\""); text(px(tick), 420, "middle", tick) }
     for (tick = 0; tick <= roof; tick++) { stroke(80, py(tick), 520, py(tick), "stroke=\"#e0e0e0\""); text(72, py(tick) + 4, "end", tick) }
     stroke(80, 60, 80, 400, "stroke=\"black\""); stroke(80, 400, 520, 400, "stroke=\"black\"")
-    stroke(px(k), py(0), px(9), py(slope_of_root * DIAMETER * (9 - k)), "stroke=\"#d55e00\" stroke-width=\"1.5\"")
+    stroke(px(k), py(0), px(9), py(slope_of_root * mean_diameter * (9 - k)), "stroke=\"#d55e00\" stroke-width=\"1.5\"")
     for (n = 1; n <= cases; n++) {
         low = (rate[n] - error[n]) ^ 0.4; high = (rate[n] + error[n]) ^ 0.4
-        stroke(px(side[n] / DIAMETER), py(low), px(side[n] / DIAMETER), py(high), "stroke=\"#0072b2\" stroke-width=\"1.5\"")
-        printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"#0072b2\"/>\n", px(side[n] / DIAMETER), py(rate[n] ^ 0.4) > svg
+        stroke(px(side[n] / mean_diameter), py(low), px(side[n] / mean_diameter), py(high), "stroke=\"#0072b2\" stroke-width=\"1.5\"")
+        printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"#0072b2\"/>\n", px(side[n] / mean_diameter), py(rate[n] ^ 0.4) > svg
     }
     text(300, 450, "middle", "side of the orifice over the mean diameter of the beads, D/d")
     print "<text x=\"30\" y=\"230\" text-anchor=\"middle\" transform=\"rotate(-90 30 230)\">W^(2/5), W in kg/s</text>" > svg

@@ -1,18 +1,18 @@
 # Strength of a packing of cohesive rocks against the strength that the scene states:
 #
-#   awk -v svg=strength.svg -f strength.awk pull-25-s1 shear-25-s1 ...
+#   awk -v svg=strength.svg -f ../datbox.awk -f strength.awk pull-25-s1 shear-25-s1 ...
 #
 # The strength is the largest mean stress of a second on the floor: of tension in `pull`, along the floor in `shear`. (The plate above still feels
 # the rocks that it carries off.) Rumpf's formula with the
-# solid fraction nu and the coordination number Z that the packing has without load is the stated strength times nu Z / (NU Z0), the numbers of
-# the scene. Each strength is a mean over the seeds, with its standard error.
+# solid fraction nu and the coordination number Z that the packing has without load, in the first snapshot after the start, is the stated strength
+# times nu Z over those of the scene. Each strength is a mean over the seeds, with its standard error.
 #
 # Reads: CASE/POSTPRO/probe-floor.csv: time, force_x, force_z; CASE/POSTPRO/probe-middle.csv: time, nu, sigma_xz, sigma_zz;
-#   CASE/POSTPRO/series.csv: time, Z
+#   CASE/POSTPRO/series.csv: time, Z; CASE/DATBOX: area of the cell; CASE/scene.ron: nu and z of the stated strength
 # Writes: strength.csv next to the figure: mode, stated (Pa), seed, measured, in_the_middle, rumpf (Pa), nu, Z; the means on stdout; the figure (svg)
 
 BEGIN {
-    FS = ","; AREA = 36; FREE = 180; NU = 0.54; Z0 = 4.4
+    FS = ","
     table = svg; sub(/svg$/, "csv", table)
     print "mode,stated,seed,measured,in_the_middle,rumpf,nu,Z" > table
     for (i = 1; i < ARGC; i++) if (ARGV[i] ~ /(pull|shear)-[0-9.]+-s[0-9]+$/) measure(ARGV[i])
@@ -36,29 +36,40 @@ function open(file) {
     fields()
 }
 
-function measure(folder,    name, part, file, is_shear, stress, largest, middle, nu, z, g, t) {
+# Sets solid fraction and coordination number for which the scene states the strength.
+function read_stated(file,    words) {
+    stated_nu = 0
+    while (!stated_nu && (getline words < file) > 0) if (words ~ /bulk_strength/) { stated_nu = number_after("nu: *", words); stated_z = number_after(" z: *", words) }
+    close(file)
+    if (!stated_nu) { print file ": no bulk_strength with nu" > "/dev/stderr"; exit 1 }
+}
+
+function measure(folder,    name, part, file, is_shear, stress, largest, middle, nu, z, g, t, area, unloaded, rumpfs) {
     name = folder; sub(/.*\//, "", name); split(name, part, "-"); is_shear = part[1] == "shear"
+    area = option_number(folder "/DATBOX", "xperiode") * option_number(folder "/DATBOX", "yperiode")
+    read_stated(folder "/scene.ron")
+    file = folder "/POSTPRO/series.csv"; open(file)
+    while ((getline < file) > 0) if ($column["time"] > 0 && z == "") { unloaded = $column["time"]; z = $column["Z"] }
+    close(file)
     file = folder "/POSTPRO/probe-floor.csv"; open(file)
     while ((getline < file) > 0) {
-        stress = (is_shear ? $column["force_x"] : $column["force_z"]) / AREA
-        if ($column["time"] > 80 && stress > largest) { largest = stress; t = $column["time"] }
+        stress = (is_shear ? $column["force_x"] : $column["force_z"]) / area
+        if ($column["time"] > unloaded && stress > largest) { largest = stress; t = $column["time"] }
     }
     close(file)
     # The stress of the region in the same second.
     file = folder "/POSTPRO/probe-middle.csv"; open(file)
     while ((getline < file) > 0) {
-        if ($column["time"] == FREE || nu == "") nu = $column["nu"]
+        if ($column["time"] == unloaded || nu == "") nu = $column["nu"]
         if ($column["time"] == t) middle = is_shear ? $column["sigma_xz"] : -$column["sigma_zz"]
     }
     close(file)
     if (middle < 0) middle = -middle
-    file = folder "/POSTPRO/series.csv"; open(file)
-    while ((getline < file) > 0) if ($column["time"] > FREE - 1 && z == "") z = $column["Z"]
-    close(file)
-    printf "%s,%s,%s,%.5g,%.5g,%.5g,%.4g,%.4g\n", part[1], part[2], substr(part[3], 2), largest, middle, part[2] * nu * z / NU / Z0, nu, z > table
+    rumpfs = part[2] * nu * z / stated_nu / stated_z
+    printf "%s,%s,%s,%.5g,%.5g,%.5g,%.4g,%.4g\n", part[1], part[2], substr(part[3], 2), largest, middle, rumpfs, nu, z > table
     for (g = 1; g <= groups; g++) if (mode[g] == part[1] && stated[g] == part[2]) break
     if (g > groups) { groups = g; mode[g] = part[1]; stated[g] = part[2] }
-    count[g]++; sum[g] += largest; sum2[g] += largest ^ 2; inside[g] += middle; rumpf[g] += part[2] * nu * z / NU / Z0; nus[g] += nu; zs[g] += z
+    count[g]++; sum[g] += largest; sum2[g] += largest ^ 2; inside[g] += middle; rumpf[g] += rumpfs; nus[g] += nu; zs[g] += z
 }
 
 function text(x, y, anchor, words) { printf "<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">%s</text>\n", x, y, anchor, words > svg }
