@@ -1,10 +1,9 @@
 #!/bin/sh
-# Figures and tables of the fly-bys.
+# Figures and table of the fly-bys.
 #
-#     CD_BIN=FOLDER MASS=5.972e24 RADIUS=6.371e6 SPEED=0 BEFORE=10000 ./figures.sh CASE...
+#     CD_BIN=FOLDER ./figures.sh CASE...
 #
-# MASS (kg) and RADIUS (m) of the planet, SPEED at infinity (m/s) and time BEFORE the pericentre (s): those of the runs.
-# Reads: POSTPRO and OUTBOX of the cases.
+# Reads: DATBOX, OUTBOX and POSTPRO of the cases.
 # Writes: figures: a figure of each column by the distance of the pericentre, cohesion/ with and without cohesion, outcome.csv.
 # shellcheck disable=SC2046,SC2086
 set -eu
@@ -30,5 +29,8 @@ if [ "$cohesive" ]; then
 fi
 flybys=$(cases '[!a]*') # all but `accreted`
 last_states $flybys
-awk -v mass="$MASS" -v radius="$RADIUS" -v speed="$SPEED" -v before="$BEFORE" -v csv=figures/outcome.csv -f orbit.awk \
-    $(for case in $flybys; do echo $case/POSTPRO/series.csv $case/POSTPRO/state-*/fragments.csv; done)
+if [ "$flybys" ]; then
+    mkdir -p figures
+    awk -v csv=figures/outcome.csv -f ../datbox.awk -f outcome.awk \
+        $(for case in $flybys; do echo $case/POSTPRO/series.csv $case/POSTPRO/state-*/fragments.csv; done)
+fi
