@@ -17,6 +17,16 @@ names() {
     printf '%s\n' "$@" | sed "$expression" | paste -s -d , -
 }
 
+# option CASE NAME: the number in COMPUTE.RON of a case that the name stands before, such as end_time; the first of several.
+option() {
+    sed -n "s/^\(.*[ (]\)\{0,1\}$2: *\(Some(\)\{0,1\}\([-+.0-9eE]\{1,\}\).*/\3/p" "$1/DATBOX/COMPUTE.RON" | head -n 1
+}
+
+# calculation EXPRESSION: its value, by awk.
+calculation() {
+    awk "BEGIN { print $1 }"
+}
+
 # cd_post ARGUMENT...: runs cd-post. Its exit status 1 is a success: done, with something reported.
 cd_post() {
     "$CD_BIN/cd-post" "$@" || test $? -eq 1
