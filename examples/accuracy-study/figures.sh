@@ -3,20 +3,21 @@
 #
 #     CD_BIN=FOLDER ./figures.sh CASE...
 #
-# Reads: POSTPRO, OUTBOX, TIMER.csv and ERRORS.csv of the cases SCENE-SEED/OPTION-VALUE and SCENE-SEED/SETTINGS.
+# Reads: DATBOX, OUTBOX, POSTPRO, TIMER.csv and ERRORS.csv of the cases SCENE-SEED/OPTION-VALUE and SCENE-SEED/SETTINGS.
 # Writes: figures/SCENE-SEED and figures/SCENE: accuracy.csv, orders.csv, accuracy.svg.
 # shellcheck disable=SC2046,SC2086
 set -eu
 . ../cases.sh
 
-# time_options SCENE: time from which means are taken, and time at which positions are compared early, s. Of `collapse` and `heap`
-# means are over the last fifth, of `rest` and `spin` over the second half.
+# time_options SCENE CASE: time from which means are taken, and time at which positions are compared early, s. Of `collapse` and
+# `heap` means are over the last fifth, of `rest` and `spin` over the second half, of `cloud` they are those of the last state.
 time_options() {
+    end=$(option "$2" end_time)
     case $1 in
-    collapse) echo --from 4000 --early 1600 ;;
-    rest | spin) echo --from 400 --early 80 ;;
-    heap) echo --from 6.4 --early 0.6 ;;
-    cloud) echo --from 800 --early 800 ;;
+    collapse) echo --from "$(calculation "0.8 * $end")" --early 1600 ;;
+    rest | spin) echo --from "$(calculation "0.5 * $end")" --early 80 ;;
+    heap) echo --from "$(calculation "0.8 * $end")" --early 0.6 ;;
+    cloud) echo --from "$end" --early "$end" ;;
     esac
 }
 
@@ -36,7 +37,8 @@ folders=$(printf '%s\n' $all_cases | sed -n 's/\/.*//p' | sort -u) # not the agg
 for folder in $folders; do
     runs=$(cases "$folder/*")
     options=$(names 's/.*\///; s/-.*//' $runs)
-    cd_post accuracy-study $runs -o figures/$folder --groups "$options" --values "$(values $runs)" $(time_options ${folder%-*}) \
+    cd_post accuracy-study $runs -o figures/$folder --groups "$options" --values "$(values $runs)" \
+        $(time_options ${folder%-*} $(echo $runs | cut -d ' ' -f 1)) \
         --title "$folder: error against time"
 done
 for scene in collapse rest spin heap; do

@@ -3,19 +3,17 @@
 #
 #     CD_BIN=FOLDER ./many.sh CASE...
 #
-# Reads: POSTPRO, OUTBOX and TIMER.csv of the cases many/SCENE-SEED/SETTINGS.
+# Reads: DATBOX, OUTBOX, POSTPRO and TIMER.csv of the cases many/SCENE-SEED/SETTINGS.
 # Writes: many/SCENE-SEED/runs.csv: means of each run; times.csv: its seconds in all stages except writing.
 # shellcheck disable=SC2046,SC2086
 set -eu
 . ../cases.sh
 
 for folder in $(printf '%s\n' $all_cases | sed 's/\/[^/]*$//' | sort -u); do
-    case $folder in
-    many/collapse-*) from=4000 ;;
-    many/heap-*) from=6.4 ;;
-    esac
     runs=$(cases "$folder/*")
-    cd_post study $runs -o $folder --from $from > $folder/study.log
+    # Means over the last fifth.
+    end=$(option "$(echo $runs | cut -d ' ' -f 1)" end_time)
+    cd_post study $runs -o $folder --from "$(calculation "0.8 * $end")" > $folder/study.log
     echo run,seconds > $folder/times.csv
     for run in $runs; do
         # The first column is the step, the last is writing.
