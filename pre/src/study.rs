@@ -113,7 +113,13 @@ const CHANGES_FILE: &str = "changes.ron";
 const WRITTEN_MARK: &str = " Written by cd-pre study.";
 
 /// Paths in scenes and changes whose values are names of files, in which `N` is any item of a list.
-const FILE_VALUE_PATHS: [&str; 3] = ["grains.N.shape.file", "grains.N.placement.envelope.file", "bodies.N.case"];
+const FILE_VALUE_PATHS: [&str; 5] = [
+    "grains.N.shape.file",
+    "grains.N.shape.contact_shape.0.N",
+    "grains.N.placement.envelope.file",
+    "bodies.N.case",
+    "compute.fields.N.surface",
+];
 
 /// Writes the scene or the changes of each case of the study `file`, with the overrides `settings`, below `output`. Also
 /// writes the table `NAME.csv` of the parameters and the rules `NAME.mk` for make, NAME being the name of the file.
@@ -447,13 +453,11 @@ fn has_text(path: &Path, text: &str) -> bool {
 /// Scene or changes for another folder than their base; paths of files in it are made relative to that folder.
 fn rebase_file_paths(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> {
     let base_folder = base.parent().unwrap_or(Path::new(""));
+    let locations = ValueLocations::from_text(text);
     let mut settings = Vec::new();
     for pattern in FILE_VALUE_PATHS {
-        let (list, rest) = pattern.split_once(".N.").unwrap_or_default();
-        let locations = ValueLocations::from_text(text);
-        let items = (0..).take_while(|n| locations.text(&format!("{list}.{n}")).is_some());
-        for n in items {
-            let Some(value) = locations.text(&format!("{list}.{n}.{rest}")) else { continue };
+        for value_path in matching_paths(pattern, &locations) {
+            let Some(value) = locations.text(&value_path) else { continue };
             let file = Path::new(value.trim_matches('"'));
             // Path out of the folder of the case, if it lies below the folder of the base.
             let up: Option<PathBuf> =
@@ -462,10 +466,30 @@ fn rebase_file_paths(text: &str, base: &Path, folder: &Path) -> Result<String, F
                 Some(up) => up.join(file),
                 None => std::path::absolute(base_folder.join(file)).unwrap_or(base_folder.join(file)),
             };
-            settings.push(format!("{list}.{}.{rest}={:?}", n + 1, path));
+            // Settings count from 1.
+            let word = |word: &str| word.parse().map_or(word.to_string(), |n: usize| (n + 1).to_string());
+            let setting_path: Vec<String> = value_path.split('.').map(word).collect();
+            settings.push(format!("{}={path:?}", setting_path.join(".")));
         }
     }
     apply_settings(text, &settings)
+}
+
+/// Paths of the values in a text that fit a pattern of [`FILE_VALUE_PATHS`].
+fn matching_paths(pattern: &str, locations: &ValueLocations) -> Vec<String> {
+    let mut paths = vec![String::new()];
+    for word in pattern.split('.') {
+        let longer_paths = |path: &String| -> Vec<String> {
+            let join = |word: &str| if path.is_empty() { word.to_string() } else { format!("{path}.{word}") };
+            let is_value = |path: &String| locations.text(path).is_some();
+            match word {
+                "N" => (0..).map(|n: usize| join(&n.to_string())).take_while(is_value).collect(),
+                name => Some(join(name)).filter(is_value).into_iter().collect(),
+            }
+        };
+        paths = paths.iter().flat_map(longer_paths).collect();
+    }
+    paths
 }
 
 /// Table with a row for each case: its folder, the case that it continues, and each parameter, empty where its group has

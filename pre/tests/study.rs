@@ -200,6 +200,23 @@ fn files_are_seen_from_the_case() {
 }
 
 #[test]
+fn files_of_fields_and_of_contact_shapes_are_seen_from_the_case() {
+    let study = Study::new(
+        r#"(groups: [(name: "d{d}", base: "scene.ron", parameters: [(name: "d", paths: ["compute.fields.1.density"], values: [5])])])"#,
+    );
+    let model = r#"shape: Model(file: "rock.obj", scale: Factor(0.1), contact_shape: Files(["rock.obj"])), "#;
+    let scene = SCENE.replace("sizes: Single(0.1), ", model).replace("solid_fraction: 0.2", "solid_fraction: 0.01");
+    let field = r#"compute: (fields: [Polyhedron(surface: "rock.obj", density: 1)], "#;
+    study.write("scene.ron", &scene.replace("compute: (", field));
+    study.write("rock.obj", "v 1 1 1\nv 1 -1 -1\nv -1 1 -1\nv -1 -1 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n");
+    study.succeeds();
+    assert_eq!(study.read("d5/scene.ron").matches("../rock.obj").count(), 3, "{}", study.read("d5/scene.ron"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cd-pre"));
+    let output = command.arg(study.path().join("d5/scene.ron")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
 fn faults_of_the_form_have_their_line_and_column() {
     let study = |text: &str| Study::new(text);
     study("(groups: [(nmae: \"a\", base: \"scene.ron\")])")
