@@ -38,7 +38,7 @@ pub struct Fc3d {
     pub comments: Vec<String>,
     /// Name, one word.
     pub name: String,
-    /// Friction of each contact.
+    /// Coefficient of friction of each contact.
     pub mu: Vec<f64>,
     /// Relative velocity of each contact without impulses, along n, t1, t2; < 0 along n when closing.
     pub free_velocities: Vec<[f64; 3]>,
@@ -55,7 +55,7 @@ pub struct Fc3dBlock {
 }
 
 impl Fc3d {
-    /// Reads a file; reports all faults of its numbers at once, or the first fault of its structure.
+    /// Reads a file; reports all numbers out of range up to the first word that does not fit the format, and that word.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &read_text(path)?)
     }
@@ -130,7 +130,7 @@ impl<'a> WordReader<'a> {
         self.expect_keyword("blocks")?;
         let count = self.read_count("blocks")?;
 
-        // Each number needs two bytes: a count too large for the file is rejected before memory is allocated.
+        // Lists grow as their numbers are read, so that a count too large for the file takes no memory.
         self.expect_keyword("mu")?;
         let mut mu = Vec::new();
         for k in 0..contacts {

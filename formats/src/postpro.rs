@@ -103,8 +103,8 @@ const NUMBER_WIDTH: usize = 7;
 impl Postpro {
     /// Reads the file; reports all its faults at once. `body_count`: number of bodies of the scene.
     ///
-    /// A command of LMGC90 that is not computed is left out with a notice; any other name is a fault. A file without `END`
-    /// is read to its end, with a notice.
+    /// A command of LMGC90 that is not computed is left out with a notice; any other name is a fault. A file with lines
+    /// but without `END` is read to its end, with a notice.
     pub fn read(path: &Path, body_count: usize) -> Result<Self, Faults> {
         Self::parse(path, &AsciiText::read_file(path)?, body_count)
     }
@@ -214,7 +214,7 @@ fn read_body(scan: &mut LineScanner, body_count: usize) -> Option<usize> {
     Some(body as usize - 1)
 }
 
-/// Reads a line with one integer of 0 or more, which faults name `quantity`; `None` after a fault.
+/// Reads a line with one integer of 0 or more, which faults call `quantity`; `None` after a fault.
 fn read_number(scan: &mut LineScanner, quantity: &str) -> Option<u64> {
     let begins_with_digit = |line: TextLine| line.text().trim_start().starts_with(|c: char| c.is_ascii_digit());
     let line = scan.expect_line(&format!("expected the {quantity}"), begins_with_digit)?;

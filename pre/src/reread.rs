@@ -45,9 +45,9 @@ pub fn check_files<'a>(
     }
     let (Some(bodies), Some(bulk)) = (bodies, bulk) else { return };
     check_probes(&bodies, options, report);
-    let mut imposed = vec![false; bodies.0.len()];
+    let mut is_driven = vec![false; bodies.0.len()];
     for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
-        imposed.get_mut(row.body).into_iter().for_each(|imposed| *imposed = true);
+        is_driven.get_mut(row.body).into_iter().for_each(|is_driven| *is_driven = true);
     }
     let periods = [options.xperiode, options.yperiode];
     let body_fault = |(k, body): (usize, &Body)| {
@@ -55,9 +55,9 @@ pub fn check_files<'a>(
         match body.check_at_density(density) {
             Err(fault) => Some((k, fault)),
             Ok(checked) => {
-                // A larger body could touch more than the nearest image.
+                // A larger body could touch more than the nearest image. Walls, which are driven, may span the period.
                 let extent = 2.0 * checked.bounding_radius(body);
-                let period = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period)?;
+                let period = periods.into_iter().flatten().find(|period| !is_driven[k] && 2.0 * extent >= *period)?;
                 let found = format!(
                     "up to {} m long in a scene with the period {} m",
                     rounded_number(extent),

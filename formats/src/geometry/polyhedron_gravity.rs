@@ -19,8 +19,8 @@ use super::surface::Surface;
 
 type Vec3 = Vector3<f64>;
 
-/// Relative error of the attraction up to which far faces are expanded. It bounds the sum of what the expansions leave out,
-/// with equal signs; the true error is some hundred times smaller.
+/// Relative error of the attraction up to which far faces are expanded. It bounds the sum of the magnitudes of the
+/// neglected terms; the true error is some hundred times smaller.
 const EXPANSION_ERROR: f64 = 1e-3;
 
 /// Cube root of the relative error of the expansion of the whole body: largest ratio of its extent to the distance.
@@ -56,7 +56,7 @@ struct FaceNode {
     face: Option<[Vec3; 3]>,
 }
 
-/// Moments about a centre of layers with the density of a normal's components.
+/// Moments, about a centre, of layers on the faces whose densities are the components of the normal.
 #[derive(Debug, Clone, PartialEq)]
 struct LayerMoments {
     /// ∫ n dS, m^2.
@@ -158,7 +158,8 @@ impl PolyhedronGravity {
     }
 }
 
-/// Adds the tree of the faces in depth-first order: each node is cut in halves along the longest side of its centres.
+/// Adds the tree of the faces in depth-first order: each node is cut in halves along the longest side of the
+/// box around their centroids.
 fn add_nodes(faces: &mut [[Vec3; 3]], nodes: &mut Vec<FaceNode>) {
     let centroid = |face: &[Vec3; 3]| (face[0] + face[1] + face[2]) / 3.0;
     let weight: f64 = faces.iter().map(|face| area_vector(face).norm()).sum();

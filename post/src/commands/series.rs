@@ -87,10 +87,10 @@ pub const PRIMARY_COLUMNS: [Column; 9] = [
     ("x", "m", "position of the primary in the axes of the snapshots"),
     ("y", "m", ""),
     ("z", "m", ""),
-    ("v_x", "m/s", "its velocity"),
+    ("v_x", "m/s", "velocity of the primary"),
     ("v_y", "m/s", ""),
     ("v_z", "m/s", ""),
-    ("distance", "m", "from the origin"),
+    ("distance", "m", "distance from the origin"),
 ];
 
 /// Table of the motion of the primaries on orbits at the times of the rows; `None` if no field has an orbit.

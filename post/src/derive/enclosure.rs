@@ -299,7 +299,7 @@ impl<'a> GrainEnclosure<'a> {
             |_| true,
             |enclosure, space| {
                 let [lowest, _] = enclosure.height_range(&up);
-                let floor = space.lowest_point(&up).unwrap_or(lowest);
+                let floor = space.lowest_height(&up).unwrap_or(lowest);
                 space.cut_below(&up, floor + from);
                 space.cut_below(&-up, -(floor + to));
                 floor

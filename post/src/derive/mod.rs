@@ -134,7 +134,7 @@ columns! {
     largest_fraction: f64, "1", "fraction of the mass in the largest remnant";
     n_grains: u64, "1", "grains";
     mass: f64, "kg", "mass of the grains";
-    pressure_kinetic: f64, "Pa", "pressure of the motion in the region about its mean";
+    pressure_kinetic: f64, "Pa", "kinetic pressure in the region, of velocities relative to their mean";
     Ec_rigid_mean: f64, "J", "kinetic energy of the rigid motion of all grains together, per grain";
     E_uniform: f64, "J", "potential energy in the uniform gravity, 0 at the origin";
     E_fields: f64, "J", "potential energy in external fields";
@@ -155,12 +155,12 @@ columns! {
     sigma_xy: f64, "Pa", "mean stress xy of the region, symmetric part, > 0 compression";
     sigma_xz: f64, "Pa", "mean stress xz of the region, symmetric part, > 0 compression";
     sigma_yz: f64, "Pa", "mean stress yz of the region, symmetric part, > 0 compression";
-    kinetic_xx: f64, "Pa", "stress of the motion xx in the region, about its mean";
-    kinetic_yy: f64, "Pa", "stress of the motion yy in the region, about its mean";
-    kinetic_zz: f64, "Pa", "stress of the motion zz in the region, about its mean";
-    kinetic_xy: f64, "Pa", "stress of the motion xy in the region, about its mean";
-    kinetic_xz: f64, "Pa", "stress of the motion xz in the region, about its mean";
-    kinetic_yz: f64, "Pa", "stress of the motion yz in the region, about its mean";
+    kinetic_xx: f64, "Pa", "kinetic stress xx in the region";
+    kinetic_yy: f64, "Pa", "kinetic stress yy in the region";
+    kinetic_zz: f64, "Pa", "kinetic stress zz in the region";
+    kinetic_xy: f64, "Pa", "kinetic stress xy in the region";
+    kinetic_xz: f64, "Pa", "kinetic stress xz in the region";
+    kinetic_yz: f64, "Pa", "kinetic stress yz in the region";
     sqrt_J2: f64, "Pa", "root of the second invariant of the stress deviator";
     drucker_prager: f64, "1", "sqrt_J2 over the trace of the stress";
     friction_angle: f64, "rad", "angle of friction required by the mean stress";

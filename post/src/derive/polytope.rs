@@ -4,7 +4,7 @@ use cd_formats::faces::doubled_area;
 
 use crate::math::Vec3;
 
-/// Share of the half side from which on a point belongs to the cube: more than the rounding of cuts.
+/// Share of the half side beyond which a point counts as lying on the cube: more than the rounding of cuts.
 const NEAR_CUBE: f64 = 1.0 - 1e-9;
 
 /// Convex polyhedron by its faces, within a cube that bounds it on open sides.
@@ -13,18 +13,18 @@ pub struct ConvexPolytope {
     faces: Vec<Vec<Vec3>>,
     /// Centre of the cube, m.
     centre: Vec3,
-    /// Half of its side, m.
-    outer_length: f64,
+    /// Half of the side of the cube, m.
+    half_side: f64,
 }
 
 impl ConvexPolytope {
-    /// Cube of the half side `outer_length` (m) about `centre`, which counts as unbounded.
-    pub fn cube(centre: Vec3, outer_length: f64) -> ConvexPolytope {
+    /// Cube of the half side `half_side` (m) about `centre`, which counts as unbounded.
+    pub fn cube(centre: Vec3, half_side: f64) -> ConvexPolytope {
         let face = |axis: usize, sign: f64| {
             let face_point = |u: f64, v: f64| {
                 let mut x = Vec3::zeros();
                 (x[axis], x[(axis + 1) % 3], x[(axis + 2) % 3]) = (sign, u, v);
-                centre + x * outer_length
+                centre + x * half_side
             };
             let mut face =
                 vec![face_point(-1.0, -1.0), face_point(1.0, -1.0), face_point(1.0, 1.0), face_point(-1.0, 1.0)];
@@ -34,13 +34,13 @@ impl ConvexPolytope {
             face
         };
         let faces = (0..3).flat_map(|axis| [face(axis, 1.0), face(axis, -1.0)]).collect();
-        ConvexPolytope { faces, centre, outer_length }
+        ConvexPolytope { faces, centre, half_side }
     }
 
     /// Cuts off the part with normal.x < offset; returns the area of the cut, m^2. A plane within rounding of a face changes
     /// nothing, and the area of that face is returned.
     pub fn cut_below(&mut self, normal: &Vec3, offset: f64) -> f64 {
-        let near = 1e-12 * self.outer_length;
+        let near = 1e-12 * self.half_side;
         let value = |p: &Vec3| {
             let value = p.dot(normal) - offset;
             if value.abs() <= near { 0.0 } else { value }
@@ -82,7 +82,7 @@ impl ConvexPolytope {
     /// The face on a plane normal.x = offset that bounds the polyhedron from below, if there is one.
     pub fn face_on(&self, normal: &Vec3, offset: f64) -> Option<&[Vec3]> {
         // Ten times the rounding of corners that several cuts have made; a face narrower than that is an edge.
-        let near = 1e-11 * self.outer_length;
+        let near = 1e-11 * self.half_side;
         let is_on = |face: &&Vec<Vec3>| {
             let length = face.iter().map(|p| (p - face[0]).norm()).fold(0.0, f64::max);
             face.iter().all(|p| (p.dot(normal) - offset).abs() <= near)
@@ -93,7 +93,7 @@ impl ConvexPolytope {
 
     /// Whether the polyhedron is bounded: no part of it reaches the cube.
     pub fn is_closed(&self) -> bool {
-        let is_near_cube = |p: &Vec3| (p - self.centre).amax() < self.outer_length * NEAR_CUBE;
+        let is_near_cube = |p: &Vec3| (p - self.centre).amax() < self.half_side * NEAR_CUBE;
         !self.faces.is_empty() && self.faces.iter().flatten().all(is_near_cube)
     }
 
@@ -103,10 +103,10 @@ impl ConvexPolytope {
         self.faces.iter().map(cone).sum()
     }
 
-    /// Lowest point along a direction, m; None if the polyhedron is open there.
-    pub fn lowest_point(&self, up: &Vec3) -> Option<f64> {
+    /// Height of the lowest point along the unit vector `up`, m; `None` if the polyhedron is open there.
+    pub fn lowest_height(&self, up: &Vec3) -> Option<f64> {
         let lowest = self.faces.iter().flatten().min_by(|a, b| a.dot(up).total_cmp(&b.dot(up)))?;
-        ((lowest - self.centre).amax() < self.outer_length * NEAR_CUBE).then(|| lowest.dot(up))
+        ((lowest - self.centre).amax() < self.half_side * NEAR_CUBE).then(|| lowest.dot(up))
     }
 }
 

@@ -33,18 +33,18 @@ mod message {
 
 /// Type of the numbers of an array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum NumberType {
+pub enum ArrayType {
     F64,
     I64,
     /// Unsigned integer with this number of bytes.
     Unsigned(u8),
 }
 
-impl NumberType {
+impl ArrayType {
     fn byte_count(self) -> usize {
         match self {
-            NumberType::F64 | NumberType::I64 => 8,
-            NumberType::Unsigned(bytes) => bytes.into(),
+            ArrayType::F64 | ArrayType::I64 => 8,
+            ArrayType::Unsigned(bytes) => bytes.into(),
         }
     }
 
@@ -54,9 +54,9 @@ impl NumberType {
         let head = |class: u8, flags: [u8; 2]| [class, flags[0], flags[1], 0, size, 0, 0, 0, 0, 0, 8 * size, 0];
         match self {
             // Implied first bit of the mantissa, sign in bit 63; exponent at 52 of 11 bits, mantissa at 0 of 52, bias 1023.
-            NumberType::F64 => [&head(0x11, [0x20, 63])[..], &[52, 11, 0, 52, 0xff, 0x03, 0, 0]].concat(),
-            NumberType::I64 => head(0x10, [8, 0]).to_vec(),
-            NumberType::Unsigned(_) => head(0x10, [0, 0]).to_vec(),
+            ArrayType::F64 => [&head(0x11, [0x20, 63])[..], &[52, 11, 0, 52, 0xff, 0x03, 0, 0]].concat(),
+            ArrayType::I64 => head(0x10, [8, 0]).to_vec(),
+            ArrayType::Unsigned(_) => head(0x10, [0, 0]).to_vec(),
         }
     }
 }
@@ -74,7 +74,7 @@ impl AttributeValue {
     /// Attribute message of version 3.
     fn to_message(&self, name: &str) -> Vec<u8> {
         let text_type = |length: usize| [&[0x13, 1, 0, 0][..], &(length as u32).to_le_bytes()].concat();
-        let number_type = NumberType::I64.to_message();
+        let number_type = ArrayType::I64.to_message();
         let (datatype, dataspace, data) = match self {
             AttributeValue::Text(text) => (text_type(text.len()), dataspace(None), text.as_bytes().to_vec()),
             AttributeValue::Integer(value) => (number_type, dataspace(None), value.to_le_bytes().to_vec()),
@@ -104,7 +104,7 @@ fn dataspace(shape: Option<&[u64]>) -> Vec<u8> {
 
 /// Array that grows along its first axis.
 pub struct GrowingArray {
-    number_type: NumberType,
+    number_type: ArrayType,
     /// Numbers in a row; `None` for an array of one axis.
     components: Option<u64>,
     row_count: u64,
@@ -116,7 +116,7 @@ pub struct GrowingArray {
 
 impl GrowingArray {
     /// Empty array with one axis, or with two if rows have `components`.
-    pub fn new(number_type: NumberType, components: Option<u64>) -> GrowingArray {
+    pub fn new(number_type: ArrayType, components: Option<u64>) -> GrowingArray {
         GrowingArray { number_type, components, row_count: 0, chunks: Vec::new(), pending: Vec::new() }
     }
 
@@ -339,14 +339,14 @@ mod tests {
         let mut group = HdfGroup::default().with_attribute("count", AttributeValue::Integer(-4));
         let byte = |k: usize| (k % 251) as u8;
         for count in counts {
-            let mut array = GrowingArray::new(NumberType::Unsigned(1), None);
+            let mut array = GrowingArray::new(ArrayType::Unsigned(1), None);
             let bytes: Vec<u8> = (0..count).map(byte).collect();
             for part in bytes.chunks(100_003) {
                 array.append(&mut file, part).unwrap();
             }
             group = group.with_array(&count.to_string(), array);
         }
-        let mut rows = GrowingArray::new(NumberType::F64, Some(3));
+        let mut rows = GrowingArray::new(ArrayType::F64, Some(3));
         let numbers: Vec<f64> = (0..3 * 20_000).map(f64::from).collect();
         rows.append(&mut file, &numbers.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<u8>>()).unwrap();
         let group = group.with_array("rows", rows).with_group("empty", HdfGroup::default());

@@ -9,7 +9,7 @@ use cd_formats::atomic::GrowingFile;
 use cd_formats::error::Faults;
 use vtkio::model::{Attribute, DataArray, IOBuffer, PolyDataPiece, VertexNumbers};
 
-use crate::write::hdf5::{self, AttributeValue, GrowingArray, HdfGroup, NumberType, SUPERBLOCK_BYTES};
+use crate::write::hdf5::{self, ArrayType, AttributeValue, GrowingArray, HdfGroup, SUPERBLOCK_BYTES};
 
 /// Categories of cells, in the order of VTK's cells.
 const CELL_CATEGORIES: [&str; 4] = ["Vertices", "Lines", "Polygons", "Strips"];
@@ -37,7 +37,7 @@ struct CellCategory {
 
 impl CellCategory {
     fn new() -> CellCategory {
-        let integers = || GrowingArray::new(NumberType::I64, None);
+        let integers = || GrowingArray::new(ArrayType::I64, None);
         CellCategory {
             connectivity: integers(),
             offsets: integers(),
@@ -72,7 +72,7 @@ impl VtkhdfFile {
         Ok(VtkhdfFile {
             file: GrowingFile::create(path, SUPERBLOCK_BYTES)?,
             times: Vec::new(),
-            points: GrowingArray::new(NumberType::F64, Some(3)),
+            points: GrowingArray::new(ArrayType::F64, Some(3)),
             point_counts: Vec::new(),
             cells: std::array::from_fn(|_| CellCategory::new()),
             attributes: [Vec::new(), Vec::new()],
@@ -115,7 +115,7 @@ impl VtkhdfFile {
             let columns = self.cells.each_ref().map(|category| offsets(counts(category)));
             (0..self.times.len()).flat_map(|time| columns.each_ref().map(|column| column[time])).collect()
         };
-        let mut times = GrowingArray::new(NumberType::F64, None);
+        let mut times = GrowingArray::new(ArrayType::F64, None);
         times.append(file, &number_bytes(&IOBuffer::F64(self.times.clone())).1)?;
         let parts: Vec<i64> = (0..).take(self.times.len()).collect();
         let steps = HdfGroup::default()
@@ -147,7 +147,7 @@ impl VtkhdfFile {
 
 /// Array of integers that is complete.
 fn integer_array(file: &mut GrowingFile, values: &[i64], components: Option<u64>) -> Result<GrowingArray, Faults> {
-    let mut array = GrowingArray::new(NumberType::I64, components);
+    let mut array = GrowingArray::new(ArrayType::I64, components);
     let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
     array.append(file, &bytes)?;
     Ok(array)
@@ -158,17 +158,17 @@ fn u64_bytes(values: &[u64]) -> Vec<u8> {
 }
 
 /// Type and little-endian bytes of the numbers of an array.
-fn number_bytes(numbers: &IOBuffer) -> (NumberType, Vec<u8>) {
+fn number_bytes(numbers: &IOBuffer) -> (ArrayType, Vec<u8>) {
     match numbers {
-        IOBuffer::F64(values) => (NumberType::F64, values.iter().flat_map(|value| value.to_le_bytes()).collect()),
-        IOBuffer::U64(values) => (NumberType::Unsigned(8), u64_bytes(values)),
+        IOBuffer::F64(values) => (ArrayType::F64, values.iter().flat_map(|value| value.to_le_bytes()).collect()),
+        IOBuffer::U64(values) => (ArrayType::Unsigned(8), u64_bytes(values)),
         IOBuffer::U32(values) => {
-            (NumberType::Unsigned(4), values.iter().flat_map(|value| value.to_le_bytes()).collect())
+            (ArrayType::Unsigned(4), values.iter().flat_map(|value| value.to_le_bytes()).collect())
         }
         IOBuffer::U16(values) => {
-            (NumberType::Unsigned(2), values.iter().flat_map(|value| value.to_le_bytes()).collect())
+            (ArrayType::Unsigned(2), values.iter().flat_map(|value| value.to_le_bytes()).collect())
         }
-        IOBuffer::U8(values) => (NumberType::Unsigned(1), values.clone()),
+        IOBuffer::U8(values) => (ArrayType::Unsigned(1), values.clone()),
         other => unreachable!("no array for ParaView has the type {:?}", other.scalar_type()),
     }
 }

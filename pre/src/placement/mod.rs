@@ -64,7 +64,7 @@ impl PlacementError {
     /// Adds to the error the margin, m, by which grains are kept apart for the rounding of positions in the files.
     fn with_margin(self, margin: f64) -> PlacementError {
         let found =
-            format!("{}, kept {margin:.1e} m apart, because the text files have 8 digits of a position", self.found);
+            format!("{}, kept {margin:.1e} m apart, more than the rounding of positions in the text files", self.found);
         PlacementError {
             found,
             expected: "a position closer to the origin; cd-pre from-outbox moves bodies to a `centre` with all digits",
@@ -140,8 +140,8 @@ pub fn place_grains(
         region = region.scaled_to(drawn.iter().map(SampledGrain::volume).sum::<f64>() / fraction);
     }
     expect_smaller(&region, &drawn)?;
-    // Positions are rounded to 8 digits later, by at most sqrt(3) 5e-8 of the largest coordinate. Grains keep slightly
-    // more than that from each other and from the envelope.
+    // Positions of spheres are rounded to 8 digits, by at most sqrt(3) 5e-8 of the largest coordinate, those of polyhedra
+    // to more. Grains keep slightly more than that from each other and from the envelope.
     let margin = 1e-7 * (region.half_extents().norm() + centre.amax());
     let positions = match &grains.placement {
         GrainPlacement::JitteredLattice { jitter, .. } => {

@@ -5,7 +5,8 @@ use crate::math::{Vec3, to_local};
 use crate::scene::BodyId;
 use crate::state::{Contact, ContactId};
 
-/// Problem û = W r̂ + q with Signorini and Coulomb on (û, r̂), components along n, t, s of each contact.
+/// Problem û = W r̂ + q with Signorini and Coulomb on (û, r̂), components along n, t, s of each contact: û and r̂ are the
+/// relative velocity and the impulse with the shifts of the contact's law.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct StoredProblem {
     pub mu: Vec<f64>,
@@ -17,7 +18,7 @@ pub struct StoredProblem {
     pub rows: Vec<(ContactId, [Vec3; 3])>,
 }
 
-/// Problem of the rows that can close, in the order of the contacts.
+/// Problem of the contacts that can close, in the order of the contacts.
 pub fn stored_problem(contact_problem: &ContactProblem, contacts: &[Contact]) -> StoredProblem {
     let rows: Vec<usize> = (0..contact_problem.rows.len()).filter(|&k| contact_problem.rows[k].can_close).collect();
     // Bodies that do not move couple no contacts: the contacts of a floor are not paired.
@@ -78,11 +79,11 @@ mod tests {
     /// W r + q equals the relative velocities of the bodies, for a chain of three spheres on the ground.
     #[test]
     fn matrix_and_bodies_agree() {
-        let record = |k: f64, fixed: f64| SolverBody {
+        let record = |k: f64, mobility: f64| SolverBody {
             v: Vec3::new(k.sin(), k.cos(), 0.3 * k),
-            inverse_mass: fixed / (1.0 + k),
+            inverse_mass: mobility / (1.0 + k),
             w: Vec3::new(0.1, k, -0.2),
-            inverse_inertia: fixed * 2.5 / (1.0 + k),
+            inverse_inertia: mobility * 2.5 / (1.0 + k),
             radius: 0.7 + 0.1 * k,
         };
         let records = vec![record(0.0, 1.0), record(1.0, 1.0), record(2.0, 1.0), record(3.0, 0.0)];

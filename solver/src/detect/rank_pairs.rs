@@ -1,7 +1,7 @@
 //! Division of the narrow phase among the ranks of a run, in scenes of polyhedra.
 //!
-//! A rank computes the contacts of a run of the listed pairs. All ranks gather these contacts, and the cached features, which
-//! decide between equal directions in later steps. A separating axis stays with the rank that has found it: it affects only
+//! A rank computes the contacts of a contiguous range of the listed pairs. All ranks gather these contacts, and the cached
+//! features, which break ties between directions in later steps. A separating axis stays with the rank that has found it: it affects only
 //! time.
 
 use std::ops::Range;

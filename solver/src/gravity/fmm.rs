@@ -19,7 +19,7 @@ use super::expansion::{
     kernel_derivatives, narrow_len, pairwise_sum, store_row, widen_row,
 };
 use super::pairs::{
-    BodyPull, CoarseKernel, FineKernel, PackF32, PackF64, PackedBodies, PullF32, PullF64, RoughKernel, SourceLeaf,
+    BodyPull, CoarseKernel, FineKernel, MediumKernel, PackF32, PackF64, PackedBodies, PullF32, PullF64, SourceLeaf,
     TARGETS_AT_ONCE, WithKernel,
 };
 use super::settings::{ExpansionSettings, PairPrecision};
@@ -249,8 +249,8 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         let pull = PullF32 { l: l.single(), packed: singles, length, targets: targets_f32, out: pulls, nearest };
         match (self.settings.pair, self.potential) {
             (PairPrecision::Coarse, false) => l.run(WithKernel(CoarseKernel, pull)),
-            (PairPrecision::Rough, false) => l.run(WithKernel(RoughKernel::<false>, pull)),
-            (PairPrecision::Coarse | PairPrecision::Rough, true) => l.run(WithKernel(RoughKernel::<true>, pull)),
+            (PairPrecision::Medium, false) => l.run(WithKernel(MediumKernel::<false>, pull)),
+            (PairPrecision::Coarse | PairPrecision::Medium, true) => l.run(WithKernel(MediumKernel::<true>, pull)),
             (PairPrecision::Fine, false) => l.run(WithKernel(FineKernel::<false>, pull)),
             (PairPrecision::Fine, true) => l.run(WithKernel(FineKernel::<true>, pull)),
         }

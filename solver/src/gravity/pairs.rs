@@ -17,7 +17,17 @@ const PARTIAL_SUMS: usize = 8;
 /// inverse cube of larger distances is finite.
 const COINCIDENCE_DISTANCE2: f64 = 1e-200;
 
+/// Coordinates of the bodies without mass that fill up the last vector, in packed units, where all sources are within 1 of the
+/// centre of the targets: far from these.
+const FAR_PACKED_COORDINATE: f32 = 4.0;
+
+/// Coordinates of such bodies in the units of the tree: far from all bodies of it.
+const FAR_COORDINATE: f64 = 64.0;
+
 /// Approximation in single precision of the pull of a mass m at the squared distance x.
+///
+/// y is the first estimate of x^(-1/2) by a magic number, and P the quadratic whose largest relative error over all y is
+/// smallest.
 pub trait PullKernel {
     /// Whether the potential is summed, too.
     const POTENTIAL: bool;
@@ -29,13 +39,10 @@ pub trait PullKernel {
 }
 
 /// Kernel of relative error 1.7e-4: x^(-3/2) = y^3 P(x y^2), without the root.
-///
-/// Here and below y is the first estimate of x^(-1/2) by a magic number, and P the quadratic whose largest relative error
-/// over all y is smallest.
 pub struct CoarseKernel;
 
 /// Kernel of relative error 2.5e-5: x^(-1/2) = y P(x y^2).
-pub struct RoughKernel<const POTENTIAL: bool>;
+pub struct MediumKernel<const POTENTIAL: bool>;
 
 /// Kernel of relative error 3e-7: a step u = y (STEP - x y^2), accurate to 6.5e-4 except for a factor SCALE, and a Newton
 /// step v = u (NEWTON - x u^2), with x^(-1/2) = ROOT v. It errs to one side by 0 to 6e-7, and the factor removes the mean
@@ -44,7 +51,7 @@ pub struct RoughKernel<const POTENTIAL: bool>;
 /// Source: J. Kadlec, "Improving the fast inverse square root" (2010).
 pub struct FineKernel<const POTENTIAL: bool>;
 
-/// Magic number of the first estimate in [`CoarseKernel`] and [`RoughKernel`].
+/// Magic number of the first estimate in [`CoarseKernel`] and [`MediumKernel`].
 const RSQRT_SEED: u32 = 0x5f37_59df;
 
 impl PullKernel for CoarseKernel {
@@ -63,7 +70,7 @@ impl PullKernel for CoarseKernel {
     }
 }
 
-impl<const POTENTIAL: bool> PullKernel for RoughKernel<POTENTIAL> {
+impl<const POTENTIAL: bool> PullKernel for MediumKernel<POTENTIAL> {
     const POTENTIAL: bool = POTENTIAL;
     const ROOT: f64 = 1.0;
 
@@ -96,8 +103,8 @@ impl<const POTENTIAL: bool> PullKernel for FineKernel<POTENTIAL> {
     }
 }
 
-/// Squared distances of a body from itself, by its index among the bodies processed at once: its potential there is below
-/// all digits, and its force zero.
+/// Added to the squared distances between a target and a vector of sources that contains it, by the target's index in the
+/// vector: 1e30 for the target itself, so that its own potential is below rounding and its own force zero, else 0.
 const SELF_DISTANCE2: [[f32; PARTIAL_SUMS_F32]; PARTIAL_SUMS_F32] = {
     let mut apart = [[0.0; PARTIAL_SUMS_F32]; PARTIAL_SUMS_F32];
     let mut k = 0;
@@ -121,7 +128,7 @@ pub struct PackedBodies<T> {
 }
 
 impl<T: Copy + Default> PackedBodies<T> {
-    /// Reserves space for `count` bodies and one more vector.
+    /// Makes space for `count` bodies and one more vector, and fills up the last vector.
     #[inline(always)]
     fn resize(&mut self, count: usize, sums: usize, far_coordinate: T) {
         self.count = count.next_multiple_of(sums);
@@ -140,7 +147,7 @@ impl<T: Copy + Default> PackedBodies<T> {
 
 /// Leaf whose bodies are sources.
 pub struct SourceLeaf {
-    /// Positions of its bodies in the tree's order.
+    /// Indices of its bodies in the tree's order.
     pub bodies: Range<usize>,
     /// Centre of the leaf in the targets' frame, in packed units; not used in double precision.
     pub centre: [f32; 3],
@@ -165,7 +172,7 @@ impl<L: F32Arithmetic> NullaryFnOnce for PackF32<'_, L> {
         for leaf in sources {
             count += leaf.bodies.len();
         }
-        to.resize(count, PARTIAL_SUMS_F32, 4.0);
+        to.resize(count, PARTIAL_SUMS_F32, FAR_PACKED_COORDINATE);
         let [to_x, to_y, to_z, to_m] = &mut to.columns;
         let [x, y, z, m] = offsets;
         let factor = l.splat(scale.into());
@@ -183,9 +190,9 @@ impl<L: F32Arithmetic> NullaryFnOnce for PackF32<'_, L> {
             }
             packed_count += range.len();
         }
-        to.columns[0][count..to.count].fill(4.0);
-        to.columns[1][count..to.count].fill(4.0);
-        to.columns[2][count..to.count].fill(4.0);
+        to.columns[0][count..to.count].fill(FAR_PACKED_COORDINATE);
+        to.columns[1][count..to.count].fill(FAR_PACKED_COORDINATE);
+        to.columns[2][count..to.count].fill(FAR_PACKED_COORDINATE);
         to.columns[3][count..to.count].fill(0.0);
     }
 }
@@ -203,7 +210,7 @@ impl NullaryFnOnce for PackF64<'_> {
     fn call(self) {
         let PackF64 { to, bodies, sources } = self;
         let count = sources.iter().map(|leaf| leaf.bodies.len()).sum();
-        to.resize(count, PARTIAL_SUMS, 64.0);
+        to.resize(count, PARTIAL_SUMS, FAR_COORDINATE);
         for (column, from) in to.columns.iter_mut().zip(bodies) {
             let mut packed_count = 0;
             for SourceLeaf { bodies: range, .. } in sources {
@@ -336,7 +343,7 @@ fn add_source_vector<L: F32Arithmetic, K: PullKernel, const OWN: bool>(
     }
 }
 
-/// Sum in one order, by halves.
+/// Pairwise sum, in a fixed order.
 #[inline(always)]
 fn pairwise_sum(parts: &[f32; PARTIAL_SUMS_F32]) -> f32 {
     let mut sums = *parts;

@@ -34,7 +34,7 @@ pub enum PairPrecision {
     /// 1.7e-4 without a potential, 2.5e-5 with it.
     Coarse,
     /// 2.5e-5.
-    Rough,
+    Medium,
     /// 3e-7.
     Fine,
 }
@@ -91,7 +91,7 @@ impl ExpansionSettings {
             single: (error > 2.0 * MIN_FMM_ERROR).then_some(2e-7 / error),
             pair: match error {
                 4e-4.. => PairPrecision::Coarse,
-                5e-5.. => PairPrecision::Rough,
+                5e-5.. => PairPrecision::Medium,
                 _ => PairPrecision::Fine,
             },
         }

@@ -14,15 +14,18 @@ use crate::scene::{BodyId, Scene};
 use crate::solve::ContactSolution;
 use crate::state::{Contact, ContactExchange, ContactStatus, LawMemory, SolvedContact, State, Velocities};
 
-/// Rows, contacts or bodies summed by one task.
+/// Number of rows, contacts or bodies that one task sums.
 pub const ITEMS_PER_TASK: usize = 1024;
 
 /// Velocities and contacts at the step's end, and the totals of the contacts.
 pub struct StepOutcome {
+    /// Velocities, m/s.
     pub v: Vec<Vec3>,
+    /// Angular velocities, rad/s.
     pub w: Vec<Vec3>,
     pub contacts: Vec<SolvedContact>,
     pub totals: ContactTotals,
+    /// Contacts with force and their virials, by chunk of [`ITEMS_PER_TASK`] contacts.
     pub exchanges: Vec<Vec<ContactExchange>>,
 }
 
@@ -60,8 +63,8 @@ pub fn finish_contacts(
     let StepContext { scene, q_c, free, contacts } = context;
     let SolvedProblem { contact_problem, solution, .. } = solved;
     let (v, w) = solved_velocities(solution, free, q_c);
-    let mut ends = std::mem::take(&mut state.contacts);
-    ends.resize(contacts.len(), SolvedContact::default());
+    let mut solved_contacts = std::mem::take(&mut state.contacts);
+    solved_contacts.resize(contacts.len(), SolvedContact::default());
     let warning_depth = OVERLAP_WARNING_SHARE * scene.smallest_radius;
     let velocities = Velocities { v: &v, w: &w };
     let w_without_rotation = ContactConfiguration::without_spins(&w, &q_c.pushed_at_centre);
@@ -78,16 +81,17 @@ pub fn finish_contacts(
         warning_depth,
     };
     // The division into parts depends only on the number of rows.
-    let parts = ends.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
-    let parts: Vec<(ContactTotals, Vec<ContactExchange>)> =
-        parts.map(|(part, (ends, contacts))| post_solve.finish_chunk(part * ITEMS_PER_TASK, contacts, ends)).collect();
+    let chunks = solved_contacts.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
+    let parts: Vec<(ContactTotals, Vec<ContactExchange>)> = chunks
+        .map(|(chunk, (solved, contacts))| post_solve.finish_chunk(chunk * ITEMS_PER_TASK, contacts, solved))
+        .collect();
     let totals = parts.iter().fold(ContactTotals::default(), |sum, (totals, _)| sum + *totals);
     let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
-    drop(w_without_rotation);
-    StepOutcome { v, w, contacts: ends, totals, exchanges }
+    drop(w_without_rotation); // which borrows `w`
+    StepOutcome { v, w, contacts: solved_contacts, totals, exchanges }
 }
 
-/// Memories of the laws at the step's end: interfaces have opened and slid.
+/// Returns the memories of the laws at the step's end, with the soundness and the sliding of interfaces.
 pub fn end_memories(SolvedProblem { contact_problem, solution, .. }: &mut SolvedProblem) -> Vec<LawMemory> {
     let mut memories = std::mem::take(&mut contact_problem.memories);
     for regularised in &contact_problem.regularised {
@@ -108,18 +112,19 @@ struct PostSolve<'a> {
     q_c: &'a ContactConfiguration,
     contact_problem: &'a ContactProblem,
     solution: &'a ContactSolution,
-    /// Velocity errors, where contacts lose a bond or static friction once they move.
+    /// Errors of the velocities; `None` unless a law of the scene loses a bond or static friction once its contact moves.
     velocity_errors: Option<&'a VelocityErrors>,
     /// Velocities at the step's end.
     velocities: Velocities<'a>,
-    /// Velocities at the step's end without the rotation of bodies that contacts push at their centres: impulses work on these.
+    /// Velocities at the step's end without the rotation of bodies that contacts push at their centres, for the
+    /// work of the impulses.
     velocities_without_rotation: Velocities<'a>,
     /// Smallest depth that is worth a warning for the smallest bodies, m. Below it a contact is not compared with its radii.
     warning_depth: f64,
 }
 
-/// Ratio of overlap to smaller radius, above which a run warns: no law causes it, and volumes are off by three times as
-/// much.
+/// Ratio of overlap to smaller radius, above which a run warns: only springs cause it by their law, and volumes are off by
+/// three times as much.
 pub const OVERLAP_WARNING_SHARE: f64 = 1e-2;
 
 /// Two bodies that overlap.
@@ -170,21 +175,21 @@ pub fn deeper_overlap(a: Option<Overlap>, b: Overlap) -> Option<Overlap> {
 }
 
 impl PostSolve<'_> {
-    /// Fills `ends` with the ends of the contacts from index `first` on; returns their totals in the step.
+    /// Writes the contacts from index `first` on, at the step's end, to `solved_contacts`; returns their totals in the step.
     fn finish_chunk(
         &self,
         first: usize,
         contacts: &[Contact],
-        ends: &mut [SolvedContact],
+        solved_contacts: &mut [SolvedContact],
     ) -> (ContactTotals, Vec<ContactExchange>) {
         let PostSolve { q_c, contact_problem, solution, .. } = self;
         let (mut totals, mut exchanges) = (ContactTotals::default(), Vec::with_capacity(contacts.len()));
         let roll = contact_problem.rolling_constraints.partition_point(|roll| roll.row.index() < first);
         let mut rolls = contact_problem.rolling_constraints[roll..].iter().zip(&solution.moments[roll..]).peekable();
-        for ((k, contact), end) in (first..).zip(contacts).zip(ends) {
+        for ((k, contact), solved) in (first..).zip(contacts).zip(solved_contacts) {
             let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
             let rolling_moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, moment)| moment);
-            self.finish_contact(k, contact, rolling_moment, end);
+            self.finish_contact(k, contact, rolling_moment, solved);
             // A row does not act between bodies whose motion is imposed: their penetration is no error of the contact.
             let gap = contact.gap - contact_problem.law_memory(k).reference_gap;
             let depth = if row.acts { (-gap).max(0.0) } else { 0.0 };
@@ -195,9 +200,10 @@ impl PostSolve<'_> {
             if depth > self.warning_depth && !law.is_regularised() {
                 totals.overlap = deeper_overlap(totals.overlap, Overlap::from_contact(self.scene, contact));
             }
-            // A pair of which neither can move along the normal is worth a warning if it overlaps, or if a bond or a liquid
-            // would hold it at a touch.
-            let would_hold = || law.cohesion().is_some() && gap <= MAX_TOUCHING_GAP * self.touching_radius(contact);
+            // A pair of which neither can move along the normal is worth a warning if it overlaps, or if it touches and a bond
+            // or a liquid would hold it.
+            let would_hold =
+                || law.cohesion().is_some() && gap <= MAX_TOUCHING_GAP * self.smallest_grain_radius(contact);
             if !row.acts
                 && (-gap > self.warning_depth || would_hold())
                 && !contact_problem.can_move_a_body(k, &self.scene.bodies)
@@ -207,25 +213,25 @@ impl PostSolve<'_> {
                     totals.inert_overlap = deeper_overlap(totals.inert_overlap, overlap);
                 }
             }
-            if end.impulse != Vec3::zeros() {
+            if solved.impulse != Vec3::zeros() {
                 totals.contacts_active += 1;
                 if !law.is_regularised() {
                     let allowed_closing = law.max_closing_speed(row.u_before.x);
-                    totals.penetration_added += (-gap - q_c.h * (end.velocity.x + allowed_closing) - depth).max(0.0);
+                    totals.penetration_added += (-gap - q_c.h * (solved.velocity.x + allowed_closing) - depth).max(0.0);
                 }
-                let virial = self.accumulate_totals(k, r, end, &mut totals);
+                let virial = self.accumulate_totals(k, r, solved, &mut totals);
                 totals.virial += virial;
                 exchanges.push(ContactExchange { bodies: row.bodies, virial });
-            } else if end.moment != Vec3::zeros() {
+            } else if solved.moment != Vec3::zeros() {
                 // The net impulse is zero, as the repulsion equals the cohesion; only the rolling moment acts.
-                self.accumulate_totals(k, r, end, &mut totals);
+                self.accumulate_totals(k, r, solved, &mut totals);
             }
         }
         (totals, exchanges)
     }
 
     /// Smallest radius of the two bodies of a contact that are not walls, m; 0 if both are.
-    fn touching_radius(&self, contact: &Contact) -> f64 {
+    fn smallest_grain_radius(&self, contact: &Contact) -> f64 {
         let bodies = [contact.candidate, contact.antagonist].map(|body| body.index());
         let radii = bodies.into_iter().filter(|&i| !self.scene.walls[i]).map(|i| self.scene.bodies[i].radius);
         radii.reduce(f64::min).unwrap_or(0.0)
@@ -327,7 +333,7 @@ impl PostSolve<'_> {
                 totals.outside_work +=
                     0.5 * (force.dot(&doubled_mean_velocity) - sign * moment.dot(&doubled_mean_spin(body)));
             } else {
-                // The reactions of its imposed components balance these of the impulse on it.
+                // The reactions of its imposed components balance the same components of the impulse on it.
                 let (driven_body, couple) = (&bodies[body], arm.cross(&force) - moment * sign);
                 let couple = driven_body.imposed_rotation_part(&q_c.q[body], &couple);
                 totals.outside_work += 0.5
@@ -368,7 +374,8 @@ pub struct ContactTotals {
     pub outside_work: f64,
     /// Impulse of driven bodies on free ones, N s.
     pub momentum: Vec3,
-    /// Moment of this impulse about the origin, N m s.
+    /// Change of the angular momentum of the free bodies about the origin by driven bodies, and by contacts across periodic
+    /// boundaries, whose forces act at two images, N m s.
     pub angular_momentum: Vec3,
 }
 

@@ -35,7 +35,7 @@ pub enum ColumnKind {
 }
 
 /// Name and kind of a column.
-pub type Column = (&'static str, ColumnKind);
+pub type LogColumn = (&'static str, ColumnKind);
 
 /// Figure of one or several steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,7 +93,7 @@ impl LogCell {
 pub struct LogTable {
     path: PathBuf,
     file: BufWriter<File>,
-    columns: Vec<Column>,
+    columns: Vec<LogColumn>,
     /// Empty fields for columns that an earlier part of the run had and this one does not.
     trailing_fields: String,
     /// Figures of the steps since the last row.
@@ -143,7 +143,7 @@ impl LogTable {
     /// it. Prints a warning if rows are missing.
     pub fn open(
         path: &Path,
-        columns: &[Column],
+        columns: &[LogColumn],
         [first_step, resume_step]: [u64; 2],
         schedule: RowSchedule,
         mut record: impl FnMut(&LogRow),
@@ -272,7 +272,7 @@ pub fn row_size(cells: &[LogCell]) -> usize {
 /// that returns the cells of a step.
 macro_rules! columns {
     ($columns:ident, $cells:ident($($name:ident : $type:ty),*), $($column:ident: $kind:ident = $value:expr,)+) => {
-        pub const $columns: &[Column] = &[$((stringify!($column), ColumnKind::$kind)),+];
+        pub const $columns: &[LogColumn] = &[$((stringify!($column), ColumnKind::$kind)),+];
         /// Names of the columns.
         #[allow(non_upper_case_globals, dead_code, reason = "constants that are named like the columns")]
         pub mod $cells {
@@ -373,7 +373,7 @@ columns! {
 mod tests {
     use super::*;
 
-    const A: &[Column] = &[("step", ColumnKind::Last), ("a", ColumnKind::Sum)];
+    const A: &[LogColumn] = &[("step", ColumnKind::Last), ("a", ColumnKind::Sum)];
     const EACH: RowSchedule = RowSchedule { log_every: 1, output_every: 1000 };
 
     fn cells(step: u64, a: f64) -> Vec<LogCell> {
@@ -419,7 +419,7 @@ mod tests {
 
     #[test]
     fn rows_sum_up_steps_and_go_on_after_any_of_them() {
-        const ALL: &[Column] = &[
+        const ALL: &[LogColumn] = &[
             ("step", ColumnKind::Last),
             ("sum", ColumnKind::Sum),
             ("most", ColumnKind::Largest),

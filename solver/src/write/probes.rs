@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::error::Faults;
 use cd_formats::probe::{Probe, ProbeQuantity, RegionMeans};
 
-use super::log::{Column, ColumnKind, LogCell, LogTable, RowSchedule};
+use super::log::{ColumnKind, LogCell, LogColumn, LogTable, RowSchedule};
 use super::postpro;
 use crate::scene::Scene;
 use crate::state::State;
@@ -37,7 +37,7 @@ impl ProbeFiles {
                     ColumnKind::Sum
                 }
             };
-            let mut columns: Vec<Column> =
+            let mut columns: Vec<LogColumn> =
                 vec![("step", ColumnKind::Last), ("time", ColumnKind::Last), (STEP_LENGTH, ColumnKind::Sum)];
             columns.extend(probe.quantity.columns().iter().map(|name| (*name, kind)));
             let schedule = RowSchedule { log_every: probe.every, output_every: options.output_every };

@@ -31,14 +31,14 @@ pub const LAYER_COLUMNS: [Column; 17] = [
     ("vertical_stress", "Pa", "vertical stress by height"),
     ("horizontal_stress", "Pa", "horizontal stress by height"),
     ("shear_stress", "Pa", "shear stress by height"),
-    ("weight", "Pa", "weight above over the area by height"),
+    ("weight", "Pa", "weight above, divided by the area, by height"),
     ("v_x", "m/s", "mean velocity along x by height"),
     ("v_y", "m/s", "mean velocity along y by height"),
     ("v_z", "m/s", "mean velocity along z by height"),
     ("density", "kg/m³", "mass over volume by height"),
-    ("pressure_kinetic", "Pa", "pressure of the motion about the mean by height"),
-    ("vertical_kinetic", "Pa", "vertical stress of the motion about the mean by height"),
-    ("shear_kinetic", "Pa", "shear stress of the motion about the mean by height"),
+    ("pressure_kinetic", "Pa", "kinetic pressure by height, of velocities relative to the mean"),
+    ("vertical_kinetic", "Pa", "vertical kinetic stress by height"),
+    ("shear_kinetic", "Pa", "shear kinetic stress by height"),
 ];
 
 /// Number of shells of the radial profiles and of layers of a bed.

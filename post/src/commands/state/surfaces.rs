@@ -21,14 +21,14 @@ pub const SURFACE_COLUMNS: [Column; 6] = [
     ("z", "m", ""),
     ("height", "m", "height above the lowest point of the grains"),
     ("slope", "°", "angle between the normal and the direction against gravity"),
-    ("slope_error", "°", "standard error of the slope that single grains leave"),
+    ("slope_error", "°", "standard error of the slope due to single grains"),
 ];
 
 /// Columns of slopes.csv.
 pub const SLOPE_COLUMNS: [Column; 2] =
-    [("share_below", "1", "share of the surface"), ("slope", "°", "slope that a share of the surface is below")];
+    [("share_below", "1", "share of the surface"), ("slope", "°", "slope below which this share of the surface is")];
 
-/// Shares of the surface with listed slopes: every twentieth.
+/// Number of shares of the surface with listed slopes: every twentieth.
 const SLOPE_SHARE_COUNT: usize = 20;
 
 /// Height, gravity and slope of the largest remnant by direction.
@@ -71,7 +71,7 @@ pub fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec
     files
 }
 
-/// Height and slope of a heap or bed by verticals.
+/// Height and slope of a heap or bed along vertical lines.
 pub fn free_surface_files(surface: &FreeSurface) -> Vec<StateFile> {
     let columns = &surface.columns;
     let heights: Vec<f64> = columns.iter().map(|c| c.height).collect();
@@ -99,7 +99,7 @@ pub fn free_surface_files(surface: &FreeSurface) -> Vec<StateFile> {
     files
 }
 
-/// Part of a title on the noise of slopes, rad.
+/// Returns the end of a title that states the standard error `noise` (rad) of slopes.
 fn noise_text(noise: f64) -> String {
     if noise.is_finite() { format!("; standard error {:.2}°", noise.to_degrees()) } else { String::new() }
 }
@@ -115,7 +115,7 @@ fn slope_files(title: &str, quantiles: &[f64]) -> Vec<StateFile> {
         slope_shares().into_iter().zip(quantiles.iter().map(|slope| slope.to_degrees())).collect();
     let figure = Figure {
         title: title.into(),
-        x: FigureAxis::linear("share of the surface that is below", "1"),
+        x: FigureAxis::linear("share of the surface below this slope", "1"),
         y: FigureAxis::linear("slope", "°"),
         curves: vec![Curve::line("surface", quantiles.clone())],
     };

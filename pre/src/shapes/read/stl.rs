@@ -131,7 +131,7 @@ struct Word {
 /// Reads a text file.
 fn read_text(text: &str) -> Result<PolygonMesh, ReadError> {
     let text = lines(text);
-    let mut words = WordReader { lines: text.split('\n').enumerate(), current: Vec::new().into_iter(), line: 0 };
+    let mut words = StlWords { lines: text.split('\n').enumerate(), current: Vec::new().into_iter(), line: 0 };
     let mut mesh = PolygonMesh::default();
     let (mut solids, mut wrong_normals) = (0, 0);
     while let Some(Word { line, text }) = words.next_word() {
@@ -157,7 +157,7 @@ fn read_text(text: &str) -> Result<PolygonMesh, ReadError> {
 }
 
 /// Reads a facet after the word `facet` on `line`; returns whether the normal, if there is one, consists of three numbers.
-fn read_facet(words: &mut WordReader, line: usize, mesh: &mut PolygonMesh) -> Result<bool, ReadError> {
+fn read_facet(words: &mut StlWords, line: usize, mesh: &mut PolygonMesh) -> Result<bool, ReadError> {
     let number = mesh.polygons.len() + 1;
     let end_error = || ReadError::new(None, format!("the end of the file within facet {number}"), "a complete file");
     let mut word = words.next_word().ok_or_else(end_error)?;
@@ -221,7 +221,7 @@ fn read_facet(words: &mut WordReader, line: usize, mesh: &mut PolygonMesh) -> Re
 }
 
 /// Reader that returns the words of a text one after the other.
-struct WordReader<'a> {
+struct StlWords<'a> {
     lines: std::iter::Enumerate<std::str::Split<'a, char>>,
     /// Words of the current line that were not returned yet.
     current: std::vec::IntoIter<&'a str>,
@@ -229,7 +229,7 @@ struct WordReader<'a> {
     line: usize,
 }
 
-impl WordReader<'_> {
+impl StlWords<'_> {
     fn next_word(&mut self) -> Option<Word> {
         loop {
             if let Some(word) = self.current.next() {

@@ -184,8 +184,8 @@ impl<'a> InnerEdgeSearch<'a> {
         near.extend(views.iter().filter(|&&view| self.attracts || run(RunView(view)).gap <= reach));
         let height = |&view: &u32| {
             let view = RunView(view);
-            let ContactSide { normal, point, .. } =
-                ContactSide::new(&self.contacts[run(view).start as usize], view.a_is_antagonist());
+            let SidedContact { normal, point, .. } =
+                SidedContact::new(&self.contacts[run(view).start as usize], view.a_is_antagonist());
             ContactHeight::new(normal, point - a.centre, 2.0 * other_contactor(view).radius)
         };
         heights.clear();
@@ -206,8 +206,8 @@ impl<'a> InnerEdgeSearch<'a> {
     fn surface_contact(&self, a: &PosedContactor, view: RunView) -> SurfaceContact {
         let (index, a_is_antagonist) = (view.run(), view.a_is_antagonist());
         let run = &self.runs[index as usize];
-        let ContactSide { normal, point, image } =
-            ContactSide::new(&self.contacts[run.start as usize], a_is_antagonist);
+        let SidedContact { normal, point, image } =
+            SidedContact::new(&self.contacts[run.start as usize], a_is_antagonist);
         let other = &self.contactors[run.parts[usize::from(!a_is_antagonist)].index()];
         SurfaceContact {
             index,
@@ -326,7 +326,7 @@ struct ContactRun {
 }
 
 /// Contact seen from one of its two contactors.
-struct ContactSide {
+struct SidedContact {
     /// Normal towards this contactor.
     normal: Vec3,
     /// Point on the surface of the other contactor's image that touches this one, m.
@@ -335,16 +335,16 @@ struct ContactSide {
     image: Vec3,
 }
 
-impl ContactSide {
+impl SidedContact {
     /// Contact seen from its candidate, or from its antagonist if `a_is_antagonist`.
     #[inline(always)]
-    fn new(contact: &Contact, a_is_antagonist: bool) -> ContactSide {
+    fn new(contact: &Contact, a_is_antagonist: bool) -> SidedContact {
         let &Contact { normal, point, image, gap, .. } = contact;
         let to_surface = normal * (0.5 * gap);
         if a_is_antagonist {
-            ContactSide { normal: -normal, point: point - image + to_surface, image: -image }
+            SidedContact { normal: -normal, point: point - image + to_surface, image: -image }
         } else {
-            ContactSide { normal, point: point - to_surface, image }
+            SidedContact { normal, point: point - to_surface, image }
         }
     }
 }

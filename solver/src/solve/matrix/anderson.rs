@@ -108,7 +108,7 @@ fn norm_of_difference(a: &[f64], b: &[f64]) -> f64 {
 /// Added to the diagonal of the scaled Gram matrix: more than the rounding of its sums.
 const GRAM_REGULARISATION: f64 = 1e-14;
 
-/// Pivot, its root, below which a direction is lost in the regularisation.
+/// Square root of a pivot below which a direction is lost in the regularisation.
 const MIN_PIVOT: f64 = 1e-7;
 
 /// y of G y = b by Cholesky's method for G scaled to a diagonal of 1; directions that are lost in rounding get 0.
