@@ -501,6 +501,8 @@ pub struct Scene {
     pub held_grains: Vec<BodyId>,
     /// Spheres, free or driven, in order.
     pub spheres: Vec<BodyId>,
+    /// Whether each body is a sphere; a packed array, as contacts read it in any order.
+    pub sphere_flags: Vec<bool>,
     /// Plates, in order.
     pub planes: Vec<BodyId>,
     /// Contactors of all bodies, ordered by body, if some body is neither a sphere nor a plate, is driven in part, or is a

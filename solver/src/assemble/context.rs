@@ -28,9 +28,7 @@ pub(super) struct AssemblyContext<'a> {
     pub start: Velocities<'a>,
     /// Velocities after the step if nothing touched; without the rotation of these bodies.
     pub free: Velocities<'a>,
-    pub bounds: Vec<MotionBounds>,
-    /// Whether each body is a sphere; a packed array, as contacts read it in any order.
-    pub is_sphere: Vec<bool>,
+    pub bounds: &'a [MotionBounds],
     pub solver_bodies: &'a [SolverBody],
     /// Whether velocities differ from those at the end of the last step.
     pub changed: bool,
@@ -127,7 +125,7 @@ impl AssemblyContext<'_> {
     /// Radius of a contactor that is a sphere, m.
     #[inline]
     pub(super) fn sphere_radius(&self, body: BodyId, part_number: u16) -> Option<f64> {
-        if self.is_sphere[body.index()] {
+        if self.scene.sphere_flags[body.index()] {
             return Some(self.solver_bodies[body.index()].radius);
         }
         if !self.scene.has_round_parts {
@@ -153,6 +151,6 @@ impl AssemblyContext<'_> {
 
     /// Whether the antagonist is a plate whose motion is in the row's shift.
     pub(super) fn on_plate(&self, contact: &Contact) -> bool {
-        !self.has_blocks && !self.is_sphere[contact.antagonist.index()]
+        !self.has_blocks && !self.scene.sphere_flags[contact.antagonist.index()]
     }
 }

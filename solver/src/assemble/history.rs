@@ -146,7 +146,7 @@ impl AssemblyContext<'_> {
 
     /// Whether a contact can change its key: two spheres have one contact, always with the same key.
     fn has_features(&self, contact: &Contact) -> bool {
-        !self.is_sphere[contact.antagonist.index()]
+        !self.scene.sphere_flags[contact.antagonist.index()]
     }
 
     /// Whether each contact of the last step carried an impulse and no longer acts under its key. Nearly always empty.

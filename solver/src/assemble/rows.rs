@@ -39,6 +39,8 @@ thread_local! {
     static ROW_MEMORY: Cell<Vec<ContactConstraint>> = const { Cell::new(Vec::new()) };
     /// Memory of its solver bodies.
     static BODY_MEMORY: Cell<Vec<SolverBody>> = const { Cell::new(Vec::new()) };
+    /// Memory of the bounds on their motion.
+    static BOUND_MEMORY: Cell<Vec<MotionBounds>> = const { Cell::new(Vec::new()) };
 }
 
 /// Keeps the memory of the large arrays of a contact problem, which is not used any more, for the next one of this thread.
@@ -58,15 +60,14 @@ pub fn contact_problem(
     let mut block_data = block_data(scene, q_c);
     let [start_w, free_w] = [&q_c.w, free.w].map(|w| ContactConfiguration::without_spins(w, &q_c.pushed_at_centre));
     let (start, free) = (Velocities { v: &state.v, w: &start_w }, Velocities { v: free.v, w: &free_w });
-    let solver_bodies = solver_bodies(scene, free, block_data.is_some());
+    let (solver_bodies, bounds) = body_data(scene, q_c, free, block_data.is_some());
     let context = AssemblyContext {
         scene,
         state,
         q_c,
         start,
         free,
-        bounds: motion_bounds(scene, q_c, free),
-        is_sphere: scene.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(RigidBody::is_sphere).collect(),
+        bounds: &bounds,
         solver_bodies: &solver_bodies,
         changed: q_c.changed,
         has_blocks: block_data.is_some(),
@@ -82,10 +83,12 @@ pub fn contact_problem(
         if scene.options.face_friction == FaceFriction::Uniform {
             context.set_friction_points(block_data, contacts, &history, &mut rows);
         }
-        set_delassus_diagonals(scene, block_data, &solver_bodies, &mut rows);
+        let is_coupled = |k: usize| state.laws[contacts[k].law].is_coupled();
+        set_delassus_diagonals(scene, block_data, &solver_bodies, is_coupled, &mut rows);
         set_rolling_inertia(block_data, &rows, &mut rolling_constraints);
     }
     let regularised = context.regularised_rows(contacts, &rows, &memories);
+    BOUND_MEMORY.set(bounds);
     let mut contact_problem = ContactProblem {
         rows,
         rolling_constraints,
@@ -106,9 +109,25 @@ pub fn contact_problem(
     contact_problem
 }
 
-/// Free velocities and inertia of all bodies, as the sweeps use them. `has_blocks`: whether the rows have [`BlockData`].
-fn solver_bodies(scene: &Scene, free: Velocities, has_blocks: bool) -> Vec<SolverBody> {
-    let solver_body = |(body, (v, w)): (&RigidBody, (&Vec3, &Vec3))| match body.shape {
+/// Data of all bodies for the rows, in one pass over arrays that no cache holds: free velocities and inertia as the sweeps use
+/// them, and bounds on the motion in the step. `has_blocks`: whether the rows have [`BlockData`].
+fn body_data(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    free: Velocities,
+    has_blocks: bool,
+) -> (Vec<SolverBody>, Vec<MotionBounds>) {
+    let (mut solver_bodies, mut bounds) = (BODY_MEMORY.take(), BOUND_MEMORY.take());
+    let bodies = scene.bodies.par_iter().zip(free.v.par_iter().zip(free.w)).with_min_len(PAR_MIN_LEN);
+    bodies
+        .map(|(body, (v, w))| (solver_body(body, v, w, has_blocks), motion_bounds(body, v, w, q_c)))
+        .unzip_into_vecs(&mut solver_bodies, &mut bounds);
+    (solver_bodies, bounds)
+}
+
+/// Data of a body with the free velocities `v` and `w` that a sweep reads and writes.
+fn solver_body(body: &RigidBody, v: &Vec3, w: &Vec3, has_blocks: bool) -> SolverBody {
+    match body.shape {
         BodyShape::Sphere { radius } => SolverBody {
             v: *v,
             inverse_mass: body.inverse_mass(),
@@ -123,33 +142,29 @@ fn solver_bodies(scene: &Scene, free: Velocities, has_blocks: bool) -> Vec<Solve
         BodyShape::Plane { .. } | BodyShape::Parts => {
             SolverBody { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 }
         }
-    };
-    let bodies = scene.bodies.par_iter().zip(free.v.par_iter().zip(free.w));
-    let mut solver_bodies = BODY_MEMORY.take();
-    bodies.with_min_len(PAR_MIN_LEN).map(solver_body).collect_into_vec(&mut solver_bodies);
-    solver_bodies
+    }
 }
 
-/// Bounds on the motion of all bodies in the step.
-fn motion_bounds(scene: &Scene, q_c: &ContactConfiguration, free: Velocities) -> Vec<MotionBounds> {
-    let bounds_of = |(body, (v, w)): (&RigidBody, (&Vec3, &Vec3))| MotionBounds {
+/// Bounds on the motion in the step of a body with the free velocities `v` and `w`.
+fn motion_bounds(body: &RigidBody, v: &Vec3, w: &Vec3, q_c: &ContactConfiguration) -> MotionBounds {
+    MotionBounds {
         speed: (v - q_c.mean_velocity).norm(),
         angular_speed: w.norm(),
         nearby: NEARBY_GAP * if body.driven { f64::INFINITY } else { body.radius },
-    };
-    let bodies = scene.bodies.par_iter().zip(free.v.par_iter().zip(free.w));
-    bodies.with_min_len(PAR_MIN_LEN).map(bounds_of).collect()
+    }
 }
 
-/// Sets W_nn and W_tt of rows that can close, and releases the rows that cannot move a body.
+/// Sets W_nn and W_tt of rows that can close, and releases the rows that cannot move a body along the normal, unless they are
+/// coupled and may act across it.
 fn set_delassus_diagonals(
     scene: &Scene,
     block_data: &BlockData,
     solver_bodies: &[SolverBody],
+    is_coupled: impl Fn(usize) -> bool + Sync,
     rows: &mut [ContactConstraint],
 ) {
     rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
-        if !block_data.can_move_a_body(k, row, &scene.bodies) {
+        if !block_data.can_move_a_body(k, row, &scene.bodies) && !is_coupled(k) {
             *row = ContactConstraint {
                 acts: false,
                 can_close: false,

@@ -104,6 +104,7 @@ pub fn scene_without_laws(
         walls,
         held_grains,
         spheres,
+        sphere_flags: bodies.iter().map(RigidBody::is_sphere).collect(),
         planes,
         has_round_parts: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Sphere { .. })),
         has_rollers: parts.iter().any(|part| {
