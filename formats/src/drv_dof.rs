@@ -290,7 +290,8 @@ fn read_evolution(scan: &mut LineScanner, line: TextLine, folder: &Path) -> Opti
     Some(Evolution::Table { name, points })
 }
 
-/// Reads the points (time, value) of a table, two numbers a line in any columns; returns them by increasing time.
+/// Reads the points (time, value) of a table, two numbers a line in any columns, of which the times increase: LMGC90
+/// takes other lines in their order, too, and its values are then not a function of time.
 fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
     let text = AsciiText::read_file(path)?;
     let scan = &mut LineScanner::new(path, &text);
@@ -309,11 +310,11 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
             ),
         }
     }
-    points.sort_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]));
     for pair in points.windows(2) {
         let [(earlier_line, [earlier_time, _]), (line, [time, _])] = [pair[0], pair[1]];
-        if earlier_time == time {
-            scan.add_fault(line, format!("time {time} is on line {earlier_line}, too"), "expected each time once");
+        if time <= earlier_time {
+            let found = format!("time {time} follows {earlier_time} of line {earlier_line}");
+            scan.add_fault(line, found, "expected increasing times");
         }
     }
     if points.len() < 2 {
@@ -331,6 +332,20 @@ pub fn table_text(points: &[[f64; 2]]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_times_of_a_table_increase() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("f.dat");
+        let table = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            read_table(&path).map_err(|faults| faults.to_string().replace(path.to_str().unwrap(), "f.dat"))
+        };
+        assert_eq!(table("0 1\n0.5 2.\n").unwrap(), [[0.0, 1.0], [0.5, 2.0]]);
+        let expected = "f.dat:2: table: time 1 follows 2 of line 1; expected increasing times\n\
+                        f.dat:4: table: time 3 follows 3 of line 3; expected increasing times";
+        assert_eq!(table("2 0\n1 0\n3 0\n3 1\n").unwrap_err().trim_end(), expected);
+    }
 
     #[test]
     fn harmonic_and_ramp() {
