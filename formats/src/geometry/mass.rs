@@ -211,7 +211,7 @@ impl Body {
 
     /// Mass properties at a density (kg/m^3); `whole` are the mass properties of all contactors together at density 1.
     /// Given values of `avrd` and `I1 I2 I3` are used, except for the moments of a single sphere, plate or cylinder, about
-    /// its own axes, and the mass of a sphere. Moments that are not given are those of the contactors about the centre of
+    /// its own axes, and the mass of a centred sphere. Moments that are not given are those of the contactors about the centre of
     /// mass, with their own volumes.
     pub fn inertial_properties(&self, whole: &MassProperties, density: f64) -> InertialProperties {
         let single = if let [single] = self.contactors.as_slice() { Some(single) } else { None };
@@ -223,7 +223,7 @@ impl Body {
         let declared_volume = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
         let uses_declared_volume = match simple.map(|contactor| &contactor.shape) {
             // Computed directly, the volume has more digits.
-            Some(ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }) => {
+            Some(ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } | ShapeRecord::OffsetSphere { .. }) => {
                 (declared_volume / whole.volume - 1.0).abs() > VOLUME_ROUNDING
             }
             Some(_) => false,
@@ -330,6 +330,18 @@ mod tests {
         let close = |a: f64, b: f64| (a - b).abs() <= 1e-14 * b;
         for alone in [weighed(vec![sphere.clone()], 0.0, None), weighed(vec![sphere], 7.0, Some([9.0; 3]))] {
             assert!(close(alone.mass, mass) && close(alone.inertia[2], expected.inertia[2]) && alone.radius == 2.0);
+        }
+    }
+
+    #[test]
+    fn a_lone_sphere_off_the_centre_weighs_what_avrd_says() {
+        let sphere = contactor(ShapeRecord::OffsetSphere { radius: 1.0, offset: [0.5, 0.0, 0.0] }, None);
+        for (avrd, radius) in [(0.0, 1.0), (1.0, 1.0), (2.0, 2.0)] {
+            let (material, contactors) = ("ROCKx".into(), vec![sphere.clone()]);
+            let body =
+                Body { line: 0, material, equivalent_radius: avrd, inertia: None, position: [0.0; 3], contactors };
+            let found = body.check_at_density(3.0).unwrap().inertial;
+            assert!((found.mass - 4.0 * PI * f64::powi(radius, 3)).abs() < 1e-13, "{avrd}: {found:?}"); // roundings
         }
     }
 
