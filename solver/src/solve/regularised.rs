@@ -43,12 +43,46 @@ struct SweptRow {
 enum RowKind {
     /// Signorini and Coulomb, with a compliance along the normal, 1/kg; 0 for most rows.
     Contact { compliance: f64 },
-    /// No relative velocity.
-    Coupled,
+    /// No relative velocity where the bodies can move.
+    Coupled(CoupledBlock),
     /// Wire or rod with a compliance, 1/kg, along the normal, and no impulse across.
     Link { compliance: f64, is_wire: bool },
     /// Signorini and Coulomb next to an elastic interface.
     Interface(InterfaceRow),
+}
+
+/// Smallest eigenvalue of W, divided by the largest, of a direction in which a body can move: the rounding of W is below 1e-15
+/// of the largest, and bodies whose masses and arms differ by 1e3 have eigenvalues above 1e-9 of it.
+const MIN_MOBILITY_SHARE: f64 = 1e-12;
+
+/// Contact of coupled bodies, of which imposed components of the velocity may leave some directions without motion.
+#[derive(Clone, Copy)]
+struct CoupledBlock {
+    /// Pseudo-inverse of W, kg: 0 along directions in which neither body can move, where no impulse changes the velocity.
+    inverse: Matrix3<f64>,
+    /// Projection on the directions in which a body can move.
+    range: Matrix3<f64>,
+}
+
+impl CoupledBlock {
+    fn new(block: &Matrix3<f64>) -> CoupledBlock {
+        let eigen = block.symmetric_eigen();
+        let is_mobile = |value: f64| value > MIN_MOBILITY_SHARE * eigen.eigenvalues.max();
+        if eigen.eigenvalues.iter().all(|value| is_mobile(*value))
+            && let Some(inverse) = block.try_inverse()
+        {
+            return CoupledBlock { inverse, range: Matrix3::identity() };
+        }
+        let (mut inverse, mut range) = (Matrix3::zeros(), Matrix3::zeros());
+        for (value, axis) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+            if is_mobile(*value) {
+                let along = axis * axis.transpose();
+                inverse += along / *value;
+                range += along;
+            }
+        }
+        CoupledBlock { inverse, range }
+    }
 }
 
 /// Contact next to an elastic interface: ρ = r - H + K v is the impulse of the contact alone.
@@ -91,7 +125,7 @@ impl SweptRow {
         let kind = match contact_problem.regularised_row(k) {
             None => RowKind::Contact { compliance: 0.0 },
             Some(RegularisedRow::Spring { compliance, .. }) => RowKind::Contact { compliance: *compliance },
-            Some(RegularisedRow::Coupled { .. }) => RowKind::Coupled,
+            Some(RegularisedRow::Coupled { .. }) => RowKind::Coupled(CoupledBlock::new(&block)),
             Some(&RegularisedRow::Link { compliance, is_wire, .. }) => RowKind::Link { compliance, is_wire },
             Some(RegularisedRow::Interface { interface, .. }) => RowKind::Interface(*interface),
         };
@@ -104,7 +138,7 @@ impl SweptRow {
             RowKind::Contact { compliance } | RowKind::Link { compliance, .. } => {
                 self.block + n * n.transpose() * compliance
             }
-            RowKind::Coupled | RowKind::Interface(_) => self.block,
+            RowKind::Coupled(_) | RowKind::Interface(_) => self.block,
         }
     }
 
@@ -112,7 +146,7 @@ impl SweptRow {
     fn regularised_velocity(&self, n: &Vec3, u: &Vec3, r: &Vec3) -> Vec3 {
         match self.kind {
             RowKind::Contact { compliance } | RowKind::Link { compliance, .. } => u + n * (compliance * n.dot(r)),
-            RowKind::Coupled | RowKind::Interface(_) => *u,
+            RowKind::Coupled(_) | RowKind::Interface(_) => *u,
         }
     }
 
@@ -126,8 +160,7 @@ impl SweptRow {
                 let n = &row.normal;
                 n * link_impulse(n.dot(r), n.dot(&u), 1.0 / n.dot(&(w * n)), is_wire)
             }
-            // Where neither body can move along some direction, the impulse along it stays.
-            RowKind::Coupled => w.try_inverse().map_or(*r, |inverse| r - inverse * u),
+            RowKind::Coupled(coupled) => r - coupled.inverse * u,
             RowKind::Interface(interface) => {
                 let n = &row.normal;
                 let interface_block = InterfaceBlock::new(&self.block, n, &interface);
@@ -153,7 +186,7 @@ impl SweptRow {
         let (mut rho, u) = (3.0 / self.regularised_block(&n).trace(), self.regularised_velocity(&n, u, r));
         let mut r = *r;
         match &self.kind {
-            RowKind::Coupled => return u * rho,
+            RowKind::Coupled(coupled) => return coupled.range * u * rho,
             RowKind::Link { is_wire, .. } => {
                 let along = n.dot(&r);
                 return n * (along - link_impulse(along, n.dot(&u), rho, *is_wire));
