@@ -99,11 +99,10 @@ fn dof_file(scene: &Scene, state: &State) -> Dof {
     Dof { step: state.step, time: state.time, bodies }
 }
 
-/// Name of the contactor in LMGC90.
+/// Name of the contactor in LMGC90's Vloc_Rloc files, where SPHER stands for all spheres.
 fn contactor_name(part: &BodyPart) -> &'static str {
     match part.geometry {
-        ContactorShape::Sphere { .. } if part.offset == Vec3::zeros() => "SPHER",
-        ContactorShape::Sphere { .. } => "SPHEb",
+        ContactorShape::Sphere { .. } => "SPHER",
         ContactorShape::Plane { .. } => "PLANx",
         ContactorShape::Polyhedron(_) => "POLYR",
         ContactorShape::Cylinder { hollow: false, .. } => "CYLND",
@@ -117,7 +116,7 @@ fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
         ("PT3Dx", _) => "PTPT3",
         ("POLYR", "PLANx") => "PRPLx",
         ("POLYR", _) => "PRPRx",
-        (_, "SPHER" | "SPHEb") => "SPSPx",
+        (_, "SPHER") => "SPSPx",
         ("CYLND", "PLANx") => "CDPLx",
         ("CYLND", "CYLND") => "CDCDx",
         (_, "PLANx") => "SPPLx",
