@@ -39,6 +39,7 @@ pub enum DriverSetting {
     Gravity,
     Dimension,
     Record,
+    Detection,
     Start,
     WholeStep,
 }
@@ -84,6 +85,11 @@ pub const COMMANDS: &[ChipyCommand] = &[
         &["ReadIni", "ReadIniDof", "ReadIniVlocRloc", "*_ReadIniDof", "*_ReadIniVlocRloc"],
         Sets(DriverSetting::Record),
         "record 0, the files of DATBOX, is expected",
+    ),
+    row(
+        &["SelectProxTactors", "*SelectProxTactors"],
+        Sets(DriverSetting::Detection),
+        "part of a step, whatever the number of steps between two searches",
     ),
     row(
         &["computation.initialize"],
@@ -203,11 +209,7 @@ pub const COMMANDS: &[ChipyCommand] = &[
         Implied,
         "part of a step",
     ),
-    row(
-        &["SelectProxTactors", "*SelectProxTactors", "Recup*", "*Recup*", "*ecupRloc*", "StockRloc", "*tockRloc"],
-        Implied,
-        "part of a step",
-    ),
+    row(&["Recup*", "*Recup*", "*ecupRloc*", "StockRloc", "*tockRloc"], Implied, "part of a step"),
     row(
         &["ReadDatbox", "Read*", "*_Read*", "Load*", "*_Load*", "*_KeepIniDofOrder", "*_SkipInvisible"],
         Implied,
@@ -318,7 +320,7 @@ mod tests {
             ("RBDY3_ComputeFreeVelocity", Implied),
             ("RBDY3_GetBodyVector", Implied),
             ("inter_handler_3D_stockRloc", Implied),
-            ("PRPRx_SelectProxTactors", Implied),
+            ("PRPRx_SelectProxTactors", Sets(DriverSetting::Detection)),
             ("RBDY3_WriteLastDof", Implied),
             ("overall_CleanWriteOutFlags", Implied),
         ] {

@@ -79,6 +79,7 @@ pub fn read_driver(path: &Path, case: &Path, given: &ComputeFlags) -> Result<Dri
     script.calls.iter().for_each(|call| reader.read_call(call));
     reader.read_pictures();
     reader.read_steps(&script.calls);
+    reader.report_missing_stages(&script.calls);
     reader.finish()
 }
 
@@ -223,6 +224,14 @@ impl<'a> DriverReader<'a> {
             DriverSetting::Gravity => self.read_gravity(call),
             DriverSetting::Dimension => self.check_dimension(call),
             DriverSetting::Record => self.check_record(call, ScriptArgument::new(0, &["record", "num"])),
+            DriverSetting::Detection => {
+                let period = ScriptArgument::new(0, &["freq_detec", "freq"]).value(call);
+                let steps = period.and_then(Result::ok).and_then(|steps| steps.number());
+                if let Some(steps) = steps.filter(|steps| *steps != 1.0) {
+                    let remark = format!("{}: contacts are searched in each step, not every {steps}", call.name);
+                    self.remark(call.line, remark);
+                }
+            }
         }
     }
 
@@ -390,6 +399,22 @@ impl<'a> DriverReader<'a> {
         }
         self.settings.options.steps = Some(total);
         self.remark(line, format!("loop of {}: steps = {total}", first.name));
+    }
+
+    /// Reports stages of a step that a script with a loop of its own leaves out, and that are computed in any case.
+    fn report_missing_stages(&mut self, calls: &[ScriptCall]) {
+        let makes_step = |call: &&ScriptCall| call.name.ends_with("IncrementStep");
+        let Some(first) = calls.iter().find(makes_step) else { return };
+        let stages = [
+            ("ComputeFext", "gravity and other forces act"),
+            ("SelectProxTactors", "contacts are searched"),
+            ("ExSolver", "contacts are solved"),
+        ];
+        for (command, effect) in stages {
+            if calls.iter().all(|call| !call.name.ends_with(command)) {
+                self.remark(first.line, format!("no call of {command} is found: {effect} in each step all the same"));
+            }
+        }
     }
 
     /// `end_time` of a loop that makes steps while the time is below a limit, or at most that if `inclusive`: the limit, or
