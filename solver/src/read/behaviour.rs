@@ -10,8 +10,8 @@ use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::geometry::convex_region::MAX_REGION_IMAGES;
 use cd_formats::law_table::{
-    INTERFACE_SLIDING, INTERFACE_SOUNDNESS, ParameterFault, has_interface, is_law_of_points, law_parameters,
-    reference_gap_position,
+    INTERFACE_SLIDING, INTERFACE_SOUNDNESS, LawCohesion, ParameterFault, has_interface, is_law_of_points,
+    law_parameters, reference_gap_position,
 };
 use cd_formats::names::{count_text, number_text, rounded_number};
 use cd_formats::probe::{ProbeQuantity, named_bodies, unknown_bodies};
@@ -153,6 +153,7 @@ fn set_laws(
     faults.0.extend(tact.check_laws(file, |row| contactors.can_meet(row)).0);
     scene.notes.extend(rows_without_law_note(tact, contactors));
     scene.notes.extend(idle_rows_notes(tact, contactors));
+    scene.notes.extend(liquids_beyond_alert_note(tact, contactors));
     check_laws_of_points(file, tact, contactors, faults);
     let position = |is_sought: fn(&ContactLaw) -> bool| scene.laws.iter().position(is_sought);
     if let (Some(roll), Some(spring)) = (position(ContactLaw::has_moments), position(ContactLaw::is_regularised)) {
@@ -270,6 +271,25 @@ fn check_laws_of_points(file: &Path, tact: &TactBehav, contactors: &ContactorTab
             expected,
         ));
     }
+}
+
+/// Note about rows of liquids whose range exceeds the alert distance. LMGC90 lists no such pair, and they do not attract
+/// there.
+fn liquids_beyond_alert_note(tact: &TactBehav, contactors: &ContactorTable) -> Option<String> {
+    let exceeds = |row: &&VisibilityRow| {
+        let law = tact.laws.iter().find(|law| law.nickname == row.law).and_then(|law| law.model().ok());
+        let cohesion = law.and_then(|law| law.cohesion());
+        let is_longer = matches!(cohesion, Some(LawCohesion::Liquid { range, .. }) if range > row.alert);
+        is_longer && contactors.can_meet(row)
+    };
+    let rows: Vec<_> = tact.visibility.iter().filter(exceeds).collect();
+    let first = rows.first()?;
+    let (have, its) = if rows.len() == 1 { ("has", "its") } else { ("have", "their") };
+    Some(format!(
+        "TACT_BEHAV.DAT:{}: {} {have} a liquid that attracts beyond {its} alert distance: it does so here, not in LMGC90",
+        first.line,
+        count_text(rows.len(), "visibility row"),
+    ))
 }
 
 /// Notes about rows that no contact can use.
