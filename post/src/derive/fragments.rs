@@ -28,16 +28,24 @@ pub struct Fragment {
 /// |x_i - x_j| - R_i - R_j at the snapshot's time, with x_j of the nearest image. The gap of other grains is the smallest of their
 /// contacts at contact detection. Walls do not link grains.
 pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
+    fragments_within(frame, TOUCHING_GAP)
+}
+
+/// Fragments as those of [`find_fragments`], in which grains touch up to a gap of `gap_share` of the smaller radius, for
+/// aggregates whose contacts an impact has opened. Pairs of grains that are not both spheres are known up to the distance
+/// at which the run lists contacts.
+pub fn fragments_within(frame: &Frame, gap_share: f64) -> Vec<Fragment> {
     let grains = &frame.grains;
+    let touching_gap = |i, j| gap_share * smaller_radius(frame, i, j);
     let mut connected = DisjointSets::new(grains.len());
     for contact in &frame.contacts {
         if let Some((i, j)) = contact.grain_pair()
-            && (contact.active || !both_spheres(frame, i, j) && contact.gap <= touching_gap(frame, i, j))
+            && (contact.active || !both_spheres(frame, i, j) && contact.gap <= touching_gap(i, j))
         {
             connected.union(i.index(), j.index());
         }
     }
-    connect_spheres(frame, &mut connected);
+    connect_spheres(frame, gap_share, &mut connected);
     let mut members: Vec<Vec<GrainId>> = Vec::new();
     let mut index = vec![0; grains.len()];
     for i in frame.grain_ids() {
@@ -78,9 +86,9 @@ struct ColumnEntry {
 ///
 /// Sweeps along x in square columns, each sphere in all that it reaches, so that touching spheres share a column. Images
 /// outside the cell are included.
-fn connect_spheres(frame: &Frame, connected: &mut DisjointSets) {
+fn connect_spheres(frame: &Frame, gap_share: f64, connected: &mut DisjointSets) {
     let grains = &frame.grains;
-    let reach = |i: GrainId| grains[i].radius * (1.0 + TOUCHING_GAP);
+    let reach = |i: GrainId| grains[i].radius * (1.0 + gap_share);
     let spheres = || frame.grain_ids().filter(|&i| grains[i].solid.is_none());
     let count = spheres().count() as f64;
     // A sphere is in 2.5 columns on average at most, for any radii: (1 + 2 R / width)^2 <= 2 + 8 R^2 / width^2.
@@ -103,7 +111,7 @@ fn connect_spheres(frame: &Frame, connected: &mut DisjointSets) {
         let is_in_reach = |other: &&ColumnEntry| other.column == first.column && other.start <= end;
         for second in entries[k + 1..].iter().take_while(is_in_reach) {
             let (j, y) = images[second.image];
-            let touching_distance = grains[i].radius + grains[j].radius + touching_gap(frame, i, j);
+            let touching_distance = grains[i].radius + grains[j].radius + gap_share * smaller_radius(frame, i, j);
             if (x - y).norm_squared() <= touching_distance * touching_distance {
                 connected.union(i.index(), j.index());
             }
@@ -120,9 +128,9 @@ pub fn fragment_numbers(fragments: &[Fragment], grains: usize) -> Vec<u32> {
     number
 }
 
-/// The gap up to which two grains touch, m.
-pub fn touching_gap(frame: &Frame, i: GrainId, j: GrainId) -> f64 {
-    TOUCHING_GAP * frame.grains[i].radius.min(frame.grains[j].radius)
+/// The smaller radius of two grains, m.
+fn smaller_radius(frame: &Frame, i: GrainId, j: GrainId) -> f64 {
+    frame.grains[i].radius.min(frame.grains[j].radius)
 }
 
 fn both_spheres(frame: &Frame, i: GrainId, j: GrainId) -> bool {
@@ -175,7 +183,7 @@ mod tests {
         for (i, a) in frame.grains.iter().enumerate() {
             for (j, b) in frame.grains.iter().enumerate().take(i) {
                 let gap = (a.x - b.x).norm() - a.radius - b.radius;
-                if gap <= touching_gap(&frame, GrainId::new(i), GrainId::new(j)) {
+                if gap <= TOUCHING_GAP * smaller_radius(&frame, GrainId::new(i), GrainId::new(j)) {
                     connected.union(i, j);
                 }
             }
