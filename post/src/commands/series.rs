@@ -20,8 +20,8 @@ use crate::options::{SeriesOptions, VtkFormat};
 use crate::shapes::ShapeCache;
 use crate::snapshots::{is_evenly_chosen, progress_bar, select_snapshots};
 use crate::write;
+use crate::write::colours::GrainQuantity;
 use crate::write::display;
-use crate::write::picture::PictureColouring;
 use crate::write::pieces::{pvtp_text, split_piece};
 use crate::write::series::{Column, csv_with_counts};
 use crate::write::vtkhdf::VtkhdfFile;
@@ -60,7 +60,7 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
         }
         let frames: Vec<&Frame> = frames.iter().collect();
         let ([neighbours, energy], snapshots) = rayon::join(
-            || write::picture::svgs(last, [PictureColouring::Neighbours, PictureColouring::KineticEnergy]),
+            || write::picture::svgs(last, [GrainQuantity::Neighbours, GrainQuantity::KineticEnergy]),
             || write::picture::snapshots_svg(&frames),
         );
         for (name, text) in

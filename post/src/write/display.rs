@@ -28,8 +28,9 @@ use crate::derive::fabric::mobilised_share;
 use crate::derive::fragments::{Fragment, fragment_numbers};
 use crate::derive::motion::AggregateSums;
 use crate::derive::stress::{grain_stresses, kinetic_stress, pressure};
-use crate::frame::{ContactBody, Frame, Grain, PeriodicCell, Wall, WallShape};
+use crate::frame::{ContactBody, Frame, Grain, WallShape};
 use crate::math::{Mat3, Vec3};
+use crate::write::view::drawn_position;
 
 /// Kinds of files, each with its collection.
 pub const FILE_KINDS: [&str; 4] = ["grains", "polyhedra", "contacts", "walls"];
@@ -218,19 +219,6 @@ fn contacts_piece(frame: &Frame) -> PolyDataPiece {
 
 /// Faces of a box, outward, by corners; the bits of a corner's number are its sides along x, y and z.
 const BOX_FACES: [[u64; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-
-/// Position at which a wall is drawn: in a periodic scene, that of its image with the centre in the cell, along axes in
-/// which a plate is shorter than a period.
-fn drawn_position(wall: &Wall, cell: &PeriodicCell) -> Vec3 {
-    let shift = cell.nearest_period(wall.x);
-    let fits = |axis: usize| match (&wall.shape, cell.0.get(axis)) {
-        (WallShape::Plate(half), Some(Some(period))) => {
-            2.0 * (0..3).map(|k| (wall.rotation * Vec3::ith(k, half[k]))[axis].abs()).sum::<f64>() < *period
-        }
-        _ => true,
-    };
-    wall.x - Vec3::from_fn(|axis, _| if fits(axis) { shift[axis] } else { 0.0 })
-}
 
 /// The walls: plates as boxes, driven polyhedra by their faces, driven balls as points with a radius.
 fn walls_piece(frame: &Frame) -> PolyDataPiece {

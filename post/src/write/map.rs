@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use crate::derive::free_surface::FreeSurface;
 use crate::derive::surface::DirectionGrid;
-use crate::write::picture::VIRIDIS_COLOURS;
+use crate::write::colours::ramp_colour;
 use crate::write::scale::{digits_needed, format_digits, round_below, unit_prefix};
 
 /// Length of the longer edge of a map seen from above, pixels.
@@ -17,7 +17,10 @@ const RIGHT_MARGIN: f64 = 120.0;
 const BOTTOM_MARGIN: f64 = 60.0;
 /// Number of steps of the colour bar.
 const COLOUR_STEPS: usize = 60;
-/// Least height of the colour bar, which fits five numbers, pixels.
+/// Least length of the colour bar in distances of its marks, which are 1, 2 or 5 times a power of ten apart; the bar has
+/// at most 2.5 times as many, and one.
+const MIN_BAR_STEPS: f64 = 2.5;
+/// Least height of the colour bar, which fits seven numbers, pixels.
 const MIN_BAR_HEIGHT: f64 = 120.0;
 /// Approximate width of a letter of the title, pixels.
 const TITLE_LETTER: f64 = 10.0;
@@ -131,9 +134,12 @@ pub fn map_svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &
         write_line(format!("<text x=\"{x}\" y=\"{below}\" text-anchor=\"end\" font-size=\"13\">{label}</text>"));
     }
     // Without a known value the bar has no numbers.
-    for share in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().filter(|_| low.is_finite()) {
-        let (y, value) = (TOP_MARGIN + bar_height * (1.0 - share), (low + share * (top - low)) / factor);
-        let label = format_digits(value, digits_needed(low.abs().max(top.abs()), 0.25 * (top - low)).max(3));
+    let step = if low.is_finite() { round_below((top - low) / MIN_BAR_STEPS) } else { 1.0 };
+    let marks = if low.is_finite() { (low / step).ceil() as i64..=(top / step).floor() as i64 } else { 1..=0 };
+    for value in marks.map(|k| k as f64 * step) {
+        let y = TOP_MARGIN + bar_height * (1.0 - (value - low) / (top - low));
+        let label = format_digits(value / factor, digits_needed(low.abs().max(top.abs()), step).max(3));
+        write_line(format!("<path d=\"M{} {y:.2}h5\" stroke=\"#3c3c3c\"/>", bar + 18.0));
         write_line(format!("<text x=\"{}\" y=\"{}\" font-size=\"13\">{label}</text>", bar + 24.0, y + 5.0));
     }
     let label = if unit == "1" { quantity.to_string() } else { format!("{quantity} ({unit})") };
@@ -155,11 +161,7 @@ pub fn map_svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &
 
 /// Colour of a share from 0 to 1.
 fn colour_ramp(share: f64) -> String {
-    let position = share.clamp(0.0, 1.0) * (VIRIDIS_COLOURS.len() - 1) as f64;
-    let low = (position as usize).min(VIRIDIS_COLOURS.len() - 2);
-    let part = position - low as f64;
-    let [r, g, b]: [f64; 3] =
-        std::array::from_fn(|k| (1.0 - part) * VIRIDIS_COLOURS[low][k] + part * VIRIDIS_COLOURS[low + 1][k]);
+    let [r, g, b] = ramp_colour(share);
     format!("rgb({r:.0},{g:.0},{b:.0})")
 }
 
@@ -188,9 +190,9 @@ mod tests {
             let bar = format!("<text x=\"{}\"", LEFT_MARGIN + 4.0 * counts[0] as f64 + 44.0);
             let places: Vec<f64> =
                 text.lines().filter(|line| line.starts_with(&bar)).map(|line| number(line, "y")).collect();
-            // From above 0 to 319, a letter of 13 pixels and more apart.
-            assert!(places.len() == 5 && places.windows(2).all(|two| two[0] - two[1] > 16.0), "{places:?}");
-            assert!(places[0] < height && places[4] > 0.0);
+            // 0, 100, 200 and 300 of 319, a letter of 13 pixels and more apart.
+            assert!(places.len() == 4 && places.windows(2).all(|two| two[0] - two[1] > 16.0), "{places:?}");
+            assert!(places[0] < height && places[3] > 0.0);
         }
     }
 

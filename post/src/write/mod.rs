@@ -10,8 +10,10 @@
 //! | [`pieces`] | `DISPLAY/*.pvtp`, and their pieces |
 //! | [`vtkhdf`], [`hdf5`] | `DISPLAY/*.vtkhdf`, and the format that it is based on |
 //! | [`map`] | `POSTPRO/state-NNNNNN/surface_*.svg` |
+//! | [`view`], [`colours`] | none: camera, window and walls of pictures; colours of grains |
 //! | [`scale`] | none: units and round numbers for the eye |
 
+pub mod colours;
 pub mod display;
 pub mod figure;
 pub mod hdf5;
@@ -21,4 +23,5 @@ pub mod pieces;
 pub mod plots;
 pub mod scale;
 pub mod series;
+pub mod view;
 pub mod vtkhdf;

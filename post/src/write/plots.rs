@@ -24,7 +24,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "energy.svg",
         title: "Kinetic energy per grain",
-        quantity: "energy",
+        quantity: "kinetic energy",
         is_of_region: false,
         logarithmic: true,
         curves: &[("Ec_mean", "all"), ("Ec_rot_mean", "rotation"), ("Ec_rigid_mean", "rigid motion")],
@@ -32,7 +32,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "coordination.svg",
         title: "Neighbours per grain",
-        quantity: "Z",
+        quantity: "neighbours per grain, Z",
         is_of_region: true,
         logarithmic: false,
         curves: &[("Z", "all grains"), ("Z_no_rattlers", "no rattlers")],
@@ -40,7 +40,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "solid_fraction.svg",
         title: "Solid fraction",
-        quantity: "ν",
+        quantity: "solid fraction, ν",
         is_of_region: true,
         logarithmic: false,
         curves: &[("nu", "ν"), ("bed_nu", "bed")],
@@ -56,7 +56,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "semi_axes.svg",
         title: "Semi-axes of the ellipsoid of equal inertia",
-        quantity: "length",
+        quantity: "semi-axis",
         is_of_region: false,
         logarithmic: false,
         curves: &[("a", "a"), ("b", "b"), ("c", "c")],
@@ -64,7 +64,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "dissipation.svg",
         title: "Work of the contacts",
-        quantity: "energy",
+        quantity: "work",
         is_of_region: false,
         logarithmic: false,
         curves: &[("E_contacts", "all"), ("E_shocks", "shocks"), ("E_friction", "friction")],

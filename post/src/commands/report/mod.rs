@@ -18,6 +18,7 @@ use crate::frame::Frame;
 use crate::options::{MeasurementFlags, SeriesOptions};
 use crate::tables::{TIMED_STAGES, read_columns};
 use crate::write;
+use crate::write::colours::GrainQuantity;
 use crate::write::plots::PLOTS;
 use crate::write::scale::format_six_digits;
 
@@ -186,7 +187,7 @@ fn page_html(dir: &Path, content: &PageContent, state_files: Vec<state::file::St
         // The gradients of this picture have names that only one picture of a page may use.
         add(&figure_html(
             "aggregate.svg",
-            &write::picture::svg(last, write::picture::PictureColouring::Neighbours),
+            &write::picture::svg(last, GrainQuantity::Neighbours),
             "Grains coloured by number of neighbours, seen from the front, slightly from the right and above.",
         ));
         add("</div>\n");

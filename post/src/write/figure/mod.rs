@@ -3,6 +3,7 @@
 //! The SVG files name a font family and leave the letters to the viewer. No font is needed to write them, and so the size
 //! of labels is estimated.
 
+use plotters::coord::ranged1d::BoldPoints;
 use plotters::element::DynElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -73,6 +74,12 @@ const FIGURE_SIZE: (u32, u32) = (800, 450);
 /// titles.
 const MIN_PLOT_WIDTH: i32 = 400;
 const TITLE_LETTER: i32 = 10;
+/// Height above the plot, which contains the title, and the title's distance from the border, pixels.
+const TITLE_HEIGHT: i32 = 46;
+const TITLE_TOP: i32 = 13;
+/// Height of the name of the vertical axis with margins, and largest width of a letter of its marks, pixels.
+const AXIS_NAME_HEIGHT: i32 = 44;
+const MARK_LETTER: i32 = 9;
 /// Least width of the legend; it grows with the names.
 const LEGEND_WIDTH: i32 = 150;
 /// Font size, in pixels.
@@ -163,11 +170,13 @@ impl Figure {
         let (x_ticks, y_ticks) =
             (ticks(&self.x, &mut all_points().map(|p| p.0)), ticks(&self.y, &mut all_points().map(|p| p.1)));
         let (x_offset, y_offset) = (x_ticks.label_offset(), y_ticks.label_offset());
+        let marks = y_ticks.key_points(BoldPoints(MAX_AXIS_MARKS));
+        let longest = marks.iter().map(|mark| y_ticks.tick_label(*mark, y_offset).chars().count() as i32).max();
         let mut chart = ChartBuilder::on(&left)
-            .caption(&self.title, font_style(20))
             .margin(12)
+            .margin_top(TITLE_HEIGHT)
             .x_label_area_size(52)
-            .y_label_area_size(82)
+            .y_label_area_size(AXIS_NAME_HEIGHT + MARK_LETTER * longest.unwrap_or(0))
             .build_cartesian_2d(x_ticks.clone(), y_ticks.clone())?;
         chart
             .configure_mesh()
@@ -183,6 +192,10 @@ impl Figure {
             .x_label_formatter(&|x| x_ticks.tick_label(*x, x_offset))
             .y_label_formatter(&|y| y_ticks.tick_label(*y, y_offset))
             .draw()?;
+        // Centred on the plot.
+        let (across, _) = chart.plotting_area().get_pixel_range();
+        let style = font_style(20).pos(Pos::new(HPos::Center, VPos::Top));
+        root.draw(&Text::new(self.title.as_str(), ((across.start + across.end) / 2, TITLE_TOP), style))?;
         for (k, (curve, points)) in self.curves.iter().zip(&curves).enumerate() {
             if curve.marks == CurveMarks::Named {
                 continue;
@@ -392,6 +405,22 @@ mod tests {
                 assert!(text.contains("Title") && text.ends_with("</svg>\n"), "{text}");
                 assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
             }
+        }
+    }
+
+    #[test]
+    fn titles_are_centred_on_the_plot() {
+        let number = |line: &str, name: &str| -> f64 {
+            line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+        };
+        for values in [[1.0, 2.0], [200.0, 200.001]] {
+            let text = figure(vec![(0.0, values[0]), (1.0, values[1])], false).to_svg();
+            let lines: Vec<&str> = text.lines().collect();
+            let title = lines.iter().position(|line| *line == "Title").unwrap() - 1;
+            let axis = lines.iter().position(|line| *line == "time (s)").unwrap() - 1;
+            // Plotters centres the name of the axis on the plot, to a pixel.
+            assert!((number(lines[title], "x") - number(lines[axis], "x")).abs() <= 1.0, "{text}");
+            assert!(lines[title].contains("text-anchor=\"middle\""));
         }
     }
 
