@@ -13,8 +13,8 @@ use cd_formats::ron_text::nearest_name;
 use clap::{CommandFactory, Parser};
 
 use crate::commands::series::process_case;
-use crate::commands::{accuracy_study, compare, report, state, study, track};
-use crate::options::{MeasurementFlags, SeriesOptions, SlopeReach, ThreadCount, parse_finite};
+use crate::commands::{accuracy_study, compare, impact, report, state, study, track};
+use crate::options::{ImpactFlags, MeasurementFlags, SeriesOptions, SlopeReach, ThreadCount, parse_finite};
 
 /// Computes observables from the snapshots of a case, and writes plots and ParaView files.
 ///
@@ -67,7 +67,8 @@ enum Command {
         #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
         labels: Vec<String>,
         /// Table in POSTPRO of each case: series.csv, or one of `cd-post state`, such as state/profile.csv for the last
-        /// state of each, of `cd-post track`, such as track-1/track.csv, or of a probe, such as probe-lid.csv
+        /// state of each, of `cd-post track`, such as track-1/track.csv, of `cd-post impact`, such as impact/beta.csv, or of
+        /// a probe, such as probe-lid.csv
         #[arg(long, default_value = "series.csv", value_name = "FILE")]
         table: PathBuf,
         /// Columns of the table; default: those of the plots
@@ -144,6 +145,18 @@ enum Command {
         #[command(flatten)]
         threads: ThreadCount,
     },
+    /// Measures an impact: momentum enhancement, ejecta with their speeds and angles, diameter and depth of the crater.
+    ///
+    /// Writes DIR/POSTPRO/impact.
+    Impact {
+        /// Case folder
+        #[arg(default_value = ".")]
+        dir: PathBuf,
+        #[command(flatten)]
+        flags: ImpactFlags,
+        #[command(flatten)]
+        threads: ThreadCount,
+    },
     /// Writes one HTML page of a run: figures, numbers, options, and the grains in an interactive view.
     ///
     /// Writes DIR/POSTPRO/report.html.
@@ -173,6 +186,7 @@ impl Command {
                 state::write(dir, *snapshot, *mean, slope.slope_reach).map(print_path)
             }
             Command::Track { dir, body, threads: _ } => track::write(dir, *body).map(print_path),
+            Command::Impact { dir, flags, threads: _ } => impact::write(dir, &flags.impact_options()).map(print_path),
             Command::Report { dir, every, measures, threads: _ } => {
                 report::write(dir, *every, measures).map(print_path)
             }
@@ -205,7 +219,12 @@ impl Arguments {
     fn case_dir(&self) -> Option<&Path> {
         match &self.command {
             None => Some(&self.options.dir),
-            Some(Command::State { dir, .. } | Command::Track { dir, .. } | Command::Report { dir, .. }) => Some(dir),
+            Some(
+                Command::State { dir, .. }
+                | Command::Track { dir, .. }
+                | Command::Impact { dir, .. }
+                | Command::Report { dir, .. },
+            ) => Some(dir),
             Some(Command::Compare { .. } | Command::Study { .. } | Command::AccuracyStudy { .. }) => None,
         }
     }
@@ -214,9 +233,12 @@ impl Arguments {
     fn threads(&self) -> usize {
         match &self.command {
             None => self.options.threads.threads,
-            Some(Command::State { threads, .. } | Command::Track { threads, .. } | Command::Report { threads, .. }) => {
-                threads.threads
-            }
+            Some(
+                Command::State { threads, .. }
+                | Command::Track { threads, .. }
+                | Command::Impact { threads, .. }
+                | Command::Report { threads, .. },
+            ) => threads.threads,
             Some(Command::Compare { .. } | Command::Study { .. } | Command::AccuracyStudy { .. }) => 0,
         }
     }

@@ -2,13 +2,16 @@
 
 use std::fmt;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::builder::RangedU64ValueParser;
 
 use crate::derive::MeasurementOptions;
 use crate::derive::energy::PairSummation;
 use crate::derive::free_surface::REACH;
+use crate::derive::impact::{BodyList, ImpactOptions};
 use crate::derive::probe::Probe;
+use crate::math::Vec3;
 
 /// Value of a flag that is not a number of the required kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,6 +19,8 @@ pub enum FlagNumberError {
     NotANumber,
     NotFinite,
     NotPositive,
+    NotThree,
+    NoDirection,
 }
 
 impl fmt::Display for FlagNumberError {
@@ -24,6 +29,8 @@ impl fmt::Display for FlagNumberError {
             FlagNumberError::NotANumber => "expected a number",
             FlagNumberError::NotFinite => "expected a finite number",
             FlagNumberError::NotPositive => "expected a number > 0",
+            FlagNumberError::NotThree => "expected three numbers X,Y,Z",
+            FlagNumberError::NoDirection => "expected a vector other than 0,0,0",
         })
     }
 }
@@ -66,6 +73,71 @@ impl Default for MeasurementFlags {
     /// Returns the values of a command line without flags.
     fn default() -> MeasurementFlags {
         MeasurementFlags { region: None, slope: SlopeReach { slope_reach: None } }
+    }
+}
+
+/// Vector of the command line: three finite numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlagVector(pub Vec3);
+
+impl FromStr for FlagVector {
+    type Err = FlagNumberError;
+
+    fn from_str(text: &str) -> Result<FlagVector, FlagNumberError> {
+        let numbers: Vec<f64> = text.split(',').map(|part| parse_finite(part.trim())).collect::<Result<_, _>>()?;
+        let &[x, y, z] = &numbers[..] else { return Err(FlagNumberError::NotThree) };
+        Ok(FlagVector(Vec3::new(x, y, z)))
+    }
+}
+
+/// Reads a direction of the command line, of any length above 0; the result has length 1.
+fn parse_direction(text: &str) -> Result<FlagVector, FlagNumberError> {
+    let FlagVector(vector) = text.parse()?;
+    let largest = vector.amax();
+    // Squares of components over the largest neither overflow nor vanish.
+    if largest > 0.0 { Ok(FlagVector((vector / largest).normalize())) } else { Err(FlagNumberError::NoDirection) }
+}
+
+/// Projectile, target and axes of an impact.
+#[derive(Debug, Clone, clap::Args)]
+pub struct ImpactFlags {
+    /// Bodies of the projectile: numbers in BODIES.DAT, such as 301 or 301,305-309, or colour:NAME
+    #[arg(long, value_name = "BODIES")]
+    pub projectile: BodyList,
+    /// Bodies of the target, likewise; default: all grains but the projectile
+    #[arg(long, value_name = "BODIES")]
+    pub target: Option<BodyList>,
+    /// Direction along which the momentum is measured; default: that of the projectile's velocity relative to the target
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_direction)]
+    pub direction: Option<FlagVector>,
+    /// Outward normal of the surface at the point of the impact; default: measured
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_direction)]
+    pub normal: Option<FlagVector>,
+    /// Point of the impact, m; default: where a straight trajectory meets the target
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub point: Option<FlagVector>,
+    /// Distance from its centre of mass up to which grains belong to the target, m; default: what is bound by gravity, without
+    /// self-gravity the remnant and what is within the farthest point of the target before the impact
+    #[arg(long, value_name = "M", value_parser = parse_positive)]
+    pub within: Option<f64>,
+    /// Speed above which ejecta escape, m/s; default: escape speed of the target
+    #[arg(long, value_name = "M/S", value_parser = parse_positive)]
+    pub escape_speed: Option<f64>,
+}
+
+impl ImpactFlags {
+    /// Choices about the impact.
+    pub fn impact_options(&self) -> ImpactOptions {
+        let vector = |flag: Option<FlagVector>| flag.map(|FlagVector(vector)| vector);
+        ImpactOptions {
+            projectile: self.projectile.clone(),
+            target: self.target.clone(),
+            direction: vector(self.direction),
+            normal: vector(self.normal),
+            point: vector(self.point),
+            within: self.within,
+            escape_speed: self.escape_speed,
+        }
     }
 }
 

@@ -1069,6 +1069,62 @@ fn a_body_is_tracked_along_the_first_gravity() {
 }
 
 #[test]
+fn an_impact_has_its_tables_and_says_what_is_missing() {
+    // A ball approaches three that touch, and rebounds.
+    let case = tempfile::tempdir().unwrap();
+    for (step, v) in [(0, -2.0), (10, 0.5)] {
+        let mut scene = scene(step);
+        let shot = scene.grain([2.0, 0.0, 5.0], 0.5);
+        scene.snapshot.bodies.body_v[shot] = [0.0, 0.0, v];
+        scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), step)).unwrap();
+    }
+    let measured = |flags: &[&str]| {
+        let output = cd_post(&[&["impact"][..], flags].concat(), case.path());
+        (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    let walls =
+        "cd-post: walls or fields act on the target from step 0 on: the momentum that it gains contains theirs\n";
+    assert_eq!(measured(&["--projectile", "5"]), (1, walls.to_string()));
+    let folder = case.path().join("POSTPRO/impact");
+    assert_eq!(names(&folder).len(), 12);
+    all_finite(&folder);
+    assert_eq!(column(&folder.join("beta.csv"), "beta")[0], 0.0);
+    let (code, notes) =
+        measured(&["--projectile", "5", "--point", "40,0,0", "--normal", "0,0,1", "--direction", "-1,0,-1"]);
+    assert_eq!(
+        (code, notes),
+        (1, format!("{walls}cd-post: no surface is around the point of the impact: there is no crater\n"))
+    );
+    for (flags, expected) in [
+        (
+            &["--projectile", "9"][..],
+            "options: projectile: 9 is not in the first snapshot; expected a free body that is in the run from the start",
+        ),
+        (
+            &["--projectile", "2-5"],
+            "options: target: has no grain in the first snapshot; expected free bodies besides the projectile",
+        ),
+        (
+            &["--projectile", "3"],
+            "options: projectile: 3 is at rest relative to the target in the first snapshot; expected an approaching body",
+        ),
+        (
+            &["--projectile", "5", "--target", "colour:GREEN"],
+            "options: target: colour:GREEN has no grain in the first snapshot; expected free bodies besides the projectile",
+        ),
+    ] {
+        let target_at_rest = flags == ["--projectile", "3"];
+        let flags = if target_at_rest { &["--projectile", "3", "--target", "2,4"][..] } else { flags };
+        assert_eq!(measured(flags), (2, format!("cd-post: {expected}\n")));
+    }
+    for wrong in [&["--direction", "0,0,0"][..], &["--direction", "1,2"], &["--within", "-1"], &["--point", "a,0,0"]] {
+        let (code, printed) = measured(&[&["--projectile", "5"][..], wrong].concat());
+        assert!(code == 2 && printed.contains("expected"), "{printed}");
+    }
+    assert!(measured(&["--projectile", "x"]).1.contains("expected numbers of bodies in BODIES.DAT"));
+}
+
+#[test]
 fn a_depth_below_nothing_is_reported() {
     let case = case(&[0]);
     let mut scene = scene(0);

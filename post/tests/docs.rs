@@ -100,6 +100,29 @@ fn arrays_of_the_paraview_files() {
     }
 }
 
+/// Names and unit of each row of the tables under a heading; a cell may have several names.
+fn names_and_units(page: &str, heading: &str) -> Vec<(String, String)> {
+    let names = |cell: &str| cell.split("`, `").map(str::to_string).collect::<Vec<_>>();
+    let rows = table(page, heading).into_iter();
+    rows.flat_map(|row| names(&row[0]).into_iter().map(move |name| (name, row[1].replace('³', "^3")))).collect()
+}
+
+#[test]
+fn columns_of_an_impact() {
+    let written = |tables: &[&[cd_post::write::series::Column]]| -> Vec<(String, String)> {
+        let columns = tables.iter().flat_map(|columns| columns.iter());
+        columns.map(|(name, unit, _)| (name.to_string(), unit.to_string())).collect()
+    };
+    use cd_post::commands::impact::{ANGLE_COLUMNS, BETA_COLUMNS, GRAIN_COLUMNS, SIZE_COLUMNS, SPEED_COLUMNS};
+    for (heading, tables) in [
+        ("## beta.csv", &[&BETA_COLUMNS[..]][..]),
+        ("## Ejecta", &[&GRAIN_COLUMNS, &SPEED_COLUMNS, &ANGLE_COLUMNS]),
+        ("## The crater", &[&SIZE_COLUMNS]),
+    ] {
+        assert_eq!(names_and_units("impact.md", heading), written(tables), "{heading}");
+    }
+}
+
 #[test]
 fn plots() {
     let page = page_of("README.md");

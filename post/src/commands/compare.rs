@@ -7,6 +7,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::names::nearest_name;
 use cd_formats::probe::{PROBE_COLUMNS, is_probe_file};
 
+use crate::commands::impact;
 use crate::commands::state;
 use crate::commands::track;
 use crate::derive::Row;
@@ -43,6 +44,11 @@ impl TableKind {
             }
             "track.csv" => table_kind(&track::COLUMNS, &["depth", "force"]),
             "crater.csv" => table_kind(&track::CRATER_COLUMNS, &["before", "after"]),
+            "beta.csv" => table_kind(&impact::BETA_COLUMNS, &["beta", "beta_normal", "ejecta_mass"]),
+            "crater-size.csv" => table_kind(&impact::SIZE_COLUMNS, &["diameter", "depth", "volume"]),
+            "crater-profile.csv" => table_kind(&impact::PROFILE_COLUMNS, &["before", "after"]),
+            "ejecta-speeds.csv" => table_kind(&impact::SPEED_COLUMNS, &["mass_faster"]),
+            "ejecta-angles.csv" => table_kind(&impact::ANGLE_COLUMNS, &["mass"]),
             "profile.csv" => table_kind(
                 &state::profiles::PROFILE_COLUMNS,
                 &["nu", "Z", "pressure", "radial_stress", "tangential_stress"],
@@ -101,7 +107,7 @@ pub fn write(
     }
     let Some(kind) = TableKind::from_path(table) else {
         let expected = "expected series.csv, a table of cd-post state, such as state/profile.csv, of cd-post track, such as \
-                        track-1/track.csv, or of a probe, such as probe-lid.csv";
+                        track-1/track.csv, of cd-post impact, such as impact/beta.csv, or of a probe, such as probe-lid.csv";
         faults.push(option("table", table.display().to_string(), expected.into()));
         return Err(faults);
     };
@@ -199,6 +205,9 @@ fn writing_command(case: &Path, table: &Path) -> String {
         Some("series.csv") => format!("cd-post {case}"),
         Some(name) if is_probe_file(name) => format!("cd-solve {case} with such a probe"),
         Some("track.csv" | "crater.csv") => format!("cd-post track {case} --body N"),
+        Some("beta.csv" | "crater-size.csv" | "crater-profile.csv" | "ejecta-speeds.csv" | "ejecta-angles.csv") => {
+            format!("cd-post impact {case} --projectile BODIES")
+        }
         _ => format!("cd-post state {case}"),
     };
     format!("expected a table that {command} has written: run it first")

@@ -8,10 +8,12 @@
 //! | [`study`] | means of many runs against the number of grains |
 //! | [`accuracy_study`] | error against cost of runs of one scene |
 //! | [`track`] | one body in a bed of grains |
+//! | [`impact`] | momentum, ejecta and crater of an impact |
 //! | [`report`] | a page about a run |
 
 pub mod accuracy_study;
 pub mod compare;
+pub mod impact;
 pub mod report;
 pub mod series;
 pub mod state;

@@ -309,8 +309,15 @@ impl UpperFace {
     }
 }
 
+/// Two horizontal unit vectors, perpendicular to each other; x and y if `up` is z.
+fn horizontal_axes(up: &Vec3) -> [Vec3; 2] {
+    let first = if up.x.abs() < 0.9 { Vec3::x() } else { Vec3::y() };
+    let first = (first - up * first.dot(up)).normalize();
+    [first, up.cross(&first)]
+}
+
 /// Layout of the columns.
-struct ColumnGrid {
+pub(crate) struct ColumnGrid {
     up: Vec3,
     axes: [Vec3; 2],
     /// Number of columns along each axis.
@@ -326,11 +333,26 @@ struct ColumnGrid {
 }
 
 impl ColumnGrid {
+    /// Square grid about the vertical through `centre` (m) that extends by `reach` (m) along both axes, in columns at most
+    /// `width` (m) wide; wider if there would be more than [`MAX_COLUMNS`] along an axis.
+    pub(crate) fn about_axis(centre: Vec3, up: Vec3, reach: f64, width: f64) -> ColumnGrid {
+        let axes = horizontal_axes(&up);
+        let count = (2.0 * reach / width).ceil().clamp(1.0, MAX_COLUMNS);
+        let width = 2.0 * reach / count;
+        ColumnGrid {
+            up,
+            axes,
+            counts: [count as usize; 2],
+            from: axes.map(|axis| centre.dot(&axis) - reach),
+            width,
+            widths: [width; 2],
+            repeats: [false; 2],
+        }
+    }
+
     fn covering(grains: &[&Grain], cell: &PeriodicCell, up: Vec3) -> ColumnGrid {
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
-        let first = if up.x.abs() < 0.9 { Vec3::x() } else { Vec3::y() };
-        let first = (first - up * first.dot(&up)).normalize();
-        let axes = [first, up.cross(&first)];
+        let axes = horizontal_axes(&up);
         let span = |k: usize| {
             if let Some(period) = cell.0[k] {
                 return [-0.5 * period, 0.5 * period];
@@ -358,10 +380,26 @@ impl ColumnGrid {
         j * self.counts[0] + i
     }
 
+    /// Horizontal unit vectors along which the columns are counted.
+    pub(crate) fn axes(&self) -> [Vec3; 2] {
+        self.axes
+    }
+
+    /// Area of each column seen from above, m^2.
+    pub(crate) fn column_area(&self) -> f64 {
+        self.widths[0] * self.widths[1]
+    }
+
     /// Position of the middle of a column along the axes, m.
     fn column_middle(&self, k: usize) -> [f64; 2] {
         let cell = [k % self.counts[0], k / self.counts[0]];
         [0, 1].map(|axis| self.from[axis] + (cell[axis] as f64 + 0.5) * self.widths[axis])
+    }
+
+    /// Position of the middle of a column relative to a point (m), along the axes, m.
+    pub(crate) fn offset_from(&self, k: usize, point: &Vec3) -> [f64; 2] {
+        let middle = self.column_middle(k);
+        [0, 1].map(|axis| middle[axis] - point.dot(&self.axes[axis]))
     }
 
     /// Columns whose middles are within `reach` of a position along the axes, each with its displacement from there; None
@@ -396,7 +434,7 @@ impl ColumnGrid {
     }
 
     /// Height of the highest point of a grain on the vertical of each column, m; NaN without grains.
-    fn column_heights(&self, grains: &[&Grain]) -> Vec<f64> {
+    pub(crate) fn column_heights(&self, grains: &[&Grain]) -> Vec<f64> {
         let mut heights = vec![f64::NAN; self.counts[0] * self.counts[1]];
         let on_plane = |x: &Vec3| self.axes.map(|axis| x.dot(&axis));
         for grain in grains {

@@ -17,6 +17,7 @@
 //! | [`profile`] | means over spherical shells |
 //! | [`surface`] | heights and slopes by direction |
 //! | [`free_surface`] | heights and slopes of a heap or bed, by verticals |
+//! | [`impact`], [`crater`] | momentum that an impact gives to its target, ejecta, size of the crater |
 //! | [`plane_fit`] | planes through heights, and their noise |
 //!
 //! Every function takes grains in any number. A mean over nothing is 0/0, so a value that is not
@@ -24,6 +25,7 @@
 
 pub mod bed;
 pub mod coordination;
+pub mod crater;
 pub mod enclosing;
 pub mod enclosure;
 pub mod energy;
@@ -33,6 +35,7 @@ pub mod free_surface;
 pub mod gravity;
 pub mod heights;
 pub mod hull;
+pub mod impact;
 pub mod motion;
 pub mod orbits;
 pub mod plane_fit;
