@@ -311,12 +311,52 @@ def check_contacts(path, snapshot):
         faults.append(f"{path.name}: arrays that are not checked: {sorted(unknown)}")
 
 
+def loads(s):
+    """Force of the contacts on each body, and its moment about the body's centre."""
+    force, moment = np.zeros((2, len(s.wall), 3))
+    candidate, antagonist = s["contact_body"].T
+    for rows, sign, image in ((candidate, 1, 0 * s.image), (antagonist, -1, s.image)):
+        arm = s["contact_point"] - (s["body_x"][rows] + image)
+        np.add.at(force, rows, sign * s.force)
+        np.add.at(moment, rows, np.cross(arm, sign * s.force))
+    return force, moment
+
+
+def check_fields(file, snapshot, arrays):
+    """Time, step, names and units of a .vtp file."""
+    if file.path.suffix != ".vtp":
+        return
+    data, meta = file.output().GetFieldData(), snapshot.meta
+    found = {data.GetAbstractArray(k).GetName(): data.GetAbstractArray(k) for k in range(data.GetNumberOfArrays())}
+    texts = lambda name: [found[name].GetValue(k) for k in range(found[name].GetNumberOfValues())] if name in found else []
+    check(f"{file.name} TimeValue", [found["TimeValue"].GetTuple1(0)], [meta["time"]])
+    check(f"{file.name} step", [found["step"].GetTuple1(0)], [meta["step"]])
+    expected = {
+        "material": [material["name"] for material in meta["materials"]],
+        "colour": meta["colours"],
+        "law": [f"{law['nickname']} {law['kind']}" for law in meta["laws"]],
+    }
+    for array, names in expected.items():
+        if array in arrays and texts(f"{array} names") != names:
+            faults.append(f"{file.name} {array} names: {texts(f'{array} names')}, expected {names}")
+    if "pressure" in arrays and "pressure (Pa)" not in texts("units"):
+        faults.append(f"{file.name} units: {texts('units')}")
+
+
 def check_walls(path, snapshot):
     file, s = Polydata(path), snapshot
     walls = np.flatnonzero(s.wall)
     plates = [row for row in walls if s["body_shape"][row] == PLANE]
     balls = [row for row in walls if s["body_shape"][row] != PLANE]
     check(f"{path.name} id", file.cell.get("id", []), [s["body_id"][r] for r in balls + [p for p in plates for _ in range(6)]])
+    force, moment = loads(s)
+    rows = np.array(balls + [p for p in plates for _ in range(6)], int)
+    largest = np.abs(s["contact_force"]).sum() + 1e-300
+    check(f"{path.name} force", file.cell.get("force", []), force[rows], largest)
+    check(f"{path.name} moment", file.cell.get("moment", []), moment[rows], largest * np.abs(s["contact_point"]).max(initial=1))
+    unknown = set(file.cell) - {"id", "force", "moment"}
+    if unknown:
+        faults.append(f"{path.name}: arrays that are not checked: {sorted(unknown)}")
     check(f"{path.name} balls", file.points[file.cells("Verts", 1)[:, 0]], s["body_x"][balls])
     check(f"{path.name} radius", file.point["radius"][file.cells("Verts", 1)[:, 0]], s["body_radius"][balls])
     faces = file.points[file.cells("Polys", 4)].reshape(-1, 6, 4, 3)  # driven polyhedra are not among these cases
@@ -347,6 +387,8 @@ def main():
             snapshot = Snapshot(file.snapshot)
             check(f"{file.name} time", [file.time], [snapshot.meta["time"]])
             compare(file, snapshot)
+            read_back = Polydata(file)
+            check_fields(file, snapshot, set(read_back.point) | set(read_back.cell))
             checked += 1
     if checked == 0:
         faults.append(f"{case}: nothing to check")

@@ -22,6 +22,7 @@ use crate::snapshots::{is_evenly_chosen, progress_bar, select_snapshots};
 use crate::write;
 use crate::write::colours::GrainQuantity;
 use crate::write::display;
+use crate::write::fields::IndexNames;
 use crate::write::pieces::{pvtp_text, split_piece};
 use crate::write::series::{Column, csv_with_counts};
 use crate::write::vtkhdf::VtkhdfFile;
@@ -197,12 +198,10 @@ fn display_pieces(options: &SeriesOptions, frame: &Frame, fragments: &[Fragment]
         VtkFormat::Vtkhdf => Ok(pieces.collect()),
         VtkFormat::Vtp => pieces
             .try_for_each(|(kind, piece)| match options.piece_cells {
-                Some(max_cells) => {
-                    write_in_pieces(&options.dir.join("DISPLAY"), kind, frame.meta.step, &piece, max_cells)
-                }
+                Some(max_cells) => write_in_pieces(&options.dir.join("DISPLAY"), kind, frame, &piece, max_cells),
                 None => {
                     let name = display::file_name(kind, frame.meta.step);
-                    atomic::write(&options.dir.join("DISPLAY").join(name), &display::vtp_bytes(piece))
+                    atomic::write(&options.dir.join("DISPLAY").join(name), &display::display_bytes(piece, frame))
                 }
             })
             .map(|()| vec![]),
@@ -214,14 +213,14 @@ fn display_pieces(options: &SeriesOptions, frame: &Frame, fragments: &[Fragment]
 fn write_in_pieces(
     folder: &Path,
     kind: &str,
-    step: u64,
+    frame: &Frame,
     piece: &PolyDataPiece,
     max_cells: usize,
 ) -> Result<(), Faults> {
-    let mut names = Vec::new();
+    let (step, mut names) = (frame.meta.step, Vec::new());
     for (number, part) in split_piece(piece, max_cells).enumerate() {
         names.push(display::part_name(kind, step, number));
-        atomic::write(&folder.join(&names[number]), &display::vtp_bytes(part))?;
+        atomic::write(&folder.join(&names[number]), &display::display_bytes(part, frame))?;
     }
     atomic::write(&folder.join(display::index_name(kind, step)), pvtp_text(piece, &names).as_bytes())?;
     let further = (names.len()..).map(|number| folder.join(display::part_name(kind, step, number)));
@@ -257,7 +256,8 @@ fn finish_display(options: &SeriesOptions, rows: &[Row], last: &Frame) -> Result
     let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
     let mut current = HashSet::new();
     let folder = fs::canonicalize(&display).map_err(|error| Fault::from_io(&display, "read", &error))?;
-    atomic::write(&display.join("view.py"), display::view_script(&folder).as_bytes())?;
+    let names = IndexNames::from_frame(last);
+    atomic::write(&display.join("view.py"), display::view_script(&folder, &names).as_bytes())?;
     for kind in display::FILE_KINDS.into_iter().filter(|kind| display::has_piece(last, kind)) {
         if options.vtk_format == VtkFormat::Vtkhdf {
             current.insert(display::vtkhdf_name(kind));

@@ -12,8 +12,8 @@
 //!
 //! `view.py` shows them all in ParaView.
 //!
-//! The arrays, with units, are in `docs/reference/observables/paraview.md`. vtkio writes no time into a file; the
-//! collections `grains.pvd`, `polyhedra.pvd`, `contacts.pvd`, `walls.pvd` do.
+//! The arrays, with units, are in `docs/reference/observables/paraview.md`. The collections `grains.pvd`, `polyhedra.pvd`,
+//! `contacts.pvd`, `walls.pvd` have the times, and so has the field data of each file, which vtkio does not write.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -30,6 +30,7 @@ use crate::derive::motion::AggregateSums;
 use crate::derive::stress::{grain_stresses, kinetic_stress, pressure};
 use crate::frame::{ContactBody, Frame, Grain, WallShape};
 use crate::math::{Mat3, Vec3};
+use crate::write::fields::{self, IndexNames};
 use crate::write::view::drawn_position;
 
 /// Kinds of files, each with its collection.
@@ -220,12 +221,30 @@ fn contacts_piece(frame: &Frame) -> PolyDataPiece {
 /// Faces of a box, outward, by corners; the bits of a corner's number are its sides along x, y and z.
 const BOX_FACES: [[u64; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
+/// Force of the grains on each wall, N, and its moment about the position of the wall, N m.
+fn wall_loads(frame: &Frame) -> Vec<(Vec3, Vec3)> {
+    let mut loads = vec![(Vec3::zeros(), Vec3::zeros()); frame.walls.len()];
+    for contact in &frame.contacts {
+        let sides =
+            [(contact.candidate, contact.force, Vec3::zeros()), (contact.antagonist, -contact.force, contact.image)];
+        for (body, force, image) in sides {
+            if let ContactBody::Wall(wall) = body {
+                let (total, moment) = &mut loads[wall.index()];
+                *total += force;
+                *moment += (contact.point - (frame.walls[wall].x + image)).cross(&force);
+            }
+        }
+    }
+    loads
+}
+
 /// The walls: plates as boxes, driven polyhedra by their faces, driven balls as points with a radius.
 fn walls_piece(frame: &Frame) -> PolyDataPiece {
     let cell = frame.cell();
     let (mut points, mut radii, mut balls, mut faces) = (vec![], vec![], vec![], vec![]);
-    let (mut ball_ids, mut face_ids) = (vec![], vec![]);
-    for wall in &frame.walls {
+    // Walls of the cells.
+    let (mut ball_walls, mut face_walls) = (vec![], vec![]);
+    for (k, wall) in frame.walls.iter().enumerate() {
         let first = points.len() as u64;
         let x = drawn_position(wall, &cell);
         match &wall.shape {
@@ -233,7 +252,7 @@ fn walls_piece(frame: &Frame) -> PolyDataPiece {
                 points.push(x);
                 radii.push(*radius);
                 balls.push([first]);
-                ball_ids.push(wall.id);
+                ball_walls.push(k);
             }
             WallShape::Plate(half) => {
                 for corner in 0..8 {
@@ -243,37 +262,44 @@ fn walls_piece(frame: &Frame) -> PolyDataPiece {
                     radii.push(0.0);
                 }
                 faces.extend(BOX_FACES.map(|face| face.map(|corner| first + corner).to_vec()));
-                face_ids.extend([wall.id; 6]);
+                face_walls.extend([k; 6]);
             }
             WallShape::Polyhedron(solid) => {
                 let (vertices, polygons) = solid.drawn_mesh();
                 points.extend(vertices.iter().map(|v| x + wall.rotation * v));
                 radii.resize(points.len(), 0.0);
                 faces.extend(polygons.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect()));
-                face_ids.resize(faces.len(), wall.id);
+                face_walls.resize(faces.len(), k);
             }
         }
     }
     // Cell data go in the order of VTK's cells: vertices, then polygons.
-    ball_ids.extend(face_ids);
+    let rows = [ball_walls, face_walls].concat();
+    let loads = wall_loads(frame);
     PolyDataPiece {
         points: flat_components(points.into_iter()).into(),
         verts: vertex_numbers(balls.into_iter()),
         polys: vertex_numbers(faces.into_iter()),
         data: Attributes {
             point: vec![scalar_attribute("radius", radii)],
-            cell: vec![scalar_attribute("id", ball_ids)],
+            cell: vec![
+                scalar_attribute("id", rows.iter().map(|&k| frame.walls[k].id).collect::<Vec<u64>>()),
+                vector_attribute("force", rows.iter().map(|&k| loads[k].0)),
+                vector_attribute("moment", rows.iter().map(|&k| loads[k].1)),
+            ],
         },
         ..Default::default()
     }
 }
 
-/// `view.py`: script that shows the files of this folder in ParaView. If the name of the folder is not UTF-8, the script
-/// uses the folder in which ParaView is started.
-pub fn view_script(folder: &Path) -> String {
-    // Python reads JSON text as the same string.
+/// `view.py`: script that shows the files of this folder in ParaView, with names for materials, colours and laws. If the
+/// name of the folder is not UTF-8, the script uses the folder in which ParaView is started.
+pub fn view_script(folder: &Path, names: &IndexNames) -> String {
+    // Python reads JSON text as the same strings and lists.
     let path = serde_json::to_string(folder.to_str().unwrap_or(".")).expect("a text");
-    include_str!("view.py").replace("\"@FOLDER@\"", &path)
+    let names: std::collections::BTreeMap<&str, &[String]> = names.by_array().into_iter().collect();
+    let names = serde_json::to_string(&names).expect("lists of texts");
+    include_str!("view.py").replace("\"@FOLDER@\"", &path).replace("\"@NAMES@\"", &names)
 }
 
 /// A ParaView collection: the files of one kind, by name, with their times, s.
@@ -329,7 +355,21 @@ pub(crate) fn vertex_numbers<C: AsRef<[u64]>>(cells: impl Iterator<Item = C>) ->
     Some(VertexNumbers::XML { connectivity, offsets })
 }
 
-/// File of one time, in VTK's XML format.
+/// File of a kind at one time, with [field data](fields).
+pub fn display_bytes(piece: PolyDataPiece, frame: &Frame) -> Vec<u8> {
+    let arrays = piece.data.point.iter().chain(&piece.data.cell).filter_map(|attribute| match attribute {
+        Attribute::DataArray(array) => Some(array.name.clone()),
+        Attribute::Field { .. } => None,
+    });
+    let arrays: Vec<String> = arrays.collect();
+    let fields = fields::field_data(frame, &arrays.iter().map(String::as_str).collect::<Vec<&str>>());
+    let mut bytes = vtp_bytes(piece);
+    let start = bytes.windows(6).position(|word| word == b"<Piece").expect("a file has one piece");
+    bytes.splice(start..start, fields.into_bytes());
+    bytes
+}
+
+/// File of polygonal data, in VTK's XML format.
 pub fn vtp_bytes(piece: PolyDataPiece) -> Vec<u8> {
     let no_points = piece.points.is_empty();
     let vtk = Vtk {
@@ -427,16 +467,49 @@ mod tests {
     }
 
     #[test]
+    fn walls_have_the_forces_of_the_grains() {
+        // Two grains push a plate by 2 N and 3 N, 1 m and -2 m along x from its centre; the plate is the candidate of a
+        // third contact, which pulls it up by 1 N above its centre.
+        let mut scene = Scene::default();
+        let floor = scene.plate([10.0, 0.0, -0.1], [5.0, 5.0, 0.1]);
+        let grains = [11.0, 8.0, 10.0].map(|x| scene.grain([x, 0.0, 1.0], 1.0));
+        scene.contact_at(grains[0], floor, [11.0, 0.0, 0.0], Vec3::new(0.0, 0.0, 2.0));
+        scene.contact_at(grains[1], floor, [8.0, 0.0, 0.0], Vec3::new(0.0, 0.0, 3.0));
+        scene.contact_at(floor, grains[2], [10.0, 0.0, 0.0], Vec3::new(0.0, 0.0, 1.0));
+        let frame = scene.frame();
+        // The moment of -2 N at 1 m is +2 N m about y, that of -3 N at -2 m is -6 N m.
+        assert_eq!(wall_loads(&frame), [(Vec3::new(0.0, 0.0, -4.0), Vec3::new(0.0, -4.0, 0.0))]);
+        let total: Vec3 = frame.contacts.iter().flat_map(|c| c.on_grains()).map(|(_, force, _)| force).sum();
+        assert_eq!(total, Vec3::new(0.0, 0.0, 4.0));
+    }
+
+    #[test]
+    fn files_with_field_data_are_read_as_before() {
+        let mut scene = Scene::default();
+        scene.grain([0.5, 0.25, 0.125], 1.0);
+        let frame = scene.frame();
+        let piece = || grains_piece(&frame, &[]);
+        let read = |bytes: Vec<u8>| Vtk::parse_xml(&bytes[..]).unwrap().data;
+        assert_eq!(read(display_bytes(piece(), &frame)), read(vtp_bytes(piece())));
+    }
+
+    #[test]
     fn python_reads_the_path_of_any_folder() {
+        let names = IndexNames::from_frame(&Scene::default().frame());
+        let script = view_script(Path::new("/a"), &names);
+        assert!(
+            script.contains(r#"NAMES = {"colour":["BLUEx","REDxx"],"law":["iqsc0 IQS_CLB"],"material":["ROCKx"]}"#),
+            "{script}"
+        );
         for (folder, text) in
             [("/a/cafe\u{301}\u{ad}", "\"/a/cafe\u{301}\u{ad}\""), ("/a\"b\\c\n", "\"/a\\\"b\\\\c\\n\"")]
         {
-            assert!(view_script(Path::new(folder)).contains(&format!(" else {text}\n")), "{folder}");
+            assert!(view_script(Path::new(folder), &names).contains(&format!(" else {text}\n")), "{folder}");
         }
         #[cfg(unix)]
         {
             let nameless = std::ffi::OsStr::from_bytes(b"/a/bad\xff");
-            assert!(view_script(Path::new(nameless)).contains(" else \".\"\n"));
+            assert!(view_script(Path::new(nameless), &names).contains(" else \".\"\n"));
         }
     }
 

@@ -8,6 +8,7 @@
 //! | [`picture`] | `POSTPRO/aggregate.svg`, `aggregate_energy.svg`, the last state; `snapshots.svg`, four |
 //! | [`display`] | `DISPLAY/*.vtp` and `*.pvd` |
 //! | [`pieces`] | `DISPLAY/*.pvtp`, and their pieces |
+//! | [`fields`] | none: field data of these files |
 //! | [`vtkhdf`], [`hdf5`] | `DISPLAY/*.vtkhdf`, and the format that it is based on |
 //! | [`map`] | `POSTPRO/state-NNNNNN/surface_*.svg` |
 //! | [`view`], [`colours`] | none: camera, window and walls of pictures; colours of grains |
@@ -15,6 +16,7 @@
 
 pub mod colours;
 pub mod display;
+pub mod fields;
 pub mod figure;
 pub mod hdf5;
 pub mod map;

@@ -1,4 +1,4 @@
-# Shows this folder in ParaView: the grains as spheres and polyhedra, the walls, the chains of force.
+# Shows this folder in ParaView: the grains as spheres and polyhedra, the walls, the chains of force as tubes.
 #
 #     paraview --script=view.py        in a window (or there: File > Load State)
 #     pvbatch view.py PICTURE.png      the last snapshot as a picture
@@ -11,6 +11,10 @@ from paraview.simple import *
 
 # A window does not tell a script where it lies.
 HERE = os.path.dirname(os.path.abspath(__file__)) if "__file__" in globals() else "@FOLDER@"
+# Names of the values of the arrays `material`, `colour` and `law`.
+NAMES = "@NAMES@"
+# Radius of the tubes of the largest and of the smallest force, in mean radii of the grains.
+THICKEST, THINNEST = 0.4, 0.01
 
 
 def read(kind):
@@ -20,6 +24,15 @@ def read(kind):
         return PVDReader(registrationName=kind, FileName=path)
     path = os.path.join(HERE, kind + ".vtkhdf")
     return VTKHDFReader(registrationName=kind, FileName=[path]) if os.path.exists(path) else None
+
+
+def name_values(array):
+    """Shows the names of the values of an array instead of numbers, when something is coloured by it."""
+    table = GetColorTransferFunction(array)
+    table.InterpretValuesAsCategories = 1
+    table.AnnotationsInitialized = 1
+    table.Annotations = [text for k, name in enumerate(NAMES[array]) for text in (str(k), name)]
+    table.IndexedColors = [c for k in range(len(NAMES[array])) for c in PALETTE[k % len(PALETTE)]]
 
 
 def colour(display, where, array, seen=True):
@@ -32,6 +45,8 @@ def colour(display, where, array, seen=True):
     display.SetScalarBarVisibility(view, seen)
 
 
+# Okabe & Ito (2008): distinguishable by colour-blind readers.
+PALETTE = [(0.0, 0.45, 0.70), (0.84, 0.37, 0.0), (0.0, 0.62, 0.45), (0.8, 0.47, 0.65), (0.9, 0.62, 0.0), (0.34, 0.71, 0.91)]
 view = GetActiveViewOrCreate("RenderView")
 view.OrientationAxesVisibility = 1
 scene = GetAnimationScene()
@@ -56,14 +71,24 @@ if polyhedra:
     display = Show(polyhedra, view)
     display.SetRepresentationType("Surface")
     colour(display, "CELLS", "neighbours")
-chains = Threshold(registrationName="chains of force", Input=contacts, Scalars=["CELLS", "active"])
+for array in NAMES:
+    name_values(array)
+chains = Threshold(registrationName="contacts with force", Input=contacts, Scalars=["CELLS", "active"])
 chains.LowerThreshold = chains.UpperThreshold = 1
 chains.UpdatePipeline()
 if chains.GetDataInformation().GetNumberOfCells() > 0:
-    display = Show(chains, view)
-    display.LineWidth = 2.0
-    colour(display, "CELLS", "normal_force", seen=False)
-    Hide(chains, view)  # within the grains: the eye beside it in the pipeline shows them
+    # Each line gets points of its own, with its force.
+    lines = Shrink(registrationName="lines", Input=chains, ShrinkFactor=1.0)
+    forces = CellDatatoPointData(registrationName="forces at both ends", Input=lines)
+    surface = ExtractSurface(registrationName="lines with forces", Input=forces)
+    tubes = Tube(registrationName="chains of force", Input=surface, Scalars=["POINTS", "normal_force"])
+    grains.UpdatePipeline()
+    radii = grains.GetDataInformation().GetPointDataInformation().GetArrayInformation("radius").GetComponentRange(0)
+    mean = 0.5 * (radii[0] + radii[1])
+    tubes.VaryRadius, tubes.Radius, tubes.RadiusFactor = "By Scalar", THINNEST * mean, THICKEST / THINNEST
+    display = Show(tubes, view)
+    colour(display, "POINTS", "normal_force", seen=False)
+    Hide(tubes, view)  # within the grains: the eye next to it in the pipeline shows them
 
 view.CameraFocalPoint, view.CameraPosition, view.CameraViewUp = [0, 0, 0], [1.0, -1.6, 0.9], [0, 0, 1]
 ResetCamera(view)
