@@ -13,7 +13,7 @@ use cd_formats::ron_text::nearest_name;
 use clap::{CommandFactory, Parser};
 
 use crate::commands::series::process_case;
-use crate::commands::{accuracy_study, compare, impact, report, state, study, track};
+use crate::commands::{accuracy_study, compare, impact, movie, report, state, study, track};
 use crate::options::{ImpactFlags, MeasurementFlags, SeriesOptions, SlopeReach, ThreadCount, parse_finite};
 
 /// Computes observables from the snapshots of a case, and writes plots and ParaView files.
@@ -172,6 +172,10 @@ enum Command {
         #[command(flatten)]
         threads: ThreadCount,
     },
+    /// Makes a film of a run: the grains and walls of one snapshot after the other, seen from one position.
+    ///
+    /// Writes DIR/POSTPRO/movie.gif, which browsers, mail and office programs play.
+    Movie(movie::MovieOptions),
 }
 
 impl Command {
@@ -190,6 +194,7 @@ impl Command {
             Command::Report { dir, every, measures, threads: _ } => {
                 report::write(dir, *every, measures).map(print_path)
             }
+            Command::Movie(options) => movie::write(options).map(print_path),
             Command::Compare { dirs, output, labels, table, columns, against } => {
                 let comparison = compare::ComparisonOptions { table, columns, x_column: against.as_deref() };
                 let (count, notes) = compare::write(dirs, labels, &comparison, output)?;
@@ -225,6 +230,7 @@ impl Arguments {
                 | Command::Impact { dir, .. }
                 | Command::Report { dir, .. },
             ) => Some(dir),
+            Some(Command::Movie(options)) => Some(&options.dir),
             Some(Command::Compare { .. } | Command::Study { .. } | Command::AccuracyStudy { .. }) => None,
         }
     }
@@ -239,6 +245,7 @@ impl Arguments {
                 | Command::Impact { threads, .. }
                 | Command::Report { threads, .. },
             ) => threads.threads,
+            Some(Command::Movie(options)) => options.threads.threads,
             Some(Command::Compare { .. } | Command::Study { .. } | Command::AccuracyStudy { .. }) => 0,
         }
     }

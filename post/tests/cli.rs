@@ -922,6 +922,65 @@ fn a_reader_that_goes_away_stops_nothing() {
 }
 
 #[test]
+fn a_film_has_a_picture_of_each_snapshot_for_any_number_of_threads() {
+    let case = case(&[0, 10, 20]);
+    let film = |flags: &[&str]| {
+        let output = cd_post(&[&["movie"], flags].concat(), case.path());
+        (output, fs::read(case.path().join("POSTPRO/movie.gif")).unwrap_or_default())
+    };
+    let small = ["--size", "160"];
+    let (output, bytes) = film(&[&small[..], &["--threads", "1", "--fps", "10", "--colour", "radius"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    assert_eq!(names(&case.path().join("POSTPRO")), ["movie.gif"]);
+    let times = |bytes: &[u8]| {
+        let mut decoder = gif::DecodeOptions::new().read_info(bytes).unwrap();
+        assert_eq!(decoder.height(), 160);
+        let mut times = Vec::new();
+        while let Some(frame) = decoder.read_next_frame().unwrap() {
+            times.push(frame.delay);
+        }
+        times
+    };
+    assert_eq!(times(&bytes), [10, 10, 110]); // hundredths of a second; the last stays a second more
+    let (_, others) = film(&[&small[..], &["--threads", "3", "--fps", "10", "--colour", "radius"]].concat());
+    assert!(bytes == others, "the bytes depend on the number of threads");
+    // Fewer pictures are reported.
+    let (output, bytes) = film(&[&small[..], &["--max-frames", "2"]].concat());
+    assert_eq!((output.status.code(), times(&bytes).len()), (Some(1), 2));
+    let note = String::from_utf8(output.stderr).unwrap();
+    assert!(note.contains("the film has 2 of 3 snapshots") && note.contains("--max-frames 3"), "{note}");
+    assert_eq!(times(&film(&[&small[..], &["--every", "2"]].concat()).1).len(), 2);
+}
+
+#[test]
+fn films_that_cannot_be_made_are_rejected() {
+    let case = case(&[0]);
+    for (flags, expected) in [
+        (&["-o", "film.avi"][..], "options: --output: film.avi is no format of films; expected a name in .gif or .mp4"),
+        (&["--range", "2,1"], "expected two numbers LOW,HIGH"),
+        (&["--view", "0,100"], "expected two numbers AZIMUTH,ELEVATION"),
+        (&["--size", "10"], "160"),
+        (&["--fps", "0"], "50"),
+        (&["--colour", "sped"], "speed"),
+    ] {
+        let output = cd_post(&[&["movie"], flags].concat(), case.path());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{flags:?}: {message}");
+        assert!(message.starts_with("cd-post: ") && message.contains(expected), "{flags:?}: {message}");
+    }
+    // Without ffmpeg the message says what to do, and nothing is left behind.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+    let film = case.path().join("film.mp4");
+    let output = command.arg("movie").arg("-o").arg(&film).arg(case.path()).env("PATH", "").output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(
+        message.contains("--output: ffmpeg is not installed; expected ffmpeg on PATH, or a name that ends in .gif")
+    );
+    assert!(!film.exists() && !case.path().join(".film.mp4.part").exists());
+}
+
+#[test]
 fn a_report_is_one_page_that_needs_nothing_else() {
     let case = case(&[0, 10]);
     assert_eq!(cd_post(&["report"], case.path()).status.code(), Some(0));

@@ -10,10 +10,12 @@
 //! | [`track`] | one body in a bed of grains |
 //! | [`impact`] | momentum, ejecta and crater of an impact |
 //! | [`report`] | a page about a run |
+//! | [`movie`] | a film of a run |
 
 pub mod accuracy_study;
 pub mod compare;
 pub mod impact;
+pub mod movie;
 pub mod report;
 pub mod series;
 pub mod state;

@@ -11,6 +11,7 @@
 //! | [`fields`] | none: field data of these files |
 //! | [`vtkhdf`], [`hdf5`] | `DISPLAY/*.vtkhdf`, and the format that it is based on |
 //! | [`map`] | `POSTPRO/state-NNNNNN/surface_*.svg` |
+//! | [`film`], [`raster`] | `POSTPRO/movie.gif`, `.mp4`; none: states as pixels |
 //! | [`view`], [`colours`] | none: camera, window and walls of pictures; colours of grains |
 //! | [`scale`] | none: units and round numbers for the eye |
 
@@ -18,11 +19,13 @@ pub mod colours;
 pub mod display;
 pub mod fields;
 pub mod figure;
+pub mod film;
 pub mod hdf5;
 pub mod map;
 pub mod picture;
 pub mod pieces;
 pub mod plots;
+pub mod raster;
 pub mod scale;
 pub mod series;
 pub mod view;
