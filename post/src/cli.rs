@@ -1,7 +1,6 @@
 //! Command line of cd-post: runs one of the commands, and turns notes and faults into messages and an exit status.
 
 use std::ffi::OsString;
-use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use cd_formats::case::{CaseFolder, case_fault};
@@ -13,8 +12,11 @@ use cd_formats::ron_text::nearest_name;
 use clap::{CommandFactory, Parser};
 
 use crate::commands::series::process_case;
-use crate::commands::{accuracy_study, compare, impact, movie, report, state, study, track};
-use crate::options::{ImpactFlags, MeasurementFlags, SeriesOptions, SlopeReach, ThreadCount, parse_finite};
+use crate::commands::{accuracy_study, compare, impact, movie, report, state, study, track, watch};
+use crate::options::{
+    ImpactFlags, MeasurementFlags, SeriesOptions, SlopeReach, ThreadCount, parse_finite, parse_interval,
+};
+use crate::snapshots::lock_case;
 
 /// Computes observables from the snapshots of a case, and writes plots and ParaView files.
 ///
@@ -176,6 +178,24 @@ enum Command {
     ///
     /// Writes DIR/POSTPRO/movie.gif, which browsers, mail and office programs play.
     Movie(movie::MovieOptions),
+    /// Keeps the page of a running case up to date until the run ends.
+    ///
+    /// Writes DIR/POSTPRO/report.html anew when there are new snapshots; the page in the browser loads them itself.
+    Watch {
+        /// Case folder
+        #[arg(default_value = ".")]
+        dir: PathBuf,
+        /// Least time between two reports, s; they take a fifth of the time at most
+        #[arg(long, default_value_t = 10.0, value_name = "S", value_parser = parse_interval)]
+        interval: f64,
+        /// Use every Nth snapshot, counted from the first, and the last
+        #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+        every: u32,
+        #[command(flatten)]
+        measures: MeasurementFlags,
+        #[command(flatten)]
+        threads: ThreadCount,
+    },
 }
 
 impl Command {
@@ -192,9 +212,12 @@ impl Command {
             Command::Track { dir, body, threads: _ } => track::write(dir, *body).map(print_path),
             Command::Impact { dir, flags, threads: _ } => impact::write(dir, &flags.impact_options()).map(print_path),
             Command::Report { dir, every, measures, threads: _ } => {
-                report::write(dir, *every, measures).map(print_path)
+                report::write(dir, *every, measures, None).map(print_path)
             }
             Command::Movie(options) => movie::write(options).map(print_path),
+            Command::Watch { dir, interval, every, measures, threads: _ } => {
+                watch::write(dir, *interval, *every, measures).map(print_path)
+            }
             Command::Compare { dirs, output, labels, table, columns, against } => {
                 let comparison = compare::ComparisonOptions { table, columns, x_column: against.as_deref() };
                 let (count, notes) = compare::write(dirs, labels, &comparison, output)?;
@@ -231,6 +254,7 @@ impl Arguments {
                 | Command::Report { dir, .. },
             ) => Some(dir),
             Some(Command::Movie(options)) => Some(&options.dir),
+            Some(Command::Watch { dir, .. }) => Some(dir),
             Some(Command::Compare { .. } | Command::Study { .. } | Command::AccuracyStudy { .. }) => None,
         }
     }
@@ -243,7 +267,8 @@ impl Arguments {
                 Command::State { threads, .. }
                 | Command::Track { threads, .. }
                 | Command::Impact { threads, .. }
-                | Command::Report { threads, .. },
+                | Command::Report { threads, .. }
+                | Command::Watch { threads, .. },
             ) => threads.threads,
             Some(Command::Movie(options)) => options.threads.threads,
             Some(Command::Compare { .. } | Command::Study { .. } | Command::AccuracyStudy { .. }) => 0,
@@ -274,22 +299,6 @@ fn misspelt_command(args: &[OsString]) -> Option<String> {
         return None;
     }
     Some(format!("{first}: is neither a folder nor a command; did you mean {}?", nearest_name(first, &names)?))
-}
-
-/// Locks a case for this run until the file is dropped; waits for another run that works in it. Two runs would write the
-/// same files, and each would remove files of the other.
-///
-/// If files cannot be locked, every run proceeds.
-fn lock_case(case: &Path) -> Option<File> {
-    let folder = File::open(case).ok()?;
-    if matches!(folder.try_lock(), Err(TryLockError::WouldBlock)) {
-        print_error(format_args!(
-            "cd-post: {}: another cd-post runs in this case; waiting for its end",
-            case.display()
-        ));
-        folder.lock().ok()?;
-    }
-    Some(folder)
 }
 
 /// Definition of the command line, from which manual pages and completions are made.
@@ -334,7 +343,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             return 2;
         }
     };
-    let _lock = arguments.case_dir().and_then(lock_case);
+    // `watch` locks the case for each of its reports.
+    let is_watching = matches!(command, Some(Command::Watch { .. }));
+    let _lock = arguments.case_dir().filter(|_| !is_watching).and_then(lock_case);
     let result = pool.install(|| command.as_ref().map_or_else(|| process_case(options), Command::run));
     match result {
         Ok(notes) => {

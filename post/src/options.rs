@@ -21,6 +21,7 @@ pub enum FlagNumberError {
     NotPositive,
     NotThree,
     NoDirection,
+    NoInterval,
 }
 
 impl fmt::Display for FlagNumberError {
@@ -31,6 +32,7 @@ impl fmt::Display for FlagNumberError {
             FlagNumberError::NotPositive => "expected a number > 0",
             FlagNumberError::NotThree => "expected three numbers X,Y,Z",
             FlagNumberError::NoDirection => "expected a vector other than 0,0,0",
+            FlagNumberError::NoInterval => "expected a number from 1 to 86400",
         })
     }
 }
@@ -46,6 +48,11 @@ pub fn parse_finite(text: &str) -> Result<f64, FlagNumberError> {
 /// Reads a positive number of the command line.
 fn parse_positive(text: &str) -> Result<f64, FlagNumberError> {
     parse_finite(text).ok().filter(|number| *number > 0.0).ok_or(FlagNumberError::NotPositive)
+}
+
+/// Reads an interval of a second or more, s.
+pub fn parse_interval(text: &str) -> Result<f64, FlagNumberError> {
+    parse_finite(text).ok().filter(|number| (1.0..=86400.0).contains(number)).ok_or(FlagNumberError::NoInterval)
 }
 
 /// Reach of the planes whose angle is the slope of a surface.

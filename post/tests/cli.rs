@@ -980,6 +980,62 @@ fn films_that_cannot_be_made_are_rejected() {
     assert!(!film.exists() && !case.path().join(".film.mp4.part").exists());
 }
 
+/// A run is a lock of OUTBOX, which systems have whose folders can be opened as files.
+#[cfg(unix)]
+#[test]
+fn the_page_of_a_running_case_follows_it_to_its_end() {
+    let case = case(&[0]);
+    let page = || fs::read_to_string(case.path().join("POSTPRO/report.html")).unwrap_or_default();
+    let steps = |page: &str| page.matches("\"step\":").count();
+    let run = fs::File::open(case.path().join("OUTBOX")).unwrap();
+    run.lock().unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+    let mut watch = command.args(["watch", "--interval", "1"]).arg(case.path()).stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(watch.stdout.take().unwrap()).lines();
+    let line = lines.next().unwrap().unwrap();
+    assert!(line.ends_with("report.html: 1 snapshot, to step 0"), "{line}");
+    assert!(page().contains("<body data-reload=\"1\">") && steps(&page()) == 1);
+    // Another cd-post is not kept waiting.
+    assert_eq!(cd_post(&["--no-vtk", "--no-plots"], case.path()).status.code(), Some(0));
+    scene(10).snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 10)).unwrap();
+    let line = lines.next().unwrap().unwrap();
+    assert!(line.ends_with("2 snapshots, to step 10"), "{line}");
+    scene(20).snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 20)).unwrap();
+    run.unlock().unwrap();
+    assert!(watch.wait().unwrap().success());
+    assert!(!page().contains("data-reload=\"") && steps(&page()) == 3);
+    // After the run it is the page of `report`.
+    let last = page();
+    assert_eq!(cd_post(&["report"], case.path()).status.code(), Some(0));
+    assert!(last == page());
+}
+
+#[test]
+fn a_report_has_contents_walls_and_tables() {
+    let case = case(&[0, 10]);
+    assert_eq!(cd_post(&["report"], case.path()).status.code(), Some(0));
+    let page = fs::read_to_string(case.path().join("POSTPRO/report.html")).unwrap();
+    let links: Vec<&str> = page.split("<a href=\"#").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
+    assert_eq!(links.len(), 7, "{links:?}");
+    for link in links {
+        assert_eq!(page.matches(&format!("id=\"{link}\"")).count(), 1, "{link}");
+    }
+    let summary = page.split("<h2 id=\"summary\">").nth(1).unwrap().split("</table>").next().unwrap();
+    let lines = summary.matches("<tr>").count();
+    assert!((6..=10).contains(&lines) && summary.contains("Z = 1"), "{summary}");
+    // The table within the page is that of the file.
+    assert_eq!(cd_post(&["--no-vtk", "--no-plots"], case.path()).status.code(), Some(0));
+    let table = page.split("data-table=\"series.csv\">").nth(1).unwrap().split("</script>").next().unwrap();
+    assert_eq!(table, fs::read_to_string(case.path().join("POSTPRO/series.csv")).unwrap());
+    assert!(page.contains("data-table=\"state-forces.csv\""));
+    let start = page.find("id=\"grain-data\">").unwrap() + "id=\"grain-data\">".len();
+    let data: serde_json::Value = serde_json::from_str(page[start..].split("</script>").next().unwrap()).unwrap();
+    // Six faces of a plate in two triangles each, and twelve edges.
+    let count = |kind: &str| data["walls"][kind]["owners"].as_array().unwrap().len();
+    assert_eq!(["balls", "solid", "glass", "lines"].map(count), [0, 0, 36, 24]);
+    assert!(data["states"].as_array().unwrap().iter().all(|state| state["walls"]["places"].is_string()));
+}
+
 #[test]
 fn a_report_is_one_page_that_needs_nothing_else() {
     let case = case(&[0, 10]);
@@ -999,7 +1055,7 @@ fn a_report_is_one_page_that_needs_nothing_else() {
         assert!(page.contains(wanted), "{wanted}");
     }
     assert!(!page.contains("NaN"));
-    let start = page.find("id=\"grains\">").unwrap() + "id=\"grains\">".len();
+    let start = page.find("id=\"grain-data\">").unwrap() + "id=\"grain-data\">".len();
     let grains: serde_json::Value = serde_json::from_str(page[start..].split("</script>").next().unwrap()).unwrap();
     let steps: Vec<_> = grains["states"].as_array().unwrap().iter().map(|state| state["step"].as_u64()).collect();
     assert_eq!(steps, [Some(0), Some(10)]);

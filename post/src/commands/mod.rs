@@ -11,6 +11,7 @@
 //! | [`impact`] | momentum, ejecta and crater of an impact |
 //! | [`report`] | a page about a run |
 //! | [`movie`] | a film of a run |
+//! | [`watch`] | the page of a run that continues |
 
 pub mod accuracy_study;
 pub mod compare;
@@ -21,3 +22,4 @@ pub mod series;
 pub mod state;
 pub mod study;
 pub mod track;
+pub mod watch;

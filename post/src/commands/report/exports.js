@@ -1,5 +1,5 @@
-// Files from this page: each figure and the view of the grains as PNG, and a film of the view. Files are named after the
-// case, which is the title of the page.
+// Files from this page: tables as CSV, each figure and the view of the grains as PNG, and a film of the view. Files are named
+// after the case, which is the title of the page.
 (function () {
   "use strict";
   const FRAME_MILLISECONDS = 100, DRAIN_MILLISECONDS = 1000;
@@ -17,6 +17,13 @@
     button.addEventListener("click", () => action(button));
     parent.append(" ", button);
   };
+
+  for (const table of document.querySelectorAll("script[data-table]")) {
+    const text = table.textContent, name = table.dataset.table;
+    const label = `${name} (${Math.ceil(text.length / 1024)} KiB)`;
+    addButton(document.getElementById("table-exports"), label, "Save this table", () =>
+      save(`-${name}`, new Blob([text], { type: "text/csv" })));
+  }
 
   const saveFigure = async (figure) => {
     const svg = figure.querySelector("svg"), copy = svg.cloneNode(true);
@@ -86,4 +93,12 @@
     Object.assign(button, { textContent: text, disabled: false });
   };
   addButton(bar, "Film", "Save a film of this view, 10 states per second; keep the page visible meanwhile", film);
+})();
+
+// The page of a running case is loaded again; its last version is not.
+(function () {
+  "use strict";
+  const seconds = Number(document.body.dataset.reload);
+  const box = document.getElementById("reload");
+  if (seconds > 0) setInterval(() => { if (box.checked) location.reload(); }, 1000 * seconds);
 })();

@@ -12,6 +12,7 @@ use crate::derive::stress::{grain_stresses, pressure};
 use crate::frame::{Frame, Grain};
 use crate::math::Vec3;
 use crate::snapshots::is_evenly_chosen;
+use crate::write::view::{DrawnWall, drawn_position};
 
 /// Largest number of states on a page, and bytes of their numbers, so that a browser opens it at once.
 const MAX_STATES: usize = 60;
@@ -33,6 +34,14 @@ pub struct PageState {
     rotations: Vec<f32>,
     /// Values of the grains, in the order of [`VARYING_QUANTITIES`].
     values: [Vec<f64>; VARYING_QUANTITIES.len()],
+    walls: Vec<WallPlace>,
+}
+
+/// Number, position and rotation of a wall in a state.
+struct WallPlace {
+    id: u64,
+    position: Vec3,
+    rotation: [f32; 4],
 }
 
 /// Quantities that change in time, with units.
@@ -69,6 +78,15 @@ impl PageState {
                 grains.iter().map(|grain| grain.v.norm()).collect(),
                 fragment_numbers(&find_fragments(frame), grains.len()).iter().map(|n| f64::from(*n)).collect(),
             ],
+            walls: frame
+                .walls
+                .iter()
+                .map(|wall| WallPlace {
+                    id: wall.id,
+                    position: drawn_position(wall, &frame.cell()),
+                    rotation: wall.rotation.coords.map(|component| component as f32).into(),
+                })
+                .collect(),
         })
     }
 }
@@ -93,6 +111,7 @@ fn state_of_grains(state: &PageState, grains: &[Grain]) -> PageState {
         positions: rows.iter().map(|row| row.map_or(Vec3::repeat(f64::INFINITY), |row| state.positions[row])).collect(),
         rotations: rows.iter().filter(|_| has_rotations).flat_map(rotation).collect(),
         values: state.values.each_ref().map(|values| rows.iter().map(|row| value(values, row)).collect()),
+        walls: Vec::new(),
     }
 }
 
@@ -110,6 +129,7 @@ fn grain_rotation(grain: &Grain) -> [f32; 4] {
 /// all states.
 pub fn page_json(states: &[PageState], last: &Frame) -> String {
     let grains = &last.grains;
+    let wall_places: Vec<&[WallPlace]> = states.iter().map(|state| &state.walls[..]).collect();
     let hidden: Vec<PageState>;
     let states = if states.iter().all(|state| state.ids.iter().copied().eq(grains.iter().map(|grain| grain.id))) {
         states
@@ -149,16 +169,16 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
     let (middle, radius) = if framed.is_empty() { (Vec3::zeros(), 1.0) } else { (ball.centre, ball.radius) };
     // Relative to the middle of the last state, shifted in the other states by the motion of the centre.
     let last_centre = states.last().map_or(Vec3::zeros(), |state| state.centre);
-    let relative_positions = |state: &PageState| -> Vec<Vec3> {
-        let origin = middle - last_centre + state.centre;
-        state.positions.iter().map(|x| x - origin).collect()
-    };
-    let relative_positions: Vec<Vec<Vec3>> = states.iter().map(relative_positions).collect();
+    let origins: Vec<Vec3> = states.iter().map(|state| middle - last_centre + state.centre).collect();
+    let relative_positions =
+        |(state, origin): (&PageState, &Vec3)| -> Vec<Vec3> { state.positions.iter().map(|x| x - origin).collect() };
+    let relative_positions: Vec<Vec<Vec3>> = states.iter().zip(&origins).map(relative_positions).collect();
     let farthest_reach = |positions: &Vec<Vec3>| {
         let reaches = positions.iter().zip(grains).map(|(x, grain)| x.norm() + 2.0 * grain.bounding_radius());
         reaches.filter(|reach| reach.is_finite()).fold(radius, f64::max)
     };
     let reach = relative_positions.iter().map(farthest_reach).fold(radius, f64::max);
+    let walls = wall_json(last, &wall_places, &origins, reach);
 
     let varying = (0..VARYING_QUANTITIES.len()).map(|k| {
         let values: Vec<&[f64]> = states.iter().map(|state| &state.values[k][..]).collect();
@@ -180,11 +200,12 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
     let states_json: Vec<Value> = states
         .iter()
         .zip(&relative_positions)
-        .map(|(state, positions)| {
+        .zip(walls.states)
+        .map(|((state, positions), walls)| {
             let hidden = HIDDEN_DISTANCE * reach;
             let coordinates =
                 positions.iter().flat_map(|x| [x.x, x.y, x.z]).map(|x| if x.is_finite() { x } else { hidden });
-            json!({ "step": state.step, "time": state.time, "places": base64_of_f64(coordinates), "turns": base64_of_f32(&state.rotations) })
+            json!({ "step": state.step, "time": state.time, "places": base64_of_f64(coordinates), "turns": base64_of_f32(&state.rotations), "walls": walls })
         })
         .collect();
     json!({
@@ -193,11 +214,80 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
         "corners": base64_of_f64(corners),
         "corner_owners": corner_owners,
         "radius": radius,
-        "reach": reach,
+        "reach": reach.max(walls.reach),
+        "walls": walls.shapes,
         "states": states_json,
         "quantities": quantities,
     })
     .to_string()
+}
+
+/// Walls on the page.
+struct WallJson {
+    /// Balls, triangles and lines in the frames of the walls.
+    shapes: Value,
+    /// Positions and rotations in each state.
+    states: Vec<Value>,
+    /// Distance from the middle of the view that contains the walls, m, within [`MAX_WALL_REACH`].
+    reach: f64,
+}
+
+/// Largest distance of a wall in the view, in reaches of the grains: the depth of a picture has 24 bits.
+const MAX_WALL_REACH: f64 = 30.0;
+
+/// Returns the walls of the last state; `origins`: middle of the view in each state, m; `reach`: that of the grains, m.
+fn wall_json(last: &Frame, places: &[&[WallPlace]], origins: &[Vec3], reach: f64) -> WallJson {
+    let (mut balls, mut ball_owners) = (Vec::new(), Vec::new());
+    // Triangles of opaque and of translucent walls, and lines: coordinates and owners.
+    let [mut solid, mut glass, mut lines] = [(); 3].map(|()| (Vec::new(), Vec::new()));
+    let mut extents = Vec::new();
+    for (k, wall) in last.walls.iter().enumerate() {
+        let drawn = DrawnWall::in_body_frame(wall);
+        let vertex = |k: u32| &drawn.vertices[k as usize];
+        for (centre, radius) in &drawn.balls {
+            balls.extend([centre.x, centre.y, centre.z, *radius]);
+            ball_owners.push(k);
+        }
+        let (corners, owners) = if drawn.is_translucent { &mut glass } else { &mut solid };
+        for face in &drawn.faces {
+            for corner in face[1..].windows(2).flat_map(|pair| [face[0], pair[0], pair[1]]) {
+                corners.extend(vertex(corner).iter().copied());
+                owners.push(k);
+            }
+        }
+        for end in drawn.edges.iter().filter(|_| drawn.is_translucent).flatten() {
+            lines.0.extend(vertex(*end).iter().copied());
+            lines.1.push(k);
+        }
+        let balls = drawn.balls.iter().map(|(centre, radius)| centre.norm() + radius);
+        extents.push(drawn.vertices.iter().map(|v| v.norm()).chain(balls).fold(0.0, f64::max));
+    }
+    let mut farthest = 0.0_f64;
+    let states = places.iter().zip(origins).map(|(places, origin)| {
+        let found = last.walls.iter().map(|wall| places.iter().find(|place| place.id == wall.id));
+        let found: Vec<Option<&WallPlace>> = found.collect();
+        for (place, extent) in found.iter().zip(&extents) {
+            farthest = farthest.max(place.map_or(0.0, |place| (place.position - origin).norm() + extent));
+        }
+        // Walls that are not in the state are out of sight.
+        let hidden = Vec3::repeat(HIDDEN_DISTANCE * reach);
+        let positions = found.iter().flat_map(|place| {
+            let x = place.map_or(hidden, |place| place.position - origin);
+            [x.x, x.y, x.z]
+        });
+        let turns = found.iter().flat_map(|place| place.map_or([0.0, 0.0, 0.0, 1.0], |place| place.rotation));
+        json!({ "places": base64_of_f64(positions), "turns": base64_of_f32(&turns.collect::<Vec<f32>>()) })
+    });
+    let states: Vec<Value> = states.collect();
+    let shape =
+        |(corners, owners): (Vec<f64>, Vec<usize>)| json!({ "corners": base64_of_f64(corners), "owners": owners });
+    let shapes = json!({
+        "balls": { "corners": base64_of_f64(balls), "owners": ball_owners },
+        "solid": shape(solid),
+        "glass": shape(glass),
+        "lines": shape(lines),
+    });
+    WallJson { shapes, states, reach: farthest.min(MAX_WALL_REACH * reach) }
 }
 
 fn base64_of_f64(values: impl IntoIterator<Item = f64>) -> String {

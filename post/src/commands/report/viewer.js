@@ -1,8 +1,8 @@
-// Grains as shaded balls and polyhedra, at some times of the run: WebGL 2, no library, no network. Drag turns, the wheel (or
-// + and -) zooms, shift-drag moves, double click brings the start back, the space bar plays.
+// Grains as shaded balls and polyhedra, with walls, at some times of the run: WebGL 2, no library, no network. Drag turns, the
+// wheel (or + and -) zooms, shift-drag moves, double click brings the start back, the space bar plays.
 (function () {
   "use strict";
-  const data = JSON.parse(document.getElementById("grains").textContent);
+  const data = JSON.parse(document.getElementById("grain-data").textContent);
   const canvas = document.getElementById("view");
   const say = (text) => { document.getElementById("view-note").textContent = text; };
   const floats = (base64) => {
@@ -32,7 +32,8 @@
     return made;
   };
   // Viridis at 0, 1/4, ... 1, a little lighter at its dark end.
-  const colours = `vec3 ramp(float s) {
+  // Negative values are those of walls.
+  const colours = `vec3 ramp(float s) { if (s < -.5) return vec3(150., 156., 165.) / 255.;
     vec3 c[5] = vec3[5](vec3(90., 40., 120.), vec3(70., 92., 150.), vec3(40., 145., 140.), vec3(100., 200., 95.), vec3(250., 225., 50.));
     float p = clamp(s, 0., 1.) * 4.; int k = min(int(p), 3);
     return mix(c[k], c[k + 1], p - float(k)) / 255.; }
@@ -55,6 +56,12 @@
     colours + `in float share; in vec3 seen; out vec4 colour;
      void main() { vec3 n = normalize(cross(dFdx(seen), dFdy(seen))); if (n.z < 0.) n = -n; colour = vec4(lit(ramp(share), n), 1.); }`);
 
+  // Walls: translucent faces and their edges.
+  const flat = program(
+    `in vec3 place; uniform mat3 turn; uniform vec4 scale; uniform vec2 shift;
+     void main() { vec3 p = turn * place; gl_Position = vec4(p.xy * scale.xy + shift, -p.z * scale.z - scale.w, 1.); }`,
+    `uniform vec4 ink; out vec4 colour; void main() { colour = ink; }`);
+
   // In the frames of the grains; a ball has its radius as well.
   const balls_there = floats(data.balls), corners_there = floats(data.corners);
   const fill = (buffer, values) => {
@@ -64,6 +71,11 @@
   };
   const square = fill(gl.createBuffer(), new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]));
   const [where, which, cornerPlace, cornerValue] = [0, 0, 0, 0].map(() => gl.createBuffer());
+  const walls = {};
+  for (const [name, { corners, owners }] of Object.entries(data.walls)) {
+    walls[name] = { there: floats(corners), owners, place: gl.createBuffer(), value: gl.createBuffer() };
+    fill(walls[name].value, new Float32Array(owners.length).fill(-1));
+  }
   let now = data.states.length - 1;
   // Points of the grains' frames, each of so many numbers, where a state has them.
   const placed = (points, each, owners, state) => {
@@ -105,12 +117,12 @@
     gl.enable(gl.DEPTH_TEST);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const per = 0.9 * zoom / data.radius, wide = Math.max(1, w / h), high = Math.max(1, h / w);
-    const use = (made) => {
+    const at = (name) => gl.getUniformLocation(gl.getParameter(gl.CURRENT_PROGRAM), name);
+    const use = (made, advance = 0) => {
       gl.useProgram(made);
-      const at = (name) => gl.getUniformLocation(made, name);
       const [x, y, z] = turn;
       gl.uniformMatrix3fv(at("turn"), false, [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]]);
-      gl.uniform4f(at("scale"), per / wide, per / high, 0.5 / data.reach, 0);
+      gl.uniform4f(at("scale"), per / wide, per / high, 0.5 / data.reach, advance);
       gl.uniform2f(at("shift"), shift[0], shift[1]);
     };
     const bind = (index, made, size, each) => {
@@ -119,14 +131,34 @@
       gl.vertexAttribPointer(index, size, gl.FLOAT, false, 0, 0);
       gl.vertexAttribDivisor(index, each);
     };
-    if (data.ball_owners.length) {
-      use(balls); bind(0, where, 4, 1); bind(1, which, 1, 1); bind(2, square, 2, 0);
-      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, data.ball_owners.length);
-    }
-    if (data.corner_owners.length) {
-      use(faces); bind(0, cornerPlace, 3, 0); bind(1, cornerValue, 1, 0); gl.disableVertexAttribArray(2);
-      gl.drawArrays(gl.TRIANGLES, 0, data.corner_owners.length);
-    }
+    const drawBalls = (place, value, count) => {
+      if (count === 0) return;
+      use(balls); bind(0, place, 4, 1); bind(1, value, 1, 1); bind(2, square, 2, 0);
+      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
+    };
+    const drawFaces = (place, value, count) => {
+      if (count === 0) return;
+      use(faces); bind(0, place, 3, 0); bind(1, value, 1, 0); gl.disableVertexAttribArray(2);
+      gl.drawArrays(gl.TRIANGLES, 0, count);
+    };
+    drawBalls(where, which, data.ball_owners.length);
+    drawFaces(cornerPlace, cornerValue, data.corner_owners.length);
+    drawBalls(walls.balls.place, walls.balls.value, walls.balls.owners.length);
+    drawFaces(walls.solid.place, walls.solid.value, walls.solid.owners.length);
+    // Translucent walls do not hide each other; the picture itself stays opaque.
+    gl.enable(gl.BLEND);
+    gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ZERO, gl.ONE);
+    gl.depthMask(false);
+    const drawFlat = ({ place, owners }, kind, ink, advance) => {
+      if (owners.length === 0) return;
+      use(flat, advance); gl.uniform4f(at("ink"), ...ink);
+      bind(0, place, 3, 0); gl.disableVertexAttribArray(1); gl.disableVertexAttribArray(2);
+      gl.drawArrays(kind, 0, owners.length);
+    };
+    drawFlat(walls.glass, gl.TRIANGLES, [0.59, 0.61, 0.65, 0.12], 0);
+    drawFlat(walls.lines, gl.LINES, [0.3, 0.31, 0.33, 0.8], 1e-5);
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
   };
 
   const choice = document.getElementById("view-quantity"), legend = document.getElementById("view-legend");
@@ -157,6 +189,9 @@
     document.getElementById("view-clock").textContent = `t = ${Number(state.time.toPrecision(6))} s, step ${state.step}`;
     fill(where, placed(balls_there, 4, data.ball_owners, state));
     fill(cornerPlace, placed(corners_there, 3, data.corner_owners, state));
+    for (const [name, { there, owners, place }] of Object.entries(walls)) {
+      fill(place, placed(there, name === "balls" ? 4 : 3, owners, state.walls));
+    }
     colour();
   };
   let playing = null;
@@ -195,6 +230,18 @@
   });
   window.addEventListener("resize", draw);
   start();
+  // A page of a running case is loaded again and again: the view stays.
+  const kept = document.body.dataset.reload ? sessionStorage.getItem("view") : null;
+  if (kept) {
+    let quantity;
+    ({ turn, zoom, shift, quantity } = JSON.parse(kept));
+    if (quantity < data.quantities.length) choice.selectedIndex = quantity;
+  }
+  window.addEventListener("pagehide", () => {
+    if (document.body.dataset.reload) {
+      sessionStorage.setItem("view", JSON.stringify({ turn, zoom, shift, quantity: choice.selectedIndex }));
+    }
+  });
   show(now);
   say("");
   document.body.dataset.drawn = "yes";
