@@ -374,10 +374,10 @@ fn values_that_a_script_does_not_state_are_options() {
 #[test]
 fn missing_stages_are_named() {
     let case = falling();
-    let (code, _, complete) = ran(&case, SCRIPT, &["--steps", "1"]);
+    let (code, complete, _) = ran(&case, SCRIPT, &["--steps", "1"]);
     assert!(code == 0 && !complete.contains("all the same") && !complete.contains("searched in each"), "{complete}");
     let text = SCRIPT.replace("    chipy.ComputeFext()\n", "").replace("SelectProxTactors()", "SelectProxTactors(10)");
-    let (code, _, output) = ran(&case, &text, &["--steps", "1", "--force"]);
+    let (code, output, _) = ran(&case, &text, &["--steps", "1", "--force"]);
     let line = "command.py:16: no call of ComputeFext is found: gravity and other forces act in each step all the same";
     assert!(code == 0 && output.contains(line), "{output}");
     assert!(output.contains("SelectProxTactors: contacts are searched in each step, not every 10"), "{output}");
