@@ -252,7 +252,7 @@ impl ImpactRun {
     ///
     /// Errors if there is no projectile or no target, or in scenes in which momenta or distances are not defined.
     pub fn new(frame: &Frame, options: &ImpactOptions) -> Result<ImpactRun, ImpactError> {
-        let is_turning = |field: &FieldModel| matches!(field, FieldModel::Turning { .. });
+        let is_turning = |field: &FieldModel| matches!(field, FieldModel::RotatingAxes { .. });
         if external_fields(frame).iter().any(is_turning) {
             return Err(ImpactError::RotatingAxes);
         }

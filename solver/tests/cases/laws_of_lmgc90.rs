@@ -145,8 +145,10 @@ fn coupled_bodies_that_are_driven_in_part_do_not_move() {
         position[axis] = 1.0;
         let hanging = case.sphere(0.5, position);
         hold(&mut case, hanging, held);
-        // About y its centre moves along z, or along x if the normal is along z.
-        case.pull(hanging, 4, 0.125);
+        if !held.contains(&4) {
+            // About y its point of contact moves along z, or along x if the normal is along z.
+            case.pull(hanging, 4, 0.125);
+        }
         // A run needs a body that moves freely.
         case.sphere(0.5, [9.0, 0.0, 0.0]);
         let end = case.run(20);
