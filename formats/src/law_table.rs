@@ -176,9 +176,9 @@ law_parameters! {
     Stiffness: "F/gp", "stiffness", "stiffness", Stiffness, Positive, NonNegative;
     /// Ratio of force to velocity of the gap.
     NormalViscosity: "etan", "normal_viscosity", "viscosity", Viscosity, NonNegative, Finite;
-    /// Ratio of the traction of an interface to its opening.
+    /// Ratio of the traction of an interface or bond to its opening.
     NormalStiffness: "cn", "normal_stiffness", "k_n", StiffnessPerArea, Positive, NonNegative;
-    /// Ratio of the shear of an interface to its sliding.
+    /// Ratio of the shear of an interface or bond to its sliding.
     TangentialStiffness: "ct", "tangential_stiffness", "k_t", StiffnessPerArea, Positive, NonNegative;
     /// Largest traction of an interface.
     NormalStrength: "s1", "normal_strength", "s_n", Stress, Positive, NonNegative;
@@ -272,8 +272,17 @@ pub enum LawCohesion {
     Pair(PairCohesion),
     /// Bond that carries stresses (Pa) up to `normal` in traction and `tangential` in shear, and breaks for good. With a
     /// `radius`, over the smaller radius of the two bodies, the bond of a sphere is a disc of this size that also carries
-    /// moments.
-    Bond { normal: f64, tangential: f64, radius: Option<f64> },
+    /// moments. With a `stiffness` it is elastic, else rigid.
+    Bond { normal: f64, tangential: f64, radius: Option<f64>, stiffness: Option<BondStiffness> },
+}
+
+/// Stiffnesses of an elastic bond per area, Pa/m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BondStiffness {
+    /// Ratio of the traction to the opening.
+    pub normal: f64,
+    /// Ratio of the shear to the sliding.
+    pub tangential: f64,
 }
 
 /// Coefficients of the moments of a contact. They multiply R r̂_n, where 1/R = 1/R_a + 1/R_b for bodies of the radii R_a and
@@ -630,7 +639,7 @@ contact_laws! {
                 [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
             ],
             friction: FrictionPair { static_friction, dynamic_friction },
-            cohesion: LawCohesion::Bond { normal: normal_cohesion, tangential: tangential_cohesion, radius: None }
+            cohesion: LawCohesion::Bond { normal: normal_cohesion, tangential: tangential_cohesion, radius: None, stiffness: None }
         }
         /// as `IQS_MOHR_DS_CLB`, with bonds of spheres that also carry bending and torsion; not in LMGC90
         IqsBeamDsClb "IQS_BEAM_DS_CLB" {
@@ -640,7 +649,23 @@ contact_laws! {
                 [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
             ],
             friction: FrictionPair { static_friction, dynamic_friction },
-            cohesion: LawCohesion::Bond { normal: normal_cohesion, tangential: tangential_cohesion, radius: Some(bond_radius) }
+            cohesion: LawCohesion::Bond { normal: normal_cohesion, tangential: tangential_cohesion, radius: Some(bond_radius), stiffness: None }
+        }
+        /// as `IQS_BEAM_DS_CLB`, with elastic bonds; not in LMGC90
+        ElasticBeamDsClb "ELASTIC_BEAM_DS_CLB" {
+            lines: [
+                [normal_stiffness: NormalStiffness, tangential_stiffness: TangentialStiffness],
+                [normal_cohesion: NormalCohesion, tangential_cohesion: TangentialCohesion],
+                [bond_radius: BondRadius],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Bond {
+                normal: normal_cohesion,
+                tangential: tangential_cohesion,
+                radius: Some(bond_radius),
+                stiffness: Some(BondStiffness { normal: normal_stiffness, tangential: tangential_stiffness })
+            }
         }
         /// as `IQS_DS_CLB`, with moments against rolling and spinning; not in LMGC90
         IqsDsRollClb "IQS_DS_ROLL_CLB" {
@@ -972,6 +997,22 @@ impl LawModel {
         }
     }
 
+    /// Stiffnesses of the bonds of the law, if it has elastic bonds.
+    pub fn bond_stiffness(&self) -> Option<BondStiffness> {
+        match self.cohesion() {
+            Some(LawCohesion::Bond { stiffness, .. }) => stiffness,
+            None | Some(LawCohesion::Liquid { .. } | LawCohesion::Pair(_)) => None,
+        }
+    }
+
+    /// Opening at which pure traction breaks an elastic bond, c_n/k_n, m; 0 of other laws.
+    pub fn breaking_opening(&self) -> f64 {
+        match self.cohesion() {
+            Some(LawCohesion::Bond { normal, stiffness: Some(stiffness), .. }) => normal / stiffness.normal,
+            None | Some(LawCohesion::Liquid { .. } | LawCohesion::Pair(_) | LawCohesion::Bond { .. }) => 0.0,
+        }
+    }
+
     /// Whether contacts may carry moments.
     pub fn has_moments(&self) -> bool {
         self.rolling().is_some() || self.bond_radius().is_some()
@@ -1054,7 +1095,7 @@ impl LawModel {
                 })
             }
             // A bond that slides without resistance cannot hold a moment.
-            Some(LawCohesion::Bond { normal, tangential: 0.0, radius: Some(_) }) if normal > 0.0 => {
+            Some(LawCohesion::Bond { normal, tangential: 0.0, radius: Some(_), .. }) if normal > 0.0 => {
                 faults.push(ParameterFault {
                     parameter: LawParameter::TangentialCohesion,
                     found: format!("0 with normal_cohesion {}", number_text(normal)),

@@ -277,6 +277,20 @@ impl AssemblyContext<'_> {
         theta * self.state.h + (1.0 - theta) * self.q_c.h
     }
 
+    /// Vector of the last contact configuration turned with two bodies to this one, world frame.
+    pub(super) fn turned_with_pair(&self, contact: &Contact, vector: &Vec3) -> Vec3 {
+        let [a, b] = [contact.candidate, contact.antagonist].map(|body| self.state.w[body.index()]);
+        rotate_by_vector(&Quat::identity(), &((a + b) * (0.5 * self.configuration_interval()))) * vector
+    }
+
+    /// Gap at which a new elastic bond carries the normal force of its contact in the last step, less the gap now, m.
+    fn gap_under_load(&self, old: Option<&SolvedContact>, contact: &Contact, law: &ContactLaw) -> f64 {
+        let (Some(stiffness), Some(old)) = (law.bond_stiffness(), old) else { return 0.0 };
+        let area = std::f64::consts::PI * self.contact_radius(contact).powi(2);
+        let is_loaded = old.impulse.x > 0.0 && area > 0.0;
+        if is_loaded { old.impulse.x / (self.state.h * stiffness.normal * area) } else { 0.0 }
+    }
+
     /// Whether a contact with the history `old` is bonded, or has its law's other memory set, in this step.
     fn begins_history(&self, old: Option<ContactId>) -> bool {
         match self.state.bonding {
@@ -341,8 +355,11 @@ impl AssemblyContext<'_> {
             let law = &self.state.laws[contact.law];
             let inherited = old.and_then(|k| self.inherited_bond(&self.state.contacts[k.index()], contact, law));
             let is_bonded_now = self.begins_history(*old);
-            let bond = inherited
-                .or_else(|| (is_bonded_now && self.can_bond(contact, law)).then(|| law.bonded_at(contact.gap)));
+            let new_gap = || {
+                let old = old.map(|k| &self.state.contacts[k.index()]);
+                law.bonded_at(contact.gap) + self.gap_under_load(old, contact, law)
+            };
+            let bond = inherited.or_else(|| (is_bonded_now && self.can_bond(contact, law)).then(new_gap));
             bond.filter(|_| self.carries_stress(contact))
         };
         let bonds: Vec<Option<f64>> = contacts.par_iter().zip(history).with_min_len(256).map(bond).collect();
@@ -375,7 +392,8 @@ impl AssemblyContext<'_> {
     }
 
     /// Gap of the bond that a contact inherits from the last step, m. It is the old gap if the contact is at the same
-    /// position. Elsewhere it is the current gap, if the contact touches and the old one would still be in reach.
+    /// position. Elsewhere it is the current gap, if the contact touches and the old one would still be in reach, less the
+    /// opening of an elastic bond.
     pub(super) fn inherited_bond(&self, old: &SolvedContact, contact: &Contact, law: &ContactLaw) -> Option<f64> {
         let (bond, radius) = (old.bond?, self.effective_radius(contact));
         let is_same_position = old.contact.key() == contact.key() || old.contact.features.candidate == UNKNOWN_FEATURE;
@@ -385,7 +403,9 @@ impl AssemblyContext<'_> {
             return Some(bond);
         }
         let foreseen_gap = old.contact.gap + old.velocity.x * self.configuration_interval();
-        law.bond_gap(contact.gap, radius).filter(|_| foreseen_gap <= law.interaction_range(radius))
+        let opening = if law.bond_stiffness().is_some() { old.contact.gap - bond } else { 0.0 };
+        let new_gap = law.bond_gap(contact.gap, radius).filter(|_| foreseen_gap <= law.interaction_range(radius));
+        new_gap.map(|gap| gap - opening)
     }
 }
 

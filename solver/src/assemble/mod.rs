@@ -1,5 +1,6 @@
 //! Stage: forces to free velocities; contacts to the rows of the contact problem.
 
+mod bonded_faces;
 mod closed_by_others;
 mod context;
 mod curvature;

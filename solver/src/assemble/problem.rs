@@ -75,8 +75,10 @@ pub struct RollingConstraint {
     /// 1/(1/I_a + 1/I_b) of spheres, else the inverse of the largest eigenvalue of the sum of the inverse inertias, kg
     /// m^2.
     pub inverse_w: f64,
-    /// Relative angular velocity due to a plate, rad/s.
+    /// Relative angular velocity due to a plate, and that of an elastic bond due to its moment of the last step, rad/s.
     pub shift: Vec3,
+    /// Compliances of an elastic bond across and about the normal, 1/(kg m²): ŵ = w + shift + compliance m. 0 of others.
+    pub compliance: [f64; 2],
     /// Initial moment, world frame, N m s.
     pub warm_start: Vec3,
 }
@@ -90,6 +92,8 @@ pub enum RegularisedRow {
     Coupled { row: ContactId },
     /// û_n + `compliance` r̂_n = 0 (1/kg), of a wire only while it pulls, and no other impulse.
     Link { row: ContactId, compliance: f64, is_wire: bool },
+    /// Elastic bond: û has the additional terms `opening` r̂_n along the normal and `sliding` r̂_T across, 1/kg.
+    Bond { row: ContactId, opening: f64, sliding: f64 },
     /// An elastic interface next to the contact.
     Interface { row: ContactId, interface: InterfaceRow },
 }
@@ -101,6 +105,7 @@ impl RegularisedRow {
             RegularisedRow::Spring { row, .. }
             | RegularisedRow::Coupled { row }
             | RegularisedRow::Link { row, .. }
+            | RegularisedRow::Bond { row, .. }
             | RegularisedRow::Interface { row, .. } => row,
         }
     }

@@ -14,7 +14,9 @@ use super::interface_row::InterfaceRow;
 use super::kinematics::{contact_arms, relative_velocity, velocity_at_arms};
 use super::problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
 use crate::integrate::ContactConfiguration;
-use crate::laws::{ContactLaw, GapForecast, LawInput, LawRegularisation, LawShift, MomentLimits, StrainSpring};
+use crate::laws::{
+    BondCompliance, ContactLaw, GapForecast, LawInput, LawRegularisation, LawShift, MomentLimits, StrainSpring,
+};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
 use crate::scene::{BodyId, BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
@@ -80,6 +82,7 @@ pub fn contact_problem(
     let mut rolling_constraints = context.rolling_constraints(contacts, &history, &rows);
     if let Some(block_data) = &mut block_data {
         block_data.arms = contacts.par_iter().with_min_len(256).map(|contact| contact_arms(contact, &q_c.x)).collect();
+        context.set_bonded_faces(block_data, contacts, &mut rows);
         if scene.options.face_friction == FaceFriction::Uniform {
             context.set_friction_points(block_data, contacts, &history, &mut rows);
         }
@@ -292,8 +295,32 @@ impl AssemblyContext<'_> {
             joined.warm_starts.into_iter().for_each(|(k, r)| rows[k].warm_start = r);
         }
         if !block_data.friction_offsets.is_empty() {
+            self.remove_offsets_of_elastic_bonds(contacts, rows, &mut block_data.friction_offsets);
             self.shift_friction(block_data, contacts, rows);
         }
+    }
+
+    /// Makes the friction of faces with elastic bonds act at their contact points.
+    fn remove_offsets_of_elastic_bonds(
+        &self,
+        contacts: &[Contact],
+        rows: &[ContactConstraint],
+        friction_offsets: &mut [Vec3],
+    ) {
+        if self.state.laws.iter().any(|law| law.bond_stiffness().is_some()) {
+            let of_rows = contacts.iter().zip(rows).zip(friction_offsets);
+            of_rows
+                .filter(|((contact, row), _)| self.bond_compliance(contact, row).is_some())
+                .for_each(|(_, offset)| *offset = Vec3::zeros());
+        }
+    }
+
+    /// Compliance of the elastic bond of a row, if it has one.
+    pub(super) fn bond_compliance(&self, contact: &Contact, row: &ContactConstraint) -> Option<BondCompliance> {
+        let law = &self.state.laws[contact.law];
+        let is_bonded = law.bond_stiffness().is_some() && row.bond.is_some() && row.impulse_shift != 0.0;
+        let radius = if is_bonded { self.contact_radius(contact) } else { return None };
+        law.bond_compliance(radius, self.q_c.h, self.closing_time())
     }
 
     /// Prefetches the data of the antagonist of contact `k` that [`Self::contact_constraint`] reads, unless the contact before
@@ -327,6 +354,10 @@ impl AssemblyContext<'_> {
             if let Some(spring) = law.strain_spring() {
                 let (_, compliance) = self.link_terms(contact, spring);
                 return rows[k].acts.then_some(RegularisedRow::Link { row, compliance, is_wire: spring.is_wire });
+            }
+            if law.bond_stiffness().is_some() {
+                let BondCompliance { opening, sliding, .. } = self.bond_compliance(contact, &rows[k])?;
+                return Some(RegularisedRow::Bond { row, opening, sliding });
             }
             if let Some(law_interface) = law.interface {
                 let n = contact.normal;
@@ -410,6 +441,14 @@ impl AssemblyContext<'_> {
         let acts = shift.is_some();
         let shift = shift.unwrap_or_default();
         let shift = LawShift { normal: shift.normal - curve, ..shift };
+        let compliance = law.bond_compliance(radius, h, closing_time).filter(|_| bonded && shift.impulse != 0.0);
+        let elastic_shift = compliance.map_or(Vec3::zeros(), |compliance| {
+            let opening = gap - bond_state.bond.unwrap_or(gap);
+            let force = previous.map_or(Vec3::zeros(), |old| to_world(&old.contact.frame(), &old.impulse));
+            let force = self.turned_with_pair(contact, &force) * (h / state.h);
+            n * (opening / closing_time + compliance.opening * shift.impulse)
+                - (force - n * n.dot(&force)) * compliance.sliding
+        });
 
         let on_plate = self.on_plate(contact);
         // The arms end in one point: it divides the distance in the ratio of the radii, and is the middle of the gap on flat
@@ -431,7 +470,8 @@ impl AssemblyContext<'_> {
             bodies,
             normal: n,
             arm,
-            shift: n * shift.normal + (turning - n * turning.dot(&n)) + u_tangent * shift.tangential - plate_velocity,
+            shift: n * shift.normal + (turning - n * turning.dot(&n)) + u_tangent * shift.tangential - plate_velocity
+                + elastic_shift,
             w_n,
             w_t,
             friction: shift.friction * law.friction_share(memory.soundness, radius),
@@ -589,6 +629,17 @@ impl AssemblyContext<'_> {
         let [a, b] = bodies.map(|body| body.index());
         let scale = self.q_c.h / self.state.h;
         let plate_shift = if self.on_plate(contact) { -self.free.w[b] } else { Vec3::zeros() };
+        let warm_start = previous.map_or(Vec3::zeros(), |old| to_world(&old.contact.frame(), &old.moment) * scale);
+        let (mut shift, mut compliance, mut warm_start) = (plate_shift, [0.0; 2], warm_start);
+        if bonded {
+            shift += self.relative_spin_change(contact);
+        }
+        if let Some(BondCompliance { bending, torsion, .. }) = self.bond_compliance(contact, row) {
+            warm_start = self.turned_with_pair(contact, &warm_start);
+            let along = row.normal * row.normal.dot(&warm_start);
+            shift -= (warm_start - along) * bending + along * torsion;
+            compliance = [bending, torsion];
+        }
         Some(RollingConstraint {
             row: ContactId::new(k),
             radius: if law.bond_radius().is_some() {
@@ -600,8 +651,9 @@ impl AssemblyContext<'_> {
             spinning: torsion,
             shear,
             inverse_w: 1.0 / (self.solver_bodies[a].inverse_inertia + self.solver_bodies[b].inverse_inertia),
-            shift: if bonded { plate_shift + self.relative_spin_change(contact) } else { plate_shift },
-            warm_start: previous.map_or(Vec3::zeros(), |old| to_world(&old.contact.frame(), &old.moment) * scale),
+            shift,
+            compliance,
+            warm_start,
         })
     }
 }

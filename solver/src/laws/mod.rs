@@ -30,7 +30,8 @@
 //! | RST_COH_DS_CLB, RST_VDW_DS_CLB, the same | as RST_DS_CLB | as RST_DS_CLB | -h f | the same |
 //! | IQS_MOHR_DS_CLB while bonded over the area S | 0 | 0 | -h c_n S | c_t/c_n |
 //! | IQS_BEAM_DS_CLB, as IQS_MOHR_DS_CLB | the same | the same | the same | the same |
-//! | the same two without a bond | max(0, g/T) | 0 | 0 | mu_d after sliding, else mu_s |
+//! | ELASTIC_BEAM_DS_CLB while bonded, with the compliances 1/(k h T S), see [`ContactLaw::bond_compliance`] | as IQS_MOHR_DS_CLB | the same | the same | the same |
+//! | the same three without a bond | max(0, g/T) | 0 | 0 | mu_d after sliding, else mu_s |
 //!
 //! VEL_SGR_CLB and RST_CLB act on touching contacts. A pair that the free velocities would close within the step is thrown
 //! back at once, or brought to touch where the law does not throw back or u_n⁻ does not close it; a pair at rest is kept in
@@ -53,7 +54,8 @@
 //! J. Ai et al., Powder Technol. 206 (2011) 269-282; rigid here, without a spring.
 //!
 //! A bond of a sphere by IQS_BEAM_DS_CLB is a disc of the radius R_b and the area S = pi R_b², with I = S R_b²/4 and J = S
-//! R_b²/2. It also carries a bending moment and a torque, see [`MomentLimits`].
+//! R_b²/2. It also carries a bending moment and a torque, see [`MomentLimits`]. A bond of ELASTIC_BEAM_DS_CLB has the same
+//! limits, within which it is elastic: the stiffnesses k_n S of opening, k_t S of sliding, k_n I of bending and k_t J of torsion.
 //!
 //! Restitution also applies to a contact that was parting: thrown back by its neighbours within the step, it may close at e_n
 //! times its speed. So (v⁺ + e v⁻)/(1 + e) is the projection of v⁻ on the velocities that the contacts allow, and several
@@ -66,7 +68,7 @@
 
 pub mod interface;
 
-use cd_formats::law_table::{ContactMemory, FrictionPair, LawCohesion, LawModel, PairCohesion};
+use cd_formats::law_table::{BondStiffness, ContactMemory, FrictionPair, LawCohesion, LawModel, PairCohesion};
 pub use cd_formats::law_table::{LawInterface, RollingFriction};
 
 use crate::features::BARE;
@@ -137,8 +139,8 @@ pub enum Cohesion {
     Pair(PairCohesion),
     /// A bond that carries stresses (Pa) up to `normal` in traction and `tangential` in shear, until it breaks; once an
     /// event has changed them, up to `now` in traction and as much more or less in shear. With a `radius`, over the smaller
-    /// radius of the two bodies, it is a disc of this size that also carries moments.
-    Bond { normal: f64, tangential: f64, now: f64, radius: Option<f64> },
+    /// radius of the two bodies, it is a disc of this size that also carries moments. With a `stiffness` it is elastic.
+    Bond { normal: f64, tangential: f64, now: f64, radius: Option<f64>, stiffness: Option<BondStiffness> },
 }
 
 /// Limits of the moments of a contact: |M_T| <= bending R r̂_n across the normal and |M_n| <= torsion R r̂_n - shear R |r_T| about
@@ -152,6 +154,15 @@ pub struct MomentLimits {
     pub bending: f64,
     pub torsion: f64,
     pub shear: f64,
+}
+
+/// Compliances of an elastic bond in a step: velocities per impulse, 1/kg, and angular velocities per angular impulse, 1/(kg m²).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct BondCompliance {
+    pub opening: f64,
+    pub sliding: f64,
+    pub bending: f64,
+    pub torsion: f64,
 }
 
 /// Largest gap at which two bodies touch, for a bond, divided by 1/(1/R_a + 1/R_b).
@@ -299,7 +310,8 @@ impl ContactLaw {
             | LawModel::IqsVdwDsRollClb { .. }
             | LawModel::XqsWetDsClb { .. }
             | LawModel::IqsMohrDsClb { .. }
-            | LawModel::IqsBeamDsClb { .. } => UnilateralLaw::InelasticShock { rescue: None },
+            | LawModel::IqsBeamDsClb { .. }
+            | LawModel::ElasticBeamDsClb { .. } => UnilateralLaw::InelasticShock { rescue: None },
             LawModel::IqsClbRgr { relaxation_steps: steps, relaxation_gap: gap, .. } => {
                 UnilateralLaw::InelasticShock { rescue: Some(GapRescue { steps, gap }) }
             }
@@ -335,8 +347,8 @@ impl ContactLaw {
         let cohesion = model.cohesion().map(|cohesion| match cohesion {
             LawCohesion::Liquid { force, range, remembers } => Cohesion::Wet { force, range, remembers },
             LawCohesion::Pair(pair) => Cohesion::Pair(pair),
-            LawCohesion::Bond { normal, tangential, radius } => {
-                Cohesion::Bond { normal, tangential, now: normal, radius }
+            LawCohesion::Bond { normal, tangential, radius, stiffness } => {
+                Cohesion::Bond { normal, tangential, now: normal, radius, stiffness }
             }
         });
         let FrictionPair { static_friction, dynamic_friction } = model.friction();
@@ -478,6 +490,27 @@ impl ContactLaw {
         }
     }
 
+    /// Stiffnesses of the bonds of the law, if it has elastic bonds.
+    pub fn bond_stiffness(&self) -> Option<BondStiffness> {
+        match self.cohesion() {
+            Some(Cohesion::Bond { stiffness, .. }) => stiffness,
+            None | Some(Cohesion::Wet { .. } | Cohesion::Pair(_)) => None,
+        }
+    }
+
+    /// Compliances of an elastic bond of the radius `radius` (m) in a step of `h`, whose next contact configuration is after
+    /// `closing_time` (s).
+    ///
+    /// The force at the end of the step is F = F⁻ - k S T u, that is u - C F⁻ h + C r = 0 with C = 1/(k S h T). With 10⁹ Pa/m on
+    /// 10⁻³ m² in a step of 1 ms, 1 /kg.
+    pub fn bond_compliance(&self, radius: f64, h: f64, closing_time: f64) -> Option<BondCompliance> {
+        let BondStiffness { normal, tangential } = self.bond_stiffness()?;
+        let area = std::f64::consts::PI * radius * radius;
+        let [opening, sliding] = [normal, tangential].map(|k| 1.0 / (k * area * h * closing_time));
+        let square = radius * radius;
+        Some(BondCompliance { opening, sliding, bending: 4.0 * opening / square, torsion: 2.0 * sliding / square })
+    }
+
     /// Whether contacts may carry moments.
     pub fn has_moments(&self) -> bool {
         self.rolling_friction().is_some() || self.bond_radius().is_some()
@@ -489,7 +522,7 @@ impl ContactLaw {
             return Some(MomentLimits { bending: rolling, torsion: spinning, shear: 0.0 });
         }
         match self.cohesion() {
-            Some(Cohesion::Bond { normal, tangential, now, radius: Some(_) }) if bonded && now > 0.0 => {
+            Some(Cohesion::Bond { normal, tangential, now, radius: Some(_), .. }) if bonded && now > 0.0 => {
                 Some(MomentLimits { bending: 0.25, torsion: 0.5 * tangential / normal, shear: 0.5 })
             }
             None | Some(Cohesion::Wet { .. } | Cohesion::Pair(_) | Cohesion::Bond { .. }) => None,
@@ -510,7 +543,7 @@ impl ContactLaw {
         if let Some(Cohesion::Pair(pair)) = self.cohesion() { Some(pair) } else { None }
     }
 
-    /// Whether bonds join their bodies rigidly: bodies joined by a liquid bridge or a bond without shear slide and roll.
+    /// Whether bonds join their bodies as one, rigidly or elastically: bodies joined by a liquid bridge or a bond without shear slide and roll.
     pub fn bonds_are_rigid(&self) -> bool {
         match self.cohesion() {
             Some(Cohesion::Bond { tangential, .. }) => tangential > 0.0,
@@ -547,7 +580,7 @@ impl ContactLaw {
             | UnilateralLaw::Velocity
             | UnilateralLaw::Restitution { .. } => false,
         };
-        is_spring || self.interface.is_some()
+        is_spring || self.interface.is_some() || self.bond_stiffness().is_some()
     }
 
     /// Wire or rod of the law, if it is one.
@@ -661,10 +694,10 @@ impl ContactLaw {
         }
     }
 
-    /// Whether moving contacts lose an active bond or static friction.
+    /// Whether moving contacts lose an active bond or static friction. Elastic bonds yield by their load, not by a motion.
     pub fn has_irreversible_loss(&self) -> bool {
         let loses_bonds = match self.cohesion() {
-            Some(Cohesion::Bond { .. }) => true,
+            Some(Cohesion::Bond { stiffness, .. }) => stiffness.is_none(),
             None | Some(Cohesion::Wet { .. } | Cohesion::Pair(_)) => false,
         };
         self.has_two_frictions() || loses_bonds

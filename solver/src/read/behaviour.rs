@@ -133,6 +133,10 @@ fn set_laws(
         {
             let solver = scene.options.solver;
             add_fault(format!("{} with solver {solver}", record.kind), "expected solver auto or nlgs".into());
+        } else if model.breaking_opening() > least_alert(tact, scene, &row.law) {
+            let found = format!("bonds open by {:e} m until they break", model.breaking_opening());
+            let alert = least_alert(tact, scene, &row.law);
+            add_fault(found, format!("expected normal_cohesion/normal_stiffness up to the alert distance {alert:e} m"));
         } else if scene.laws.len() > u8::MAX.into() {
             add_fault("is the 257th law in use".into(), "expected at most 256 in use".into());
         } else {
@@ -155,15 +159,13 @@ fn set_laws(
     scene.notes.extend(idle_rows_notes(tact, contactors));
     scene.notes.extend(liquids_beyond_alert_note(tact, contactors));
     check_laws_of_points(file, tact, contactors, faults);
-    let position = |is_sought: fn(&ContactLaw) -> bool| scene.laws.iter().position(is_sought);
-    if let (Some(roll), Some(spring)) = (position(ContactLaw::has_moments), position(ContactLaw::is_regularised)) {
-        let [roll, spring] = [roll, spring].map(|k| &scene.law_names[k]);
-        let line = tact.laws.iter().find(|law| law.nickname == roll.nickname).map(|law| law.line);
-        let found = format!("{} next to law '{}', {}", roll.kind, spring.nickname, spring.kind);
-        let expected = "expected laws without moments where a law has springs or couples bodies";
-        faults.push(Fault::new(file, line, format!("law '{}'", roll.nickname), found, expected));
-    }
     numbers
+}
+
+/// Least alert distance of the rows of the visibility table with a law, m.
+fn least_alert(tact: &TactBehav, scene: &Scene, law: &str) -> f64 {
+    let alerts = tact.visibility.iter().filter(|row| row.law == law).map(|row| row.alert);
+    scene.options.alert.unwrap_or_else(|| alerts.fold(f64::INFINITY, f64::min))
 }
 
 /// Sets the classes of contactors, the law of each pair of classes and the range of detection.

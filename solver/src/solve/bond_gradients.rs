@@ -5,17 +5,17 @@
 //! for contacts that stick. With all other impulses as they are, the corrections λ of these solve
 //!
 //! ```text
-//! Hᵀ M⁻¹ H λ = -(û, ω),
+//! (Hᵀ M⁻¹ H + C) λ = -(û, ω),
 //! ```
 //!
-//! here by conjugate gradients with the diagonal of the matrix, which is not stored. Redundant bonds make it singular, but the
+//! with the compliances C of elastic bonds and springs, here by conjugate gradients with the diagonal of the matrix, which is not stored. Redundant bonds make it singular, but the
 //! right side is in its range, as all rows can be at rest; where they cannot, the gradients end at their limit of iterations.
 //! Sweeps then find out which contacts reach their limits.
 //!
 //! Source: M.R. Hestenes, E. Stiefel, J. Res. Natl. Bur. Stand. 49 (1952) 409-436.
 
 use crate::activity;
-use crate::assemble::{ContactProblem, RollingConstraint, SolverBody};
+use crate::assemble::{ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
 use crate::math::{Twist, Vec3};
 use crate::solve::types::ContactReactions;
 
@@ -24,10 +24,15 @@ const MAX_SHARE_OF_LIMIT: f64 = 1.0 - 1e-9;
 
 /// Three equations of the system, one along each axis.
 enum StickingRow<'a> {
-    /// û = 0 of this row.
-    Impulse(usize),
+    /// û = 0 of this row, with its compliances along the normal and across, 1/kg.
+    Impulse(usize, [f64; 2]),
     /// No relative angular velocity; index in the list of moments.
     Moment(usize, &'a RollingConstraint),
+}
+
+/// Vector whose part along `n` is multiplied by `along`, and whose part across by `across`.
+fn scaled_parts(n: &Vec3, [along, across]: [f64; 2], vector: &Vec3) -> Vec3 {
+    vector * across + n * ((along - across) * n.dot(vector))
 }
 
 /// Equations of a contact problem.
@@ -39,12 +44,23 @@ struct StickingSystem<'a> {
 impl<'a> StickingSystem<'a> {
     /// Equations of the contacts whose reactions are within their limits.
     fn new(problem: &'a ContactProblem, reactions: &ContactReactions) -> Self {
-        let is_within = |k: &usize| {
-            let (row, r) = (&problem.rows[*k], &reactions.impulses[*k]);
+        let sticking_row = |k: usize| {
+            let (row, r) = (&problem.rows[k], &reactions.impulses[k]);
             let normal = row.normal.dot(r);
-            normal > 0.0 && (r - row.normal * normal).norm() < MAX_SHARE_OF_LIMIT * row.friction * normal
+            let is_within =
+                normal > 0.0 && (r - row.normal * normal).norm() < MAX_SHARE_OF_LIMIT * row.friction * normal;
+            let compliance = match problem.regularised_row(k).filter(|_| is_within) {
+                None => [0.0; 2],
+                Some(&RegularisedRow::Spring { compliance, .. }) => [compliance, 0.0],
+                Some(&RegularisedRow::Bond { opening, sliding, .. }) => [opening, sliding],
+                // Their impulses stay.
+                Some(
+                    RegularisedRow::Coupled { .. } | RegularisedRow::Link { .. } | RegularisedRow::Interface { .. },
+                ) => return None,
+            };
+            is_within.then_some(StickingRow::Impulse(k, compliance))
         };
-        let impulses = (0..problem.rows.len()).filter(is_within).map(StickingRow::Impulse);
+        let impulses = (0..problem.rows.len()).filter_map(sticking_row);
         let moments = problem.rolling_constraints.iter().enumerate().filter_map(|(index, roll)| {
             let (row, r) = (&problem.rows[roll.row.index()], &reactions.impulses[roll.row.index()]);
             let m = reactions.moments[index] / roll.radius;
@@ -58,10 +74,21 @@ impl<'a> StickingSystem<'a> {
         StickingSystem { problem, rows }
     }
 
+    /// Velocities by the compliances of the rows at these reactions.
+    fn compliant_velocity(&self, row: &StickingRow, value: &Vec3) -> Vec3 {
+        match *row {
+            StickingRow::Impulse(k, compliance) => scaled_parts(&self.problem.rows[k].normal, compliance, value),
+            StickingRow::Moment(_, roll) => {
+                let [across, along] = roll.compliance;
+                scaled_parts(&self.problem.rows[roll.row.index()].normal, [along, across], value)
+            }
+        }
+    }
+
     /// Velocities of the rows at the motions of the bodies, without shifts.
     fn velocities(&self, motions: &[Twist]) -> Vec<Vec3> {
         let velocity = |row: &StickingRow| match *row {
-            StickingRow::Impulse(k) => {
+            StickingRow::Impulse(k, _) => {
                 let [a, b] = self.problem.rows[k].bodies.map(|body| &motions[body.index()]);
                 a.v + self.problem.turning_velocity(k, 0, &a.w) - b.v - self.problem.turning_velocity(k, 1, &b.w)
             }
@@ -78,14 +105,14 @@ impl<'a> StickingSystem<'a> {
         let mut motions = vec![Twist::default(); self.problem.bodies.len()];
         for (row, value) in self.rows.iter().zip(values) {
             let k = match row {
-                StickingRow::Impulse(k) => *k,
+                StickingRow::Impulse(k, _) => *k,
                 StickingRow::Moment(_, roll) => roll.row.index(),
             };
             for (side, body) in self.problem.rows[k].bodies.into_iter().enumerate() {
                 let value = if side == 0 { *value } else { -value };
                 let motion = &mut motions[body.index()];
                 match row {
-                    StickingRow::Impulse(_) => {
+                    StickingRow::Impulse(..) => {
                         motion.v += self.problem.velocity_change(body, &value);
                         let turn = self.problem.angular_impulse(k, side, &value);
                         motion.w += self.problem.angular_velocity_change(body, &turn);
@@ -100,12 +127,17 @@ impl<'a> StickingSystem<'a> {
     /// Values over the diagonal of the matrix.
     fn preconditioned(&self, values: &[Vec3]) -> Vec<Vec3> {
         let divide = |(row, value): (&StickingRow, &Vec3)| match *row {
-            StickingRow::Impulse(k) => {
+            StickingRow::Impulse(k, [opening, sliding]) => {
                 let (w_n, w_t) = self.problem.delassus_diagonal(k);
                 let normal = self.problem.rows[k].normal * self.problem.rows[k].normal.dot(value);
-                normal / w_n + (value - normal) / w_t
+                normal / (w_n + opening) + (value - normal) / (w_t + sliding)
             }
-            StickingRow::Moment(_, roll) => value * roll.inverse_w,
+            StickingRow::Moment(_, roll) if roll.compliance == [0.0; 2] => value * roll.inverse_w,
+            StickingRow::Moment(_, roll) => {
+                let factors = roll.compliance.map(|compliance| 1.0 / (1.0 / roll.inverse_w + compliance));
+                let [across, along] = factors;
+                scaled_parts(&self.problem.rows[roll.row.index()].normal, [along, across], value)
+            }
         };
         self.rows.iter().zip(values).map(divide).collect()
     }
@@ -134,12 +166,18 @@ pub fn corrected_reactions(
     let system = StickingSystem::new(problem, &reactions);
     let motions: Vec<Twist> = solver_bodies.iter().map(|body| Twist { v: body.v, w: body.w }).collect();
     let shift = |row: &StickingRow| match *row {
-        StickingRow::Impulse(k) => problem.rows[k].shift,
+        StickingRow::Impulse(k, _) => problem.rows[k].shift,
         StickingRow::Moment(_, roll) => roll.shift,
     };
     let shifts = system.rows.iter().map(shift);
     let mut remaining: Vec<Vec3> =
         system.velocities(&motions).iter().zip(shifts).map(|(u, shift)| -(u + shift)).collect();
+    for (row, remaining) in system.rows.iter().zip(&mut remaining) {
+        *remaining -= match *row {
+            StickingRow::Impulse(k, _) => system.compliant_velocity(row, &reactions.impulses[k]),
+            StickingRow::Moment(index, _) => system.compliant_velocity(row, &reactions.moments[index]),
+        };
+    }
     let mut corrections = vec![Vec3::zeros(); remaining.len()];
     let mut preconditioned = system.preconditioned(&remaining);
     let mut direction = preconditioned.clone();
@@ -147,7 +185,10 @@ pub fn corrected_reactions(
     let target = size * limits.reduction * limits.reduction;
     let mut iterations = 0;
     while size > target && iterations < limits.iterations && !activity::is_stopped() {
-        let response = system.velocities(&system.motions(&direction));
+        let mut response = system.velocities(&system.motions(&direction));
+        for ((row, response), value) in system.rows.iter().zip(&mut response).zip(&direction) {
+            *response += system.compliant_velocity(row, value);
+        }
         let curvature = dot(&direction, &response);
         if curvature <= 0.0 {
             break; // rounding
@@ -165,7 +206,7 @@ pub fn corrected_reactions(
     }
     for (row, correction) in system.rows.iter().zip(&corrections) {
         match *row {
-            StickingRow::Impulse(k) => reactions.impulses[k] += correction,
+            StickingRow::Impulse(k, _) => reactions.impulses[k] += correction,
             StickingRow::Moment(index, _) => reactions.moments[index] += correction,
         }
     }

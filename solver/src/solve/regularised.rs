@@ -2,30 +2,43 @@
 //!
 //! A spring of the law adds its compliance C to the normal unknown, û_n = u_n + shift + C r̂_n, so that the force at the end of
 //! the step is that of the gap at the end of the step, for any stiffness and length of the step. A coupled row has u = 0 for
-//! any impulse. A wire or rod has a spring, too, and pulls. An interface acts next to the contact: its impulse, with the
+//! any impulse. A wire or rod has a spring, too, and pulls. An elastic bond has compliances of all components of its impulse and of
+//! its moment. An interface acts next to the contact: its impulse, with the
 //! damage of the start of the step, is linear in the velocity of the row. The method is
 //! [`gauss_seidel`](super::gauss_seidel), one contact after the other: such rows are few, and all other scenes keep the
 //! sweeps in vectors, which know neither.
 //!
 //! E is |F(r)|/|F(r_0)| as in [`residual`](super::residual), with the ρ = 3/trace W of each row, W including C: the rows of
-//! soft and of stiff springs differ by many orders of magnitude.
+//! soft and of stiff springs differ by many orders of magnitude. Moments, of elastic bonds or by rolling friction, follow the
+//! impulses of their rows. Sweeps alternate with the gradients of [`bond_gradients`](super::bond_gradients) where there are elastic
+//! bonds.
 
 use nalgebra::Matrix3;
 
 use crate::activity;
-use crate::assemble::{ContactProblem, InterfaceRow, RegularisedRow, SolverBody};
+use crate::assemble::{ContactProblem, InterfaceRow, RegularisedRow, RollingConstraint, SolverBody};
 use crate::math::Vec3;
 use crate::math::simd::Scalar;
+use crate::solve::bond_gradients::{GradientLimits, corrected_reactions};
 use crate::solve::gauss_seidel::block::local::{
     delassus_block_of_row, full_matrix, solve_contact_block, symmetric_components,
 };
 use crate::solve::gauss_seidel::driver::closing_inactive_rows;
 use crate::solve::residual::project_on_cone;
-use crate::solve::types::{ContactSolution, StoppingCriteria};
+use crate::solve::types::{ContactReactions, ContactSolution, StoppingCriteria};
 use crate::state::ContactId;
 
 /// Sweeps between two checks of E: a check costs about two sweeps.
 const SWEEPS_BETWEEN_CHECKS: u64 = 10;
+
+/// Sweeps between two corrections of bonds by gradients: enough to find the bonds that yield.
+const SWEEPS_BETWEEN_CORRECTIONS: u64 = 50;
+
+/// Share of the residual below which a correction of the bonds must bring it, so that another one is made.
+const MIN_CORRECTION_GAIN: f64 = 0.5;
+
+/// Share of the reduction to the sought residual to which the gradients reduce the velocities: the two are measured differently.
+const REDUCTION_MARGIN: f64 = 0.1;
 
 /// Share of the summed velocities of the rows below which a residual is rounding, as in `residual`.
 const ROUNDING_FLOOR: f64 = 1e-15;
@@ -36,13 +49,15 @@ struct SweptRow {
     /// W without regularisation, 1/kg.
     block: Matrix3<f64>,
     kind: RowKind,
+    /// Index of its moments.
+    roll: Option<usize>,
 }
 
 /// Condition of a row.
 #[derive(Clone, Copy)]
 enum RowKind {
-    /// Signorini and Coulomb, with a compliance along the normal, 1/kg; 0 for most rows.
-    Contact { compliance: f64 },
+    /// Signorini and Coulomb, with compliances along the normal and across, 1/kg; 0 for most rows.
+    Contact { compliance: f64, sliding: f64 },
     /// No relative velocity where the bodies can move.
     Coupled(CoupledBlock),
     /// Wire or rod with a compliance, 1/kg, along the normal, and no impulse across.
@@ -123,21 +138,26 @@ impl SweptRow {
             None => (Matrix3::identity() - along) * constraint.w_t + along * constraint.w_n,
         };
         let kind = match contact_problem.regularised_row(k) {
-            None => RowKind::Contact { compliance: 0.0 },
-            Some(RegularisedRow::Spring { compliance, .. }) => RowKind::Contact { compliance: *compliance },
+            None => RowKind::Contact { compliance: 0.0, sliding: 0.0 },
+            Some(RegularisedRow::Spring { compliance, .. }) => {
+                RowKind::Contact { compliance: *compliance, sliding: 0.0 }
+            }
+            Some(&RegularisedRow::Bond { opening, sliding, .. }) => RowKind::Contact { compliance: opening, sliding },
             Some(RegularisedRow::Coupled { .. }) => RowKind::Coupled(CoupledBlock::new(&block)),
             Some(&RegularisedRow::Link { compliance, is_wire, .. }) => RowKind::Link { compliance, is_wire },
             Some(RegularisedRow::Interface { interface, .. }) => RowKind::Interface(*interface),
         };
-        SweptRow { row, block, kind }
+        let roll = contact_problem.rolling_constraints.binary_search_by_key(&row, |roll| roll.row).ok();
+        SweptRow { row, block, kind, roll }
     }
 
     /// W with the compliance, 1/kg.
     fn regularised_block(&self, n: &Vec3) -> Matrix3<f64> {
         match self.kind {
-            RowKind::Contact { compliance } | RowKind::Link { compliance, .. } => {
-                self.block + n * n.transpose() * compliance
+            RowKind::Contact { compliance, sliding } => {
+                self.block + n * n.transpose() * (compliance - sliding) + Matrix3::identity() * sliding
             }
+            RowKind::Link { compliance, .. } => self.block + n * n.transpose() * compliance,
             RowKind::Coupled(_) | RowKind::Interface(_) => self.block,
         }
     }
@@ -145,7 +165,8 @@ impl SweptRow {
     /// û of the row with the impulse `r`, whose velocity without the compliance is `u`.
     fn regularised_velocity(&self, n: &Vec3, u: &Vec3, r: &Vec3) -> Vec3 {
         match self.kind {
-            RowKind::Contact { compliance } | RowKind::Link { compliance, .. } => u + n * (compliance * n.dot(r)),
+            RowKind::Contact { compliance, sliding } => u + n * ((compliance - sliding) * n.dot(r)) + r * sliding,
+            RowKind::Link { compliance, .. } => u + n * (compliance * n.dot(r)),
             RowKind::Coupled(_) | RowKind::Interface(_) => *u,
         }
     }
@@ -215,14 +236,56 @@ fn link_impulse(r: f64, u: f64, rho: f64, is_wire: bool) -> f64 {
     if is_wire { new.min(0.0) } else { new }
 }
 
-/// Norm of F over the swept rows, N s, and the row with the largest part.
-fn residual_norm(contact_problem: &ContactProblem, rows: &[SweptRow], impulses: &[Vec3]) -> (f64, Option<ContactId>) {
+/// Moment of a contact with the impulse `r` and the moment `m` that stops the relative angular velocity `w` (rad/s), without
+/// limits, and with the limits of its law.
+fn rolling_moments(roll: &RollingConstraint, n: &Vec3, w: &Vec3, r: &Vec3, m: &Vec3) -> [Vec3; 2] {
+    let w = w + roll.shift;
+    let [across, along] = roll.compliance;
+    let [m_n, w_n] = [m, &w].map(|vector| n.dot(vector));
+    let [m_t, w_t] = [m - n * m_n, w - n * w_n];
+    let mobility = 1.0 / roll.inverse_w;
+    let new_t = m_t - (w_t + m_t * across) / (mobility + across);
+    let new_n = m_n - (w_n + m_n * along) / (mobility + along);
+    let (across_bound, along_bound) = roll.moment_bounds(r, n);
+    let [across_bound, along_bound] = [across_bound, along_bound].map(|bound| bound.max(0.0) * roll.radius);
+    let size = new_t.norm();
+    let limited_t = if size > across_bound { new_t * (across_bound / size) } else { new_t };
+    [new_t + n * new_n, limited_t + n * new_n.clamp(-along_bound, along_bound)]
+}
+
+/// Angular velocity of the candidate of a row relative to its antagonist, rad/s.
+fn relative_spin(contact_problem: &ContactProblem, row: ContactId) -> Vec3 {
+    let [a, b] = contact_problem.rows[row.index()].bodies.map(|body| contact_problem.bodies[body.index()].w);
+    a - b
+}
+
+/// Gives the two bodies of a row the moment `m` on the candidate and -m on the antagonist, N m s.
+fn apply_moment(contact_problem: &mut ContactProblem, row: ContactId, m: &Vec3) {
+    let [a, b] = contact_problem.rows[row.index()].bodies;
+    for (body, m) in [(a, *m), (b, -m)] {
+        let turn = contact_problem.angular_velocity_change(body, &m);
+        contact_problem.bodies[body.index()].w += turn;
+    }
+}
+
+/// Norm of F over the swept rows, N s, and the row with the largest part. The part of a moment is its error divided by R.
+fn residual_norm(
+    contact_problem: &ContactProblem,
+    rows: &[SweptRow],
+    reactions: &ContactReactions,
+) -> (f64, Option<ContactId>) {
     let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
     for swept in rows {
         let k = swept.row.index();
-        let size_squared = swept
-            .natural_map(contact_problem, &contact_problem.shifted_velocity(k, &contact_problem.bodies), &impulses[k])
-            .norm_squared();
+        let u = contact_problem.shifted_velocity(k, &contact_problem.bodies);
+        let r = &reactions.impulses[k];
+        let mut size_squared = swept.natural_map(contact_problem, &u, r).norm_squared();
+        if let Some(index) = swept.roll {
+            let (roll, m) = (&contact_problem.rolling_constraints[index], &reactions.moments[index]);
+            let w = relative_spin(contact_problem, swept.row);
+            let [_, limited] = rolling_moments(roll, &contact_problem.rows[k].normal, &w, r, m);
+            size_squared += ((m - limited) / roll.radius).norm_squared();
+        }
         sum += size_squared;
         if size_squared > largest {
             (largest, worst) = (size_squared, Some(swept.row));
@@ -231,27 +294,74 @@ fn residual_norm(contact_problem: &ContactProblem, rows: &[SweptRow], impulses: 
     (sum.sqrt(), worst)
 }
 
+/// One sweep over the rows.
+fn sweep_rows(work: &mut ContactProblem, rows: &[SweptRow], reactions: &mut ContactReactions) {
+    for swept in rows {
+        let k = swept.row.index();
+        let new = swept.solve(work, &work.shifted_velocity(k, &work.bodies), &reactions.impulses[k]);
+        work.apply_impulse(k, &(new - reactions.impulses[k]));
+        reactions.impulses[k] = new;
+        if let Some(index) = swept.roll {
+            let (normal, w) = (work.rows[k].normal, relative_spin(work, swept.row));
+            let m = reactions.moments[index];
+            let [_, limited] = rolling_moments(&work.rolling_constraints[index], &normal, &w, &new, &m);
+            apply_moment(work, swept.row, &(limited - m));
+            reactions.moments[index] = limited;
+        }
+    }
+}
+
+/// Corrections of elastic bonds by gradients, as long as they gain.
+struct BondCorrections {
+    /// Number of sweeps at which the next one is due.
+    next: u64,
+    /// Residual before the last one.
+    residual: f64,
+    gains: bool,
+}
+
+impl BondCorrections {
+    fn new(contact_problem: &ContactProblem) -> BondCorrections {
+        let has_bonds = contact_problem.regularised.iter().any(|row| matches!(row, RegularisedRow::Bond { .. }));
+        BondCorrections { next: 0, residual: f64::INFINITY, gains: has_bonds }
+    }
+
+    /// Whether a correction is due after `sweeps`, at the `residual` that they have reached.
+    fn is_due(&mut self, sweeps: u64, residual: f64) -> bool {
+        if !self.gains || sweeps < self.next {
+            return false;
+        }
+        self.gains = residual <= MIN_CORRECTION_GAIN * self.residual;
+        self.residual = residual;
+        self.gains
+    }
+}
+
 /// Solves as [`solve_nlgs`](super::solve_nlgs) does a problem with regularised rows.
 pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCriteria) -> ContactSolution {
     let mut active: Vec<ContactId> = (0..contact_problem.rows.len())
         .map(ContactId::new)
         .filter(|k| contact_problem.rows[k.index()].can_close)
         .collect();
-    let mut impulses = vec![Vec3::zeros(); contact_problem.rows.len()];
-    active.iter().for_each(|k| impulses[k.index()] = contact_problem.rows[k.index()].warm_start);
+    let mut reactions = ContactReactions::warm_start(contact_problem);
     let mut sweeps = 0;
     loop {
         let rows: Vec<SweptRow> = active.iter().map(|&k| SweptRow::new(contact_problem, k)).collect();
-        // The problem with the impulses of a list applied to its bodies.
-        let moved_problem = |impulses: &[Vec3]| {
+        // The problem with the reactions of a list applied to its bodies.
+        let moved_problem = |reactions: &ContactReactions| {
             let mut work = contact_problem.clone();
-            active.iter().for_each(|k| work.apply_impulse(k.index(), &impulses[k.index()]));
+            active.iter().for_each(|k| work.apply_impulse(k.index(), &reactions.impulses[k.index()]));
+            for swept in &rows {
+                if let Some(index) = swept.roll {
+                    apply_moment(&mut work, swept.row, &reactions.moments[index]);
+                }
+            }
             work
         };
-        let mut balance = vec![Vec3::zeros(); contact_problem.rows.len()];
+        let mut balance = ContactReactions::zeros(contact_problem);
         for k in &active {
             let row = &contact_problem.rows[k.index()];
-            balance[k.index()] = row.normal * row.balancing_impulse();
+            balance.impulses[k.index()] = row.normal * row.balancing_impulse();
         }
         let speed_scale = |k: &ContactId| {
             let row = &contact_problem.rows[k.index()];
@@ -261,33 +371,39 @@ pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCri
         };
         let floor = ROUNDING_FLOOR * active.iter().map(|k| speed_scale(k).powi(2)).sum::<f64>().sqrt();
         let initial = residual_norm(&moved_problem(&balance), &rows, &balance).0.max(floor);
-        let mut work = moved_problem(&impulses);
-        let relative_residual = |work: &ContactProblem, impulses: &[Vec3]| {
-            let (norm, worst) = residual_norm(work, &rows, impulses);
+        let mut work = moved_problem(&reactions);
+        let relative_residual = |work: &ContactProblem, reactions: &ContactReactions| {
+            let (norm, worst) = residual_norm(work, &rows, reactions);
             if norm <= floor { (0.0, None) } else { (norm / initial, worst) }
         };
-        let (mut residual, mut worst) = relative_residual(&work, &impulses);
+        let (mut residual, mut worst) = relative_residual(&work, &reactions);
+        let mut corrections = BondCorrections::new(contact_problem);
         while residual > criteria.target_residual && sweeps < criteria.max_sweeps && !activity::is_stopped() {
             for _ in 0..SWEEPS_BETWEEN_CHECKS.min(criteria.max_sweeps - sweeps) {
-                for swept in &rows {
-                    let k = swept.row.index();
-                    let new = swept.solve(&work, &work.shifted_velocity(k, &work.bodies), &impulses[k]);
-                    work.apply_impulse(k, &(new - impulses[k]));
-                    impulses[k] = new;
-                }
+                sweep_rows(&mut work, &rows, &mut reactions);
                 sweeps += 1;
                 activity::count_sweep();
             }
             // Rounding accumulates in the velocities.
-            work = moved_problem(&impulses);
-            (residual, worst) = relative_residual(&work, &impulses);
+            work = moved_problem(&reactions);
+            (residual, worst) = relative_residual(&work, &reactions);
+            if residual > criteria.target_residual && corrections.is_due(sweeps, residual) {
+                let reduction = REDUCTION_MARGIN * criteria.target_residual / residual;
+                let limits = GradientLimits { reduction, iterations: criteria.max_sweeps - sweeps };
+                let (corrected, iterations) = corrected_reactions(contact_problem, reactions, &work.bodies, limits);
+                sweeps += iterations;
+                corrections.next = sweeps + SWEEPS_BETWEEN_CORRECTIONS;
+                reactions = corrected;
+                work = moved_problem(&reactions);
+                (residual, worst) = relative_residual(&work, &reactions);
+            }
         }
         let solver_bodies: Vec<SolverBody> = work.bodies;
         let missed = closing_inactive_rows(contact_problem, &active, &solver_bodies);
         if missed.is_empty() || sweeps >= criteria.max_sweeps || activity::is_stopped() {
             return ContactSolution {
-                impulses,
-                moments: vec![],
+                impulses: reactions.impulses,
+                moments: reactions.moments,
                 solver_bodies,
                 sweeps,
                 single_precision: false,

@@ -775,6 +775,7 @@ mod tests {
             shear: 0.0,
             inverse_w: 0.1,
             shift: -turning,
+            compliance: [0.0; 2],
             warm_start: Vec3::zeros(),
         };
         ContactProblem {

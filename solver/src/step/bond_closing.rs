@@ -34,11 +34,13 @@ const SWEEPS: usize = 10;
 /// Moves the bodies of bonds that have opened too far. `state` is the state at the step's end, with the contacts of
 /// `contact_problem`.
 pub fn close_bonds(scene: &Scene, state: &mut State, contact_problem: &ContactProblem) {
-    if !state.laws.iter().any(ContactLaw::has_stress) {
+    // Openings of elastic bonds are part of their law.
+    let has_rigid_bonds = |law: &ContactLaw| law.has_stress() && law.bond_stiffness().is_none();
+    if !state.laws.iter().any(has_rigid_bonds) {
         return;
     }
     let bond_opening = |solved: &SolvedContact| {
-        let bond = solved.bond.filter(|_| state.laws[solved.contact.law].has_stress());
+        let bond = solved.bond.filter(|_| has_rigid_bonds(&state.laws[solved.contact.law]));
         bond.map(|bond_gap| solved.contact.gap - bond_gap)
     };
     let is_too_far = |solved: &SolvedContact| {

@@ -6,13 +6,13 @@ use rayon::prelude::*;
 
 use super::context::{SolvedProblem, StepContext};
 use super::velocity_errors::VelocityErrors;
-use crate::assemble::{ContactProblem, FreeMotion, RegularisedRow, SolverBody, velocity_at_arms};
+use crate::assemble::{ContactProblem, FreeMotion, RegularisedRow, SolverBody, contact_arms, velocity_at_arms};
 use crate::integrate::ContactConfiguration;
 use crate::laws::{ContactMotion, MAX_TOUCHING_GAP};
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::{BodyId, Scene};
 use crate::solve::ContactSolution;
-use crate::state::{Contact, ContactExchange, ContactStatus, LawMemory, SolvedContact, State, Velocities};
+use crate::state::{Contact, ContactExchange, ContactId, ContactStatus, LawMemory, SolvedContact, State, Velocities};
 
 /// Number of rows, contacts or bodies that one task sums.
 pub const ITEMS_PER_TASK: usize = 1024;
@@ -126,6 +126,9 @@ struct PostSolve<'a> {
 /// Ratio of overlap to smaller radius, above which a run warns: only springs cause it by their law, and volumes are off by
 /// three times as much.
 pub const OVERLAP_WARNING_SHARE: f64 = 1e-2;
+
+/// Relative distance of a load from the limit of an elastic bond that is rounding: loads that yield are set to the limit.
+const YIELD_ROUNDING: f64 = 1e-9;
 
 /// Two bodies that overlap.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -263,7 +266,12 @@ impl PostSolve<'_> {
         // Largest tangential impulse, N s, less rounding: the impulse at the limit lies on the cone.
         let bound = row.friction * local.x * (1.0 - 1e-12);
         let at_limit = if errors.is_some() && row.friction > 0.0 { motion.slides } else { local.yz().norm() >= bound };
-        let has_interface = matches!(contact_problem.regularised_row(k), Some(RegularisedRow::Interface { .. }));
+        let regularised = contact_problem.regularised_row(k);
+        let has_interface = matches!(regularised, Some(RegularisedRow::Interface { .. } | RegularisedRow::Bond { .. }));
+        let motion = match regularised {
+            Some(RegularisedRow::Bond { .. }) => self.bond_yield(k, &local, rolling_moment),
+            _ => motion,
+        };
         let pulls_or_pushes = law.strain_spring().is_some() && local.x != 0.0;
         let status = if law.is_coupled() || has_interface || pulls_or_pushes {
             ContactStatus::Stick
@@ -282,6 +290,52 @@ impl PostSolve<'_> {
         *velocity = to_local(&frame, &self.contact_velocity(k, contact, velocities));
         *end_status = status;
         *bond = row.bond.filter(|_| law.keeps_bond(contact.gap, motion));
+        if let (Some(&RegularisedRow::Bond { sliding, .. }), Some(_)) = (regularised, &bond) {
+            let [shear, strained_moment] = self.bond_strain_load(k, sliding);
+            let shear = to_local(&frame, &shear);
+            (impulse.y, impulse.z) = (shear.y, shear.z);
+            *moment = to_local(&frame, &strained_moment);
+        }
+    }
+
+    /// Shear impulse (N s) and moment (N m s) of an elastic bond by its strain at the step's end, world frame. They differ from those
+    /// that the solver has found by its residual, and the next step starts from them: errors of solutions do not accumulate
+    /// as creep.
+    fn bond_strain_load(&self, k: usize, sliding: f64) -> [Vec3; 2] {
+        let &PostSolve { contact_problem, solution, .. } = self;
+        let row = &contact_problem.rows[k];
+        let u = contact_problem.shifted_velocity(k, &solution.solver_bodies);
+        let shear = (row.normal * row.normal.dot(&u) - u) / sliding;
+        let rolls = &contact_problem.rolling_constraints;
+        let moment = rolls.binary_search_by_key(&ContactId::new(k), |roll| roll.row).map_or(Vec3::zeros(), |index| {
+            let roll = &rolls[index];
+            let [a, b] = row.bodies.map(|body| solution.solver_bodies[body.index()].w);
+            let w = a - b + roll.shift;
+            let along = row.normal * row.normal.dot(&w);
+            let [bending, torsion] = roll.compliance;
+            (along - w) / bending - along / torsion
+        });
+        [shear, moment]
+    }
+
+    /// Motion of an elastic bond beyond its limits: it yields where its impulse (contact frame, N s) or its moment (world frame,
+    /// N m s) is at a limit.
+    fn bond_yield(&self, k: usize, impulse: &Vec3, moment: Option<&Vec3>) -> ContactMotion {
+        let row = &self.contact_problem.rows[k];
+        let is_at_limit = |load: f64, limit: f64| load >= limit * (1.0 - YIELD_ROUNDING);
+        let rolls = &self.contact_problem.rolling_constraints;
+        let roll = rolls.binary_search_by_key(&ContactId::new(k), |roll| roll.row).ok().map(|index| &rolls[index]);
+        let turns = roll.zip(moment).is_some_and(|(roll, moment)| {
+            let along = row.normal.dot(moment);
+            let (across_bound, along_bound) = roll.moment_bounds(&self.solution.impulses[k], &row.normal);
+            let across = (moment - row.normal * along).norm();
+            is_at_limit(across, across_bound * roll.radius) || is_at_limit(along.abs(), along_bound * roll.radius)
+        });
+        ContactMotion {
+            opens: impulse.x <= 0.0,
+            slides: is_at_limit(impulse.yz().norm(), row.friction * impulse.x),
+            turns,
+        }
     }
 
     /// Adds the contribution of contact `k` with the impulse `r` of its row to the totals; returns its impulse times its
@@ -310,6 +364,9 @@ impl PostSolve<'_> {
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
         let turning_work =
             if rolls { 0.5 * moment.dot(&(doubled_mean_spin(candidate) - doubled_mean_spin(antagonist))) } else { 0.0 };
+        // Elastic bonds of faces do not act at the contact point.
+        let has_moved_point = contact.area > 0.0 && self.state.laws[contact.law].bond_stiffness().is_some();
+        let offset = if has_moved_point { arms[0] - contact_arms(contact, &q_c.x)[0] } else { Vec3::zeros() };
         let moment = if contact_problem.has_friction_offsets() {
             moment + contact_problem.friction_couple(k, r)
         } else {
@@ -342,7 +399,7 @@ impl PostSolve<'_> {
             }
             if !bodies[other].driven {
                 totals.momentum += force;
-                totals.angular_momentum += contact.point.cross(&force) - moment * sign;
+                totals.angular_momentum += (contact.point + offset).cross(&force) - moment * sign;
             }
         }
         force.dot(&branch)

@@ -79,7 +79,7 @@ impl VelocityErrors {
         };
         contact_problem.rows.iter().zip(row_errors).for_each(|(row, error)| add_error(row, error));
         let bonds = contact_problem.rolling_constraints.iter().zip(&solution.moments);
-        for (roll, moment) in bonds.filter(|(roll, _)| roll.is_bond()) {
+        for (roll, moment) in bonds.filter(|(roll, _)| roll.is_bond() && roll.compliance == [0.0; 2]) {
             add_error(&contact_problem.rows[roll.row.index()], turning_error(contact_problem, solution, roll, moment));
         }
         VelocityErrors { errors, leverages: tangential_leverages(contact_problem), unsettled: Vec::new() }
@@ -176,7 +176,10 @@ impl StepBonds<'_> {
     fn rigid_rows(&self, contact_problem: &ContactProblem) -> Vec<usize> {
         let is_rigid = |&k: &usize| {
             let law = &self.laws[self.context.contacts[k].law.index()];
-            has_active_bond(&contact_problem.rows[k]) && law.has_stress() && law.bonds_are_rigid()
+            has_active_bond(&contact_problem.rows[k])
+                && law.has_stress()
+                && law.bonds_are_rigid()
+                && law.bond_stiffness().is_none()
         };
         (0..contact_problem.rows.len()).into_par_iter().with_min_len(PAR_MIN_LEN).filter(is_rigid).collect()
     }

@@ -11,6 +11,7 @@ mod clusters;
 mod constrained_rotation;
 mod driven_in_part;
 mod driver;
+mod elastic_beams;
 mod elliptic;
 mod envelope;
 mod extremes;
