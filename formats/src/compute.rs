@@ -132,6 +132,9 @@ pub enum ExternalField {
         position: Option<[f64; 3]>,
         #[serde(default, skip_serializing_if = "Option::is_none")]
         orbit: Option<OrbitSpec>,
+        /// Whether the mass is attracted by the bodies in turn.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        response: bool,
     },
     /// Attraction by a mass that is oblate about an axis: equatorial radius (m) and zonal harmonic J2.
     Oblate {
@@ -140,6 +143,9 @@ pub enum ExternalField {
         position: Option<[f64; 3]>,
         #[serde(default, skip_serializing_if = "Option::is_none")]
         orbit: Option<OrbitSpec>,
+        /// Whether the mass is attracted by the bodies in turn.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        response: bool,
         radius: f64,
         j2: f64,
         axis: [f64; 3],
@@ -181,14 +187,14 @@ impl ExternalField {
             _ => Some("either position or orbit"),
         };
         match self {
-            ExternalField::PointMass { mass, position, orbit } => {
+            ExternalField::PointMass { mass, position, orbit, .. } => {
                 if is_positive(*mass) {
                     path_fault(*mass, position, orbit)
                 } else {
                     Some(expected)
                 }
             }
-            ExternalField::Oblate { mass, position, orbit, radius, j2, axis } => {
+            ExternalField::Oblate { mass, position, orbit, radius, j2, axis, .. } => {
                 let squared_length = axis.iter().map(|x| x * x).sum::<f64>();
                 let sound = is_positive(*mass) && is_positive(*radius) && j2.is_finite() && is_positive(squared_length);
                 if sound { path_fault(*mass, position, orbit) } else { Some(expected) }
@@ -207,6 +213,22 @@ impl ExternalField {
     /// Angular velocity of the axes, rad/s.
     pub fn rotation_rate(&self) -> [f64; 3] {
         if let ExternalField::RotatingFrame { rate, .. } = self { *rate } else { [0.0; 3] }
+    }
+
+    /// Whether the mass of the field is attracted by the bodies in turn.
+    pub fn has_response(&self) -> bool {
+        match self {
+            ExternalField::PointMass { response, .. } | ExternalField::Oblate { response, .. } => *response,
+            ExternalField::Polyhedron { .. } | ExternalField::RotatingFrame { .. } => false,
+        }
+    }
+
+    /// Mass of the field, kg; 0 if it is not given by a mass.
+    pub fn mass(&self) -> f64 {
+        match self {
+            ExternalField::PointMass { mass, .. } | ExternalField::Oblate { mass, .. } => *mass,
+            ExternalField::Polyhedron { .. } | ExternalField::RotatingFrame { .. } => 0.0,
+        }
     }
 
     /// Orbit of a mass that moves.
@@ -556,6 +578,10 @@ impl Compute {
             } else if has_orbits && field.orbit().is_none() {
                 // The origin falls on its orbit: a mass at rest would attract it, and rotating axes would move the orbit.
                 report.add_fault(&path, found, "fields that all have an orbit, or none");
+            } else if field.has_response() && (field.orbit().is_none() || self.fields.len() > 1) {
+                report.add_fault(&path, found, "a response of a single field with an orbit");
+            } else if field.has_response() && !(self.sinks.is_empty() && self.sources.is_empty()) {
+                report.add_fault(&path, found, "no response with sinks or sources, which change the attracting mass");
             } else if matches!(field, ExternalField::RotatingFrame { .. })
                 && self.fields[..k].iter().any(|other| matches!(other, ExternalField::RotatingFrame { .. }))
             {

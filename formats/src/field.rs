@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 use crate::compute::ExternalField;
 use crate::error::{Fault, Faults};
@@ -26,6 +27,8 @@ pub enum FieldModel {
         /// Point that falls in the attraction of the primary, as of a point mass, and with which these axes fall, m; `None`
         /// if the primary is at rest.
         falling: Option<Vec3>,
+        /// Displacement of the primary from its orbit by its response to the bodies, part of `centre`, m.
+        displacement: Vec3,
         /// J2 R^2, m^2: zonal harmonic and equatorial radius squared; 0 for a sphere.
         oblateness: f64,
         /// Unit vector.
@@ -50,10 +53,50 @@ pub enum FieldModel {
     },
 }
 
+/// Response of a primary on an orbit to the attraction of the bodies.
+///
+/// The orbit is that of two point masses about each other, the mass of the bodies in the origin. The primary deviates from it by
+/// the tide on the bodies: what these gain of momentum relative to the origin the primary loses. With the masses m_i and M, the
+/// velocities v_i, and the deviation d,
+///
+/// ```text
+/// M d(d')/dt = -Σ m_i a_i,   hence   Σ m_i v_i + M d' = const.
+/// ```
+///
+/// where a_i is [`FieldModel::acceleration_and_potential`]: the remaining momentum, that of the two point masses, is constant.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct PrimaryResponse {
+    /// Mass of the bodies, kg.
+    pub bodies_mass: f64,
+    /// Deviation of the primary from its orbit, m.
+    pub displacement: [f64; 3],
+    /// Its velocity, m/s.
+    pub velocity: [f64; 3],
+}
+
+impl PrimaryResponse {
+    /// Response after `time` (s) without forces.
+    pub fn after(&self, time: f64) -> PrimaryResponse {
+        let displacement = [0, 1, 2].map(|k| self.displacement[k] + self.velocity[k] * time);
+        PrimaryResponse { displacement, ..*self }
+    }
+}
+
+/// Displacement (m) of a primary from its orbit and the mass (kg) of its companion, 0 without a response.
+fn deviation(response: Option<&PrimaryResponse>) -> (Vec3, f64) {
+    response.map_or((Vec3::zeros(), 0.0), |response| (response.displacement.into(), response.bodies_mass))
+}
+
 impl FieldModel {
     /// Models of the fields, with the shapes of the polyhedra among them, at a time, s; `gravity_constant` in
-    /// m^3 kg^-1 s^-2; see [`primary_motions`].
-    pub fn from_fields(fields: &[ExternalField], shapes: &FieldShapes, gravity_constant: f64, time: f64) -> Vec<Self> {
+    /// m^3 kg^-1 s^-2; with the `response` of the primary at this time, if it has one; see [`primary_motions`].
+    pub fn from_fields(
+        fields: &[ExternalField],
+        shapes: &FieldShapes,
+        gravity_constant: f64,
+        time: f64,
+        response: Option<&PrimaryResponse>,
+    ) -> Vec<Self> {
         let mut shapes = shapes.0.iter();
         // Point that falls in the attraction of the next primary on an orbit: the origin, then the primary before.
         let mut falling_point = Vec3::zeros();
@@ -78,9 +121,10 @@ impl FieldModel {
             };
             let centre = motion.map_or(Vec3::zeros(), |(position, _)| position);
             let falling = field.orbit().is_some().then(|| std::mem::replace(&mut falling_point, centre));
-            FieldModel::Primary { strength: gravity_constant * mass, centre, falling, oblateness, axis }
+            let displacement = deviation(response).0;
+            FieldModel::Primary { strength: gravity_constant * mass, centre, falling, displacement, oblateness, axis }
         };
-        fields.iter().zip(primary_motions(fields, gravity_constant, time)).map(model).collect()
+        fields.iter().zip(primary_motions(fields, gravity_constant, time, response)).map(model).collect()
     }
 
     /// Acceleration of a body at rest in these axes, m/s^2, and its potential, J/kg. With r from the centre, s =
@@ -96,7 +140,7 @@ impl FieldModel {
     /// The force is 0 at a primary's centre. A moving or turning primary does external work and has no potential.
     pub fn acceleration_and_potential(&self, x: &Vec3) -> (Vec3, f64) {
         match self {
-            &FieldModel::Primary { strength, centre, falling, oblateness, axis } => {
+            &FieldModel::Primary { strength, centre, falling, displacement, oblateness, axis } => {
                 let r = x - centre;
                 let distance = r.norm();
                 if distance == 0.0 {
@@ -106,7 +150,8 @@ impl FieldModel {
                 let factor = -strength / (distance * distance * distance);
                 let flattening = r * (1.5 * e * (1.0 - 5.0 * s * s)) + axis * (3.0 * e * s * distance);
                 if let Some(falling) = falling {
-                    return (tide(strength, &(falling - centre), &(x - falling)) + flattening * factor, 0.0);
+                    let tide = tide(strength, &(falling - (centre - displacement)), &(x - displacement - falling));
+                    return (tide + flattening * factor, 0.0);
                 }
                 let potential = -strength / distance * (1.0 - 0.5 * e * (3.0 * s * s - 1.0));
                 ((r + flattening) * factor, potential)
@@ -187,20 +232,27 @@ fn tide(strength: f64, r: &Vec3, d: &Vec3) -> Vec3 {
 /// m^3 kg^-1 s^-2.
 ///
 /// The first orbit is that of the origin about its mass, the next one that of this mass about the next mass, and so on: the
-/// axes fall freely with the origin.
-pub fn primary_motions(fields: &[ExternalField], gravity_constant: f64, time: f64) -> Vec<Option<(Vec3, Vec3)>> {
+/// axes fall freely with the origin. A primary with a `response` deviates from the orbit about the mass of the bodies.
+pub fn primary_motions(
+    fields: &[ExternalField],
+    gravity_constant: f64,
+    time: f64,
+    response: Option<&PrimaryResponse>,
+) -> Vec<Option<(Vec3, Vec3)>> {
+    let (displacement, bodies_mass) = deviation(response);
+    let velocity: Vec3 = response.map_or([0.0; 3], |response| response.velocity).into();
     // Motion of the origin, then of the last primary on an orbit.
     let (mut position_before, mut velocity_before) = (Vec3::zeros(), Vec3::zeros());
     let motion_of = |field: &ExternalField| {
-        let (ExternalField::PointMass { mass, position, orbit } | ExternalField::Oblate { mass, position, orbit, .. }) =
-            field
+        let (ExternalField::PointMass { mass, position, orbit, .. }
+        | ExternalField::Oblate { mass, position, orbit, .. }) = field
         else {
             return None;
         };
         let Some(orbit) = orbit else { return Some((position.unwrap_or_default().into(), Vec3::zeros())) };
-        let (r, v) = orbit.to_orbit(gravity_constant * mass).position_and_velocity(time);
+        let (r, v) = orbit.to_orbit(gravity_constant * (mass + bodies_mass)).position_and_velocity(time);
         (position_before, velocity_before) = (position_before - r, velocity_before - v);
-        Some((position_before, velocity_before))
+        Some((position_before + displacement, velocity_before + velocity))
     };
     fields.iter().map(motion_of).collect()
 }
@@ -214,9 +266,10 @@ mod tests {
     fn acceleration_is_the_slope_of_the_potential() {
         let centre = Vec3::new(1.0, -2.0, 0.5);
         let axis = Vec3::new(1.0, 2.0, 2.0) / 3.0;
+        let displacement = Vec3::zeros();
         let fields = [
-            FieldModel::Primary { strength: 7.0, centre, falling: None, oblateness: 0.0, axis },
-            FieldModel::Primary { strength: 7.0, centre, falling: None, oblateness: 0.3, axis },
+            FieldModel::Primary { strength: 7.0, centre, falling: None, displacement, oblateness: 0.0, axis },
+            FieldModel::Primary { strength: 7.0, centre, falling: None, displacement, oblateness: 0.3, axis },
             FieldModel::RotatingAxes { rate: Vec3::new(0.3, -0.1, 0.7), centre },
         ];
         let x = Vec3::new(3.0, 1.0, -1.0);
@@ -235,7 +288,15 @@ mod tests {
     #[test]
     fn a_tide_is_the_difference_of_two_attractions() {
         let (centre, axis) = (Vec3::new(3.0, -4.0, 1.0), Vec3::z());
-        let primary = |falling, oblateness| FieldModel::Primary { strength: 7.0, centre, falling, oblateness, axis };
+        let displacement = Vec3::zeros();
+        let primary = |falling, oblateness| FieldModel::Primary {
+            strength: 7.0,
+            centre,
+            falling,
+            displacement,
+            oblateness,
+            axis,
+        };
         let point = Vec3::new(0.5, 0.2, -0.3);
         for x in [Vec3::new(0.6, 0.1, -0.2), Vec3::new(-40.0, 2.0, 9.0), Vec3::new(3.1, -4.0, 1.0), point] {
             let at = |field: FieldModel, x: &Vec3| field.acceleration_and_potential(x);
@@ -244,11 +305,35 @@ mod tests {
             assert!((found - expected).norm() < 1e-14 * (1.0 + expected.norm()), "{x}: {found} {expected}");
             assert_eq!(potential, 0.0);
         }
+        // A primary that has moved attracts from where it is; the axes fall as to its orbit.
+        let moved = Vec3::new(0.1, 0.2, -0.1);
+        let displaced = FieldModel::Primary {
+            strength: 7.0,
+            centre: centre + moved,
+            falling: Some(point),
+            displacement: moved,
+            oblateness: 0.0,
+            axis,
+        };
+        let at_rest = FieldModel::Primary {
+            strength: 7.0,
+            centre: centre + moved,
+            falling: None,
+            displacement,
+            oblateness: 0.0,
+            axis,
+        };
+        let x = Vec3::new(0.6, 0.1, -0.2);
+        let found = displaced.acceleration_and_potential(&x).0;
+        let expected =
+            at_rest.acceleration_and_potential(&x).0 - primary(None, 0.0).acceleration_and_potential(&point).0;
+        assert!((found - expected).norm() < 1e-14, "{found} {expected}"); // roundings of numbers near 1
         // 1 m from the point that falls at 1e8 m: G M d/r^3 (3 cos^2 - 1) keeps its digits.
         let far = FieldModel::Primary {
             strength: 4e14,
             centre: Vec3::x() * 1e8,
             falling: Some(Vec3::zeros()),
+            displacement,
             oblateness: 0.0,
             axis,
         };
@@ -273,13 +358,16 @@ mod tests {
         };
         let (planet, sun) = (1e3, 1e6);
         let fields = [(planet, circle(2.0, 0.0)), (sun, circle(500.0, 0.0))]
-            .map(|(mass, orbit)| ExternalField::PointMass { mass, position: None, orbit });
+            .map(|(mass, orbit)| ExternalField::PointMass { mass, position: None, orbit, response: false });
         let at = |time: f64| {
             let centre = |field: &FieldModel| match field {
                 FieldModel::Primary { centre, .. } => *centre,
                 other => unreachable!("{other:?} has no orbit"),
             };
-            FieldModel::from_fields(&fields, &FieldShapes::default(), 1.0, time).iter().map(centre).collect::<Vec<_>>()
+            FieldModel::from_fields(&fields, &FieldShapes::default(), 1.0, time, None)
+                .iter()
+                .map(centre)
+                .collect::<Vec<_>>()
         };
         // At 0 both are at their periapsis, on the x axis; after half a turn about the planet this one is on the other side.
         assert!((at(0.0)[0] - Vec3::new(-2.0, 0.0, 0.0)).norm() < 1e-14);

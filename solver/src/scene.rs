@@ -7,7 +7,7 @@ use std::sync::Arc;
 use cd_formats::compute::{Compute, Event, ExternalField, GravityMethod, NarrowPhase};
 pub use cd_formats::doubts::EVENT_SLACK;
 use cd_formats::drv_dof::Evolution;
-use cd_formats::field::{FieldModel, FieldShapes};
+use cd_formats::field::{FieldModel, FieldShapes, PrimaryResponse};
 pub use cd_formats::ids::BodyId;
 use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::probe::{BodySelection, Probe, ProbeQuantity};
@@ -873,9 +873,17 @@ impl Scene {
         if !self.has_self_gravity() || (is_small_or_direct && !is_set) { 1 } else { self.options.gravity_refresh() }
     }
 
-    /// External fields at a time, s.
-    pub fn external_fields(&self, time: f64) -> Vec<FieldModel> {
-        FieldModel::from_fields(&self.options.fields, &self.field_shapes, self.options.gravity_constant, time)
+    /// External fields at a time, s, with the response of the primary at this time, if it has one.
+    pub fn external_fields(&self, time: f64, response: Option<&PrimaryResponse>) -> Vec<FieldModel> {
+        let options = &self.options;
+        FieldModel::from_fields(&options.fields, &self.field_shapes, options.gravity_constant, time, response)
+    }
+
+    /// Response of the primary at the start, if its field has one: none yet, to the mass of all bodies that it attracts.
+    pub fn initial_response(&self) -> Option<PrimaryResponse> {
+        self.options.fields.iter().find(|field| field.has_response())?;
+        let bodies_mass = self.free.iter().chain(&self.held_grains).map(|body| self.bodies[body.index()].mass).sum();
+        Some(PrimaryResponse { bodies_mass, ..PrimaryResponse::default() })
     }
 
     /// Angular velocity of the frame of reference, rad/s.
@@ -956,7 +964,11 @@ impl Scene {
             }
         }
         models.extend(self.options.fields.iter().map(|field| {
-            let motion = if field.orbit().is_some() { "on an orbit" } else { "at rest" };
+            let motion = match (field.orbit(), field.has_response()) {
+                (Some(_), true) => "on an orbit, which responds",
+                (Some(_), false) => "on an orbit",
+                (None, _) => "at rest",
+            };
             match field {
                 ExternalField::PointMass { mass, .. } => format!("point mass of {mass:e} kg {motion}"),
                 ExternalField::Oblate { mass, .. } => format!("oblate mass of {mass:e} kg {motion}"),

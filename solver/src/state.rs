@@ -7,6 +7,7 @@ use std::cmp::Ordering;
 use std::sync::Arc;
 
 use cd_formats::compute::EventAction;
+use cd_formats::field::{FieldModel, PrimaryResponse};
 use cd_formats::snapshot::{FallbackState, Ledger, PostproSums};
 use rayon::prelude::*;
 
@@ -345,6 +346,8 @@ pub struct State {
     pub torque: Vec3,
     /// Present laws, as `Scene::laws`.
     pub laws: Vec<ContactLaw>,
+    /// Response of the primary on an orbit, if its field has one.
+    pub primary_response: Option<PrimaryResponse>,
     /// Loads in the next step, set before each step of a step loop; not in snapshots.
     pub loads: Vec<BodyLoad>,
     /// Whether the next step bonds touching contacts: all, as an event requests, or those that no file knows at the
@@ -369,6 +372,12 @@ pub struct State {
 const DIAGNOSTIC_INTERVAL: u64 = 100;
 
 impl State {
+    /// External fields `after` a time (s) in which the primary moves without forces.
+    pub fn external_fields(&self, scene: &Scene, after: f64) -> Vec<FieldModel> {
+        let response = self.primary_response.as_ref().map(|response| response.after(after));
+        scene.external_fields(self.time + after, response.as_ref())
+    }
+
     /// Velocities of all bodies.
     pub fn velocities(&self) -> Velocities<'_> {
         Velocities { v: &self.v, w: &self.w }

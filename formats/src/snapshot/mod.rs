@@ -21,6 +21,7 @@ use zip::result::ZipError;
 
 use crate::atomic;
 use crate::error::{Fault, Faults};
+use crate::field::PrimaryResponse;
 use crate::law_table::{LawError, LawModel};
 use npz::{ArrayElement, NpzReader, NpzWriter};
 use parts::{FirstBodies, PartRows, other_part, step_of};
@@ -147,6 +148,9 @@ pub struct SnapshotMeta {
     /// Time since when all bodies have been at rest, s; only if a condition `AtRest` ends the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest_since: Option<f64>,
+    /// Response of the primary on an orbit; only if its field has `response`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub primary_response: Option<PrimaryResponse>,
     /// Whether bodies have entered after the last step.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub bodies_entered: bool,
@@ -378,6 +382,7 @@ impl Default for SnapshotMeta {
             fallback: FallbackState::default(),
             postpro: PostproSums::default(),
             rest_since: None,
+            primary_response: None,
             bodies_entered: false,
             options: BTreeMap::new(),
             parts: Vec::new(),

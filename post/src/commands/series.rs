@@ -1,13 +1,14 @@
 //! `cd-post DIR`: the series of a case, its plots, and the ParaView files of its snapshots.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use cd_formats::atomic;
 use cd_formats::compute::ExternalField;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::field::primary_motions;
+use cd_formats::field::{PrimaryResponse, primary_motions};
 use cd_formats::messages::print_line;
 use cd_formats::names::count_text;
 use rayon::prelude::*;
@@ -35,8 +36,15 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
         let (found, expected) = ("is given with --vtk-format vtkhdf", "expected one of the two");
         return Err(Fault::new("options".as_ref(), None, "--piece-cells", found, expected).into());
     }
-    let (rows, frames) =
-        measure_series(options, |k, count, frame| is_evenly_chosen(k, count, PICTURE_COUNT).then_some(frame))?;
+    let responses = Mutex::new(BTreeMap::new());
+    let keep = |k: usize, count: usize, frame: Frame| {
+        if let Some(response) = frame.meta.primary_response {
+            responses.lock().expect("no thread panics with it").insert(k, response);
+        }
+        is_evenly_chosen(k, count, PICTURE_COUNT).then_some(frame)
+    };
+    let (rows, frames) = measure_series(options, keep)?;
+    let responses = responses.into_inner().expect("no thread panics with it");
     let last = frames.last().expect("the last snapshot is taken");
     let postpro = options.dir.join("POSTPRO");
     atomic::write(&postpro.join("series.csv"), write::series::series_text(&rows).as_bytes())?;
@@ -46,7 +54,7 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
         options.dir.join("OUTBOX").display()
     ));
     print_line(format_args!("  series   {}", postpro.join("series.csv").display()));
-    if let Some(text) = primaries_text(&rows, last) {
+    if let Some(text) = primaries_text(&rows, last, &responses) {
         let path = postpro.join("primaries.csv");
         atomic::write(&path, text.as_bytes())?;
         print_line(format_args!("  orbits   {}", path.display()));
@@ -94,19 +102,24 @@ pub const PRIMARY_COLUMNS: [Column; 9] = [
     ("distance", "m", "distance from the origin"),
 ];
 
-/// Table of the motion of the primaries on orbits at the times of the rows; `None` if no field has an orbit.
-fn primaries_text(rows: &[Row], last: &Frame) -> Option<String> {
+/// Table of the motion of the primaries on orbits at the times of the rows; `None` if no field has an orbit. `responses`: those
+/// of a primary at the snapshot of each row.
+fn primaries_text(rows: &[Row], last: &Frame, responses: &BTreeMap<usize, PrimaryResponse>) -> Option<String> {
     let parameters = &last.meta.parameters;
     parameters.fields.iter().find_map(ExternalField::orbit)?;
-    let lines_of = |row: &Row| {
+    let lines_of = |(k, row): (usize, &Row)| {
         let time = row.time;
-        let motions = primary_motions(&parameters.fields, parameters.gravity_constant, time);
+        let motions = primary_motions(&parameters.fields, parameters.gravity_constant, time, responses.get(&k));
         (1..).zip(motions).filter_map(move |(k, motion)| {
             let (x, v) = motion?;
             Some([time, f64::from(k), x.x, x.y, x.z, v.x, v.y, v.z, x.norm()])
         })
     };
-    Some(csv_with_counts(&PRIMARY_COLUMNS.map(|column| column.0), &["primary"], rows.iter().flat_map(lines_of)))
+    Some(csv_with_counts(
+        &PRIMARY_COLUMNS.map(|column| column.0),
+        &["primary"],
+        rows.iter().enumerate().flat_map(lines_of),
+    ))
 }
 
 /// Note about snapshots in which the user's region has no volume.

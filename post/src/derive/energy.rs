@@ -47,8 +47,9 @@ pub fn self_gravity_constant(frame: &Frame) -> Option<f64> {
 
 /// Fields that act from outside, except uniform gravity.
 pub fn external_fields(frame: &Frame) -> Vec<FieldModel> {
-    let parameters = &frame.meta.parameters;
-    FieldModel::from_fields(&parameters.fields, &frame.field_shapes, parameters.gravity_constant, frame.meta.time)
+    let meta = &frame.meta;
+    let (fields, gravity_constant) = (&meta.parameters.fields, meta.parameters.gravity_constant);
+    FieldModel::from_fields(fields, &frame.field_shapes, gravity_constant, meta.time, meta.primary_response.as_ref())
 }
 
 /// Potential energy in external fields, J: sum m_i phi(x_i), [`FieldModel::acceleration_and_potential`], and the

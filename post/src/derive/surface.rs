@@ -461,7 +461,7 @@ mod tests {
         let primary = |scene: &mut Scene| {
             let position = [distance, 0.0, 0.0];
             scene.snapshot.meta.parameters.fields =
-                vec![ExternalField::PointMass { mass, position: Some(position), orbit: None }];
+                vec![ExternalField::PointMass { mass, position: Some(position), orbit: None, response: false }];
         };
         let moon = |scene: &mut Scene| {
             let moon = scene.grain([distance, 0.0, 0.0], 0.9);

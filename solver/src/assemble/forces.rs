@@ -28,6 +28,8 @@ pub struct FreeMotion {
     /// Loads whose work depends on the displacement of the body: imposed ones, Coriolis forces and the pull of moving
     /// primaries. Imposed ones on grains driven in part are without the imposed components.
     pub loads: Vec<BodyLoad>,
+    /// Impulse of the moving primaries on the bodies, N s.
+    pub primary_impulse: Vec3,
     /// Work of the reactions that impose components of the velocities of grains driven in part, without those to contacts, J.
     pub reaction_work: f64,
 }
@@ -69,7 +71,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     let mut self_gravity = self_gravity(scene, state, q_c);
     let near_field = near_field(scene, &q_c.x, &q_c.q);
     self_gravity.energy += near_field.energy;
-    let outside = scene.external_fields(state.time + (1.0 - scene.options.theta) * h);
+    let outside = state.external_fields(scene, (1.0 - scene.options.theta) * h);
     let moving: Vec<FieldModel> = outside.iter().filter(|field| field.is_moving()).cloned().collect();
     let mut free = FreeMotion {
         v: state.v.clone(),
@@ -80,6 +82,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         impulse: Vec3::zeros(),
         angular_impulse: Vec3::zeros(),
         loads: Vec::new(),
+        primary_impulse: Vec3::zeros(),
         reaction_work: 0.0,
     };
     let effect_on = |(k, &i): (usize, &BodyId)| {
@@ -122,6 +125,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
             let (acceleration, _) = external_field(&moving, Vec3::zeros(), &q_c.x[body.index()]);
             BodyLoad { body, force: acceleration * scene.bodies[body.index()].mass, torque: Vec3::zeros() }
         }));
+        free.primary_impulse = free.loads.iter().map(|load| load.force * h).sum();
     }
     let shaking_loads = shakes.iter().flat_map(|shake| shake_loads(scene, q_c, shake));
     for load in imposed_loads(scene, state, q_c).into_iter().chain(state.loads.iter().copied()).chain(shaking_loads) {
@@ -156,8 +160,8 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
 fn reaction_work(scene: &Scene, state: &State, q_c: &ContactConfiguration, free: &FreeMotion, i: usize) -> f64 {
     let (body, theta) = (&scene.bodies[i], scene.options.theta);
     let (before, after) = (body.imposed_part(&state.v[i]), body.imposed_part(&free.v[i]));
-    let time = state.time + (1.0 - theta) * q_c.h;
-    let (acceleration, _) = external_field(&scene.external_fields(time), state.gravity, &q_c.x[i]);
+    let outside = state.external_fields(scene, (1.0 - theta) * q_c.h);
+    let (acceleration, _) = external_field(&outside, state.gravity, &q_c.x[i]);
     let field_work = acceleration.dot(&(before * (1.0 - theta) + after * theta)) * q_c.h;
     let q = &q_c.q[i];
     let rotational = |w: &Vec3| body.rotational_energy(q, &body.imposed_rotation_part(q, w));
@@ -240,7 +244,7 @@ fn contact_velocity_changes(scene: &Scene, state: &State, h: f64) -> Vec<Vec3> {
 /// Potential energy of the grains at `x` in self-gravity, uniform gravity (zero at the origin) and outer fields, J.
 pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     let (positions, masses) = point_masses(scene, x);
-    let outside = scene.external_fields(state.time);
+    let outside = state.external_fields(scene, 0.0);
     let energy_at = |x: &Vec3, mass: f64| mass * external_field(&outside, state.gravity, x).1;
     let outer_energy: f64 = positions.iter().zip(&masses).map(|(x, m)| energy_at(x, *m)).sum();
     let held_energy: f64 =

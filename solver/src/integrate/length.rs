@@ -99,7 +99,7 @@ pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
     };
     let surface_period =
         scene.surface_gravity().map_or(f64::INFINITY, |(radius, gravity)| TAU * (radius / gravity).sqrt());
-    scene.external_fields(state.time).into_iter().map(period_in).fold(surface_period, f64::min)
+    state.external_fields(scene, 0.0).into_iter().map(period_in).fold(surface_period, f64::min)
 }
 
 /// Units of `dt` up to the next snapshot, event or the end.

@@ -14,6 +14,7 @@ pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_spin, shortest_o
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
+use cd_formats::compute::ExternalField;
 use rayon::prelude::*;
 
 use crate::math::rotation::{angular_momentum, angular_velocity, constrained_rotation, free_rotation};
@@ -221,6 +222,16 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     state.h = h;
     state.step += q_c.step_multiple;
     state.time = scene.time_at(state.step);
+}
+
+/// Advances the primary that responds to the bodies, to which it has given the `impulse` (N s), as a body of its mass.
+pub fn advance_response(scene: &Scene, state: &mut State, q_c: &ContactConfiguration, impulse: &Vec3) {
+    let Some(response) = &mut state.primary_response else { return };
+    let mass: f64 = scene.options.fields.iter().filter(|field| field.has_response()).map(ExternalField::mass).sum();
+    let theta = if q_c.implicit { 1.0 } else { scene.options.theta };
+    let mut after = response.after((1.0 - theta) * q_c.h);
+    after.velocity.iter_mut().zip(impulse.iter()).for_each(|(v, impulse)| *v -= impulse / mass);
+    *response = after.after(theta * q_c.h);
 }
 
 /// Energy of the rotation of grains that is imposed about some of their axes, J.

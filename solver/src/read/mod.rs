@@ -193,6 +193,7 @@ fn initial_state(
         quench: scene.options.quench,
         torque: Vec3::zeros(),
         laws: scene.laws.clone(),
+        primary_response: scene.initial_response(),
         loads: Vec::new(),
         bonding: BondingMode::New,
         events_done: 0,

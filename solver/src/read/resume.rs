@@ -459,6 +459,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     state.ledger = meta.ledger;
     state.postpro = meta.postpro;
     state.rest_since = meta.rest_since;
+    state.primary_response = state.primary_response.map(|initial| meta.primary_response.unwrap_or(initial));
     state.bodies_entered = meta.bodies_entered;
     state.fallback = meta.fallback;
     let exchanges = interval.interval_body.into_iter().zip(interval.interval_virial);

@@ -70,6 +70,7 @@ pub fn step(scene: &Scene, state: &mut State, times: &mut StageTimes) -> Option<
     if let Some(laws) = solved.original_laws.take() {
         state.laws = laws;
     }
+    integrate::advance_response(scene, state, &q_c, &free.primary_impulse);
     integrate::advance_state(scene, state, &q_c, outcome.v, outcome.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.order) = (outcome.contacts, q_c.order);
     state.memories = ends::end_memories(&mut solved);

@@ -83,6 +83,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
         fallback: state.fallback,
         postpro: state.postpro,
         rest_since: state.rest_since,
+        primary_response: state.primary_response,
         bodies_entered: state.bodies_entered,
         options: options.result_options(),
         parts: Vec::new(),

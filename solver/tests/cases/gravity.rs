@@ -8,6 +8,7 @@ use cd_formats::snapshot::Snapshot;
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 
 use crate::case::{Case, Figures, Vec3, equal, near, range, shaken_lattice, shown, uniform};
+use crate::same_bits::{files, same};
 
 /// A speck about a primary at `centre` with G M = 1, at distance 1 with a velocity.
 fn about(field: ExternalField, centre: Vec3, x: Vec3, v: Vec3, dt: f64) -> Case {
@@ -26,7 +27,7 @@ fn an_orbit_about_a_primary_closes_and_its_energy_is_booked() {
     // From the far end of an orbit of eccentricity 1/2: a = 2/3, v^2 = 2/1 - 1/a.
     let (x, v, period) = (Vec3::x(), Vec3::y() * 0.5f64.sqrt(), 2.0 * PI * (2.0f64 / 3.0).powf(1.5));
     let miss = |steps: u64| {
-        let field = ExternalField::PointMass { mass: 2.0, position: Some(centre.into()), orbit: None };
+        let field = ExternalField::PointMass { mass: 2.0, position: Some(centre.into()), orbit: None, response: false };
         let states = about(field, centre, x, v, period / steps as f64).states(steps, steps);
         let (first, last) = (&states[0], &states[1]);
         let energy = |state: &Snapshot| state.kinetic() - state.mass(0) / (state.x(0) - centre).norm();
@@ -49,8 +50,15 @@ fn an_orbit_about_a_primary_closes_and_its_energy_is_booked() {
 fn an_oblate_primary_turns_the_node() {
     let (tilt, steps) = (PI / 4.0, 200);
     let (j2, radius) = (0.01f64, 0.3f64);
-    let field =
-        ExternalField::Oblate { mass: 2.0, position: Some([0.0; 3]), orbit: None, radius, j2, axis: [0.0, 0.0, 3.0] };
+    let field = ExternalField::Oblate {
+        mass: 2.0,
+        position: Some([0.0; 3]),
+        orbit: None,
+        response: false,
+        radius,
+        j2,
+        axis: [0.0, 0.0, 3.0],
+    };
     let v = Vec3::new(0.0, tilt.cos(), tilt.sin());
     let orbits = 20;
     let steps_made = steps * orbits;
@@ -93,7 +101,8 @@ fn specks_beside_an_orbit_move_on_orbits_of_their_own() {
             let mut case = Case::new();
             case.options.gravity_constant = constant;
             case.options.dt = end / steps as f64;
-            case.options.fields = vec![ExternalField::PointMass { mass, position: None, orbit: Some(orbit.clone()) }];
+            case.options.fields =
+                vec![ExternalField::PointMass { mass, position: None, orbit: Some(orbit.clone()), response: false }];
             for (x, v) in places.into_iter().zip(speeds) {
                 let speck = case.sphere(0.01, x.into());
                 case.launch(speck, v.into(), [0.0; 3]);
@@ -126,6 +135,68 @@ fn specks_beside_an_orbit_move_on_orbits_of_their_own() {
     }
 }
 
+/// A primary that responds: the two bodies are on their Kepler orbit about each other, for any ratio of their masses, with
+/// second order of the step, and what the body gains of momentum the primary loses.
+#[test]
+fn a_primary_responds_to_the_body() {
+    let (mass, orbit) = (1.0, tilted_orbit(1.0, 0.3, 0.5));
+    for ratio in [0.01, 1.0, 3.0] {
+        let radius = 0.01f64;
+        // The density has eight digits in BULK_BEHAV.DAT.
+        let density = f64::trunc(ratio * mass / (4.0 / 3.0 * PI * radius.powi(3)));
+        let bodies_mass = density * (4.0 / 3.0 * PI * radius.powi(3));
+        let mu = mass + bodies_mass;
+        let (offset, speed) = (Vec3::new(0.02, 0.01, -0.01), Vec3::new(0.03, -0.02, 0.01));
+        let at = |time: f64| orbit.to_orbit(mu).position_and_velocity(time);
+        // The body relative to the primary: the origin is at `at` from it.
+        let start =
+            OrbitSpec::State { position: (at(0.0).0 + offset).into(), velocity: (at(0.0).1 + speed).into(), time: 0.0 };
+        let exact = start.to_orbit(mu);
+        let end = 5.0;
+        let run = |steps: u64| {
+            let mut case = Case::new();
+            (case.options.gravity_constant, case.options.dt) = (1.0, end / steps as f64);
+            let field = ExternalField::PointMass { mass, position: None, orbit: Some(orbit.clone()), response: true };
+            case.options.fields = vec![field];
+            let speck = case.sphere_of(density, radius, offset.into());
+            case.launch(speck, speed.into(), [0.0; 3]);
+            case.run(steps)
+        };
+        let miss = |steps: u64| {
+            let after = run(steps);
+            let response = after.meta.primary_response.unwrap();
+            equal(response.bodies_mass, bodies_mass, 1e-12 * bodies_mass);
+            let given = after.v(0) * after.mass(0) + Vec3::from(response.velocity) * mass;
+            near(given, speed * after.mass(0), 1e-12 * bodies_mass);
+            let relative = after.x(0) - (Vec3::from(response.displacement) - at(end).0);
+            (relative - exact.position_and_velocity(end).0).norm()
+        };
+        let misses = [500, 1000, 2000].map(miss);
+        for pair in misses.windows(2) {
+            assert!((3.5..4.5).contains(&(pair[0] / pair[1])), "{ratio}: {misses:?}");
+        }
+        assert!(misses[2] < 4e-4, "{ratio}: {misses:?}");
+    }
+}
+
+#[test]
+fn a_response_resumes_bit_for_bit() {
+    let case = || {
+        let mut case = Case::new();
+        (case.options.gravity_constant, case.options.dt) = (1.0, 0.01);
+        let orbit = Some(tilted_orbit(1.0, 0.3, 0.5));
+        let field = ExternalField::PointMass { mass: 2.0, position: None, orbit, response: true };
+        case.options.fields = vec![field];
+        for x in [-0.03, 0.03] {
+            case.sphere_of(1e4, 0.02, [x, 0.01, 0.0]);
+        }
+        (case.options.steps, case.options.output_every) = (Some(40), 10);
+        case
+    };
+    let unbroken = files(&case(), &[&["--threads", "1"]]);
+    same(&unbroken, &files(&case(), &[&["--threads", "2", "--steps", "10"], &["--resume", "--threads", "3"]]));
+}
+
 /// A satellite of a planet that is on an orbit about a star.
 #[test]
 fn a_chain_of_orbits_agrees_with_the_motion_in_axes_at_rest() {
@@ -143,8 +214,12 @@ fn a_chain_of_orbits_agrees_with_the_motion_in_axes_at_rest() {
         case.launch(speck, v.into(), [0.0; 3]);
         case.run(steps).x(0)
     };
-    let field =
-        |mass: f64, orbit: &OrbitSpec| ExternalField::PointMass { mass, position: None, orbit: Some(orbit.clone()) };
+    let field = |mass: f64, orbit: &OrbitSpec| ExternalField::PointMass {
+        mass,
+        position: None,
+        orbit: Some(orbit.clone()),
+        response: false,
+    };
     let chain = run(vec![field(planet, &about_planet), field(star, &about_star)], offset, Vec3::zeros());
     // Newton's equations about the star at rest, with the planet on its orbit.
     let pull = |x: Vec3, time: f64| {
@@ -174,12 +249,21 @@ fn a_chain_of_orbits_agrees_with_the_motion_in_axes_at_rest() {
 
 #[test]
 fn orbits_beside_masses_at_rest_and_turning_axes_are_rejected() {
-    let orbiting = ExternalField::PointMass { mass: 1.0, position: None, orbit: Some(tilted_orbit(1.0, 0.5, 0.0)) };
-    let rest = ExternalField::PointMass { mass: 1.0, position: Some([5.0; 3]), orbit: None };
+    let orbiting = ExternalField::PointMass {
+        mass: 1.0,
+        position: None,
+        orbit: Some(tilted_orbit(1.0, 0.5, 0.0)),
+        response: false,
+    };
+    let rest = ExternalField::PointMass { mass: 1.0, position: Some([5.0; 3]), orbit: None, response: false };
     let turning = ExternalField::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] };
-    let both =
-        ExternalField::PointMass { mass: 1.0, position: Some([5.0; 3]), orbit: Some(tilted_orbit(1.0, 0.5, 0.0)) };
-    let bare = ExternalField::PointMass { mass: 1.0, position: None, orbit: None };
+    let both = ExternalField::PointMass {
+        mass: 1.0,
+        position: Some([5.0; 3]),
+        orbit: Some(tilted_orbit(1.0, 0.5, 0.0)),
+        response: false,
+    };
+    let bare = ExternalField::PointMass { mass: 1.0, position: None, orbit: None, response: false };
     let faults = |fields: Vec<ExternalField>| {
         let options = Compute { fields, ..Compute::default() };
         options.check(std::path::Path::new("options")).map_or_else(|faults| faults.to_string(), |()| String::new())
@@ -192,6 +276,14 @@ fn orbits_beside_masses_at_rest_and_turning_axes_are_rejected() {
     for field in [both, bare] {
         let text = faults(vec![field]);
         assert!(text.contains("either position or orbit"), "{text}");
+    }
+    let responding =
+        |position: Option<[f64; 3]>, orbit| ExternalField::PointMass { mass: 1.0, position, orbit, response: true };
+    let on_orbit = responding(None, Some(tilted_orbit(1.0, 0.5, 0.0)));
+    assert_eq!(faults(vec![on_orbit.clone()]), "");
+    for fields in [vec![responding(Some([5.0; 3]), None)], vec![on_orbit, orbiting]] {
+        let text = faults(fields);
+        assert!(text.contains("a response of a single field with an orbit"), "{text}");
     }
 }
 

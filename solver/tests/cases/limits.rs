@@ -350,7 +350,8 @@ fn a_step_too_long_for_what_moves_is_reported() {
     let mut low = Case::new();
     low.sphere(0.5, [7e6, 0.0, 0.0]);
     low.sphere(0.5, [7e6, 0.0, 2.0]);
-    low.options.fields = vec![ExternalField::PointMass { mass: 6e24, position: Some([0.0; 3]), orbit: None }];
+    low.options.fields =
+        vec![ExternalField::PointMass { mass: 6e24, position: Some([0.0; 3]), orbit: None, response: false }];
     let period = std::f64::consts::TAU * (7e6f64.powi(3) / (6e24 * low.options.gravity_constant)).sqrt();
     printed(
         &mut low,

@@ -350,7 +350,8 @@ fn planet() -> Case {
     let mut case = Case::new();
     case.law_of_all("IQS_CLB", &[0.5]);
     case.options.gravity_constant = 1.0;
-    case.options.fields = vec![ExternalField::PointMass { mass: 1000.0, position: Some([0.0; 3]), orbit: None }];
+    case.options.fields =
+        vec![ExternalField::PointMass { mass: 1000.0, position: Some([0.0; 3]), orbit: None, response: false }];
     let surface = SpaceRegion::Ball { centre: [0.0; 3], radius: 10.0 };
     let space = SpaceRegion::Beyond { centre: [0.0; 3], radius: 250.0 };
     case.options.sinks = vec![sink(surface), Sink { name: "space".into(), region: space }];
