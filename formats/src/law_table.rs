@@ -407,18 +407,11 @@ pub fn reference_gap_position(label: &str) -> Option<usize> {
     }
 }
 
-/// Names of the laws that the programs compute with, as a text. Those with moments, which are rejected next to springs, and
-/// those of points `PT3Dx`, which are rejected where the others act, come last.
+/// Names of the laws that the programs compute with, as a text; laws of points `PT3Dx` come last, since each is rejected
+/// where the others act.
 pub fn computed_list() -> String {
     let (point_laws, others): (Vec<&str>, Vec<&str>) = computed_labels().partition(|label| is_law_of_points(label));
-    let has_moments = |label: &&str| label.contains("_ROLL_") || label.contains("_BEAM_");
-    let (moment_laws, others): (Vec<&str>, Vec<&str>) = others.into_iter().partition(has_moments);
-    format!(
-        "{}; without springs, interfaces and coupled bodies {}; between PT3Dx {}",
-        others.join(", "),
-        moment_laws.join(", "),
-        point_laws.join(", ")
-    )
+    format!("{}; between PT3Dx {}", others.join(", "), point_laws.join(", "))
 }
 
 /// Names of the laws that the programs compute with.
