@@ -5,16 +5,16 @@ mod packing;
 
 use std::sync::Mutex;
 
-use cd_formats::compute::SweepPrecision;
+use cd_formats::compute::{ContactSolver, SweepPrecision};
 use cd_solve::assemble::{ContactProblem, SolverBody};
 use cd_solve::math::Vec3;
 use cd_solve::math::simd::SimdWidth;
 use cd_solve::ranks::threads::run_as_ranks;
-use cd_solve::ranks::traffic;
+use cd_solve::ranks::{part_range, traffic};
 use cd_solve::solve::gauss_seidel::layout::{division_counts, pack_in_blocks, pack_problem};
 use cd_solve::solve::gauss_seidel::packed::PackSource;
 use cd_solve::solve::residual::ResidualEvaluator;
-use cd_solve::solve::{ContactReactions, ContactSolution, StoppingCriteria, solve_nlgs};
+use cd_solve::solve::{ContactReactions, ContactSolution, SolveRequest, StoppingCriteria, solve_in_parts, solve_nlgs};
 use cd_solve::state::ContactId;
 
 /// Enough bodies for four blocks of spheres and eight of cuboids, and sweeps for momentum to grow and, without friction, to start again.
@@ -79,6 +79,46 @@ fn ranks_change_no_solution() {
         for size in [2, 3, 5] {
             let found = run_as_ranks(size, |_| solve());
             assert!(found.iter().all(|found| *found == alone), "{size} ranks");
+        }
+    }
+}
+
+/// Ranks that each have a part of the rows, one of them none, find the solution of one that has all: in single and in double
+/// precision, with and without friction, and from rows of which some can close only by the solution.
+#[test]
+fn ranks_with_a_part_of_the_rows_find_the_same_solution() {
+    let _alone = ONE_SET_OF_RANKS.lock();
+    let (spheres, mut smooth) = (packing::packing(17, 0.4), packing::packing(17, 0.0));
+    smooth.rows.iter_mut().step_by(7).for_each(|row| row.can_close = false);
+    let (single, double) = (SweepPrecision::Single, SweepPrecision::Double);
+    for (system, sweeps, precision) in [(&spheres, 20, double), (&spheres, 20, single), (&smooth, 40, double)] {
+        let request = SolveRequest {
+            solver: ContactSolver::Nlgs,
+            criteria: StoppingCriteria { precision, ..StoppingCriteria::new(1e-12, sweeps) },
+            width: SimdWidth::detect(),
+            fallback_suppressed: false,
+        };
+        let parts = |ContactSolution { solver_bodies, residual, sweeps, worst, active_rows, left_out, .. }| {
+            (solver_bodies, residual, sweeps, worst, active_rows, left_out)
+        };
+        let alone = solve_nlgs(system, request.criteria, request.width);
+        let (impulses, alone) = (alone.impulses.clone(), parts(alone));
+        assert!(alone.1 < 1.0 && alone.2 == sweeps, "{} {}", alone.1, alone.2);
+        for size in [2, 3, 5] {
+            let found = run_as_ranks(size, |communicator| {
+                // Rank 1 has no rows, the others about the same number.
+                let rows = match communicator.rank() {
+                    0 => part_range(system.rows.len(), 0, size - 1),
+                    1 => 0..0,
+                    rank => part_range(system.rows.len(), rank - 1, size - 1),
+                };
+                let mut part = ContactProblem { rows: system.rows[rows].to_vec(), ..system.clone() };
+                let solution = solve_in_parts(&mut part, request).expect("a solution by sweeps");
+                assert_eq!(part.bodies, system.bodies);
+                (solution.impulses.clone(), parts(solution))
+            });
+            assert!(found.iter().all(|(_, found)| *found == alone), "{size} ranks");
+            assert_eq!(found.into_iter().flat_map(|(impulses, _)| impulses).collect::<Vec<_>>(), impulses);
         }
     }
 }

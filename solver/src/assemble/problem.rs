@@ -193,6 +193,20 @@ impl ContactConstraint {
 }
 
 impl ContactProblem {
+    /// Problem of these rows, without further data; `order` is empty.
+    pub fn of_rows(rows: Vec<ContactConstraint>, bodies: Vec<SolverBody>) -> Self {
+        ContactProblem {
+            rows,
+            block_data: None,
+            rolling_constraints: Vec::new(),
+            regularised: Vec::new(),
+            memories: Vec::new(),
+            pair_attractions: Vec::new(),
+            order: Vec::new(),
+            bodies,
+        }
+    }
+
     /// Whether one of the rows `active` has friction, or any row has moments.
     pub fn has_friction(&self, active: &[ContactId]) -> bool {
         !self.rolling_constraints.is_empty() || active.iter().any(|&k| self.rows[k.index()].friction > 0.0)

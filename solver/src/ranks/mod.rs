@@ -11,10 +11,12 @@
 //! | module | contents |
 //! |---|---|
 //! | `launch` | start as one of several processes, and its end |
+//! | [`lists`] | lists of which each rank has a part |
 //! | `mpi_communicator` | ranks that are processes of MPI, in a build with the feature `mpi` |
 //! | [`threads`] | ranks that are threads of one process, for tests |
 
 pub(crate) mod launch;
+pub mod lists;
 #[cfg(feature = "mpi")]
 mod mpi_communicator;
 pub mod threads;
@@ -169,6 +171,7 @@ static MESSAGE_BYTES: AtomicU64 = AtomicU64::new(0);
 static GATHERS: AtomicU64 = AtomicU64::new(0);
 static GATHERED_BYTES: AtomicU64 = AtomicU64::new(0);
 static DIVIDED_SWEEPS: AtomicU64 = AtomicU64::new(0);
+static LIST_BYTES: AtomicU64 = AtomicU64::new(0);
 
 /// Traffic of this process since its start, by the functions that count it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -181,31 +184,34 @@ pub struct RankTraffic {
     pub gathered_bytes: u64,
     /// Sweeps that were divided among the ranks.
     pub divided_sweeps: u64,
+    /// Bytes of items of divided lists that were sent to single ranks.
+    pub list_bytes: u64,
 }
 
 impl RankTraffic {
     /// Traffic of each rank since its start, on every rank.
     pub fn gather_all(communicator: &dyn Communicator) -> Vec<RankTraffic> {
-        let RankTraffic { messages, message_bytes, gathers, gathered_bytes, divided_sweeps } = traffic();
-        let own = [messages, message_bytes, gathers, gathered_bytes, divided_sweeps];
+        let RankTraffic { messages, message_bytes, gathers, gathered_bytes, divided_sweeps, list_bytes } = traffic();
+        let own = [messages, message_bytes, gathers, gathered_bytes, divided_sweeps, list_bytes];
         let all = communicator.all_gather(as_bytes(&own), &vec![size_of_val(&own); communicator.size()]);
-        let from_counts = |[messages, message_bytes, gathers, gathered_bytes, divided_sweeps]: [u64; 5]| RankTraffic {
-            messages,
-            message_bytes,
-            gathers,
-            gathered_bytes,
-            divided_sweeps,
+        let from_counts = |[messages, message_bytes, gathers, gathered_bytes, divided_sweeps, list_bytes]: [u64; 6]| {
+            RankTraffic { messages, message_bytes, gathers, gathered_bytes, divided_sweeps, list_bytes }
         };
-        from_bytes::<[u64; 5]>(&all).into_iter().map(from_counts).collect()
+        from_bytes::<[u64; 6]>(&all).into_iter().map(from_counts).collect()
     }
 }
 
 /// Returns the traffic of this process since its start.
 pub fn traffic() -> RankTraffic {
-    let [messages, message_bytes, gathers, gathered_bytes, divided_sweeps] =
-        [&MESSAGES, &MESSAGE_BYTES, &GATHERS, &GATHERED_BYTES, &DIVIDED_SWEEPS]
+    let [messages, message_bytes, gathers, gathered_bytes, divided_sweeps, list_bytes] =
+        [&MESSAGES, &MESSAGE_BYTES, &GATHERS, &GATHERED_BYTES, &DIVIDED_SWEEPS, &LIST_BYTES]
             .map(|count| count.load(Ordering::Relaxed));
-    RankTraffic { messages, message_bytes, gathers, gathered_bytes, divided_sweeps }
+    RankTraffic { messages, message_bytes, gathers, gathered_bytes, divided_sweeps, list_bytes }
+}
+
+/// Counts bytes of items of a divided list that are sent to single ranks.
+fn count_list_bytes(bytes: usize) {
+    LIST_BYTES.fetch_add(bytes as u64, Ordering::Relaxed);
 }
 
 /// Counts a sweep that is divided among the ranks.

@@ -60,6 +60,11 @@ impl Communicator for MpiCommunicator {
 
     fn all_gather(&self, own: &[u8], lengths: &[usize]) -> Vec<u8> {
         let mut all = vec![0u8; lengths.iter().sum()];
+        if all.is_empty() {
+            return all;
+        }
+        // The address of an empty list may be that of `MPI_IN_PLACE`.
+        let own = if own.is_empty() { &[0u8][..0] } else { own };
         let starts: Vec<usize> = lengths
             .iter()
             .scan(0, |end, length| {

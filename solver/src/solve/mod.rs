@@ -25,5 +25,5 @@ mod types;
 pub use gauss_seidel::driver::solve_nlgs;
 pub use gauss_seidel::momentum::MOMENTUM_CYCLE;
 pub use residual::keep_solution_memory;
-pub use strategy::{SolveRequest, solve_by_sweeps, solve_contact_problem, update_backoff};
+pub use strategy::{SolveRequest, solve_by_sweeps, solve_contact_problem, solve_in_parts, update_backoff};
 pub use types::{ContactReactions, ContactSolution, StoppingCriteria};

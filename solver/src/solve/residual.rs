@@ -18,7 +18,9 @@ use crate::assemble::{ContactConstraint, ContactProblem, RollingConstraint, Solv
 use crate::math::simd::{F64Arithmetic, LaneOperation, Scalar, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::ranks;
+use crate::ranks::lists::chunk_results;
 use crate::scene::BodyId;
+use crate::solve::gauss_seidel::row_division::RowDivision;
 use crate::solve::types::ContactSolution;
 use crate::state::ContactId;
 
@@ -31,7 +33,7 @@ const ROUNDING_FLOOR: f64 = 1e-15;
 const MOMENT_ROUNDING_FLOOR: f64 = 1e-14;
 
 /// Contacts evaluated at once.
-const GROUP_LANES: usize = 8;
+pub const GROUP_LANES: usize = 8;
 
 /// Smallest number of bodies whose impulses a task adds.
 const BODIES_PER_RANGE: usize = 1024;
@@ -79,7 +81,7 @@ impl From<TaskResidual> for SquaredResidual {
 
 /// Data of eight contacts by columns; unused lanes of the last group have no n, shift and friction.
 #[derive(Debug, Clone, Copy)]
-struct ContactGroup {
+pub struct ContactGroup {
     /// Normals, world frame.
     n: [[f64; GROUP_LANES]; 3],
     /// Shifts of the relative velocity, world frame, m/s.
@@ -118,6 +120,87 @@ pub struct ResidualEvaluator<'a> {
     initial_norm: f64,
     /// Norm |F| below which it is rounding, N s.
     floor: f64,
+    /// Division of the rows among ranks, if this rank has only those that it sweeps.
+    pub(super) division: Option<&'a RowDivision>,
+}
+
+/// Scales of the residual of a problem.
+#[derive(Debug, Clone, Copy)]
+pub struct ResidualScales {
+    /// Scale 3N/trace W of the natural map, kg.
+    rho: f64,
+    /// Norm |F| below which it is rounding, N s.
+    floor: f64,
+}
+
+/// Contribution of a row to the scales, as ranks exchange it.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct RowScales {
+    w_n: f64,
+    w_t: f64,
+    /// Sum of the speeds at the contact, m/s.
+    speed: f64,
+}
+
+/// Sums of the scales of the rows of a task, as ranks exchange them.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct ScaleSums {
+    trace: f64,
+    squared_speeds: f64,
+}
+
+impl RowScales {
+    fn new(problem: &ContactProblem, k: ContactId) -> Self {
+        let row = &problem.rows[k.index()];
+        let speed_of_side = |side: usize| {
+            let body_start = &problem.bodies[row.bodies[side].index()];
+            body_start.v.norm() + body_start.w.norm() * problem.contact_arm(k.index(), side).norm()
+        };
+        let (w_n, w_t) = problem.delassus_diagonal(k.index());
+        let speed = speed_of_side(0) + speed_of_side(1) + row.shift.norm() + w_n * row.impulse_shift.abs();
+        RowScales { w_n, w_t, speed }
+    }
+}
+
+impl ScaleSums {
+    const ZERO: Self = ScaleSums { trace: 0.0, squared_speeds: 0.0 };
+
+    /// Sums with those of one more row.
+    fn with_row(self, RowScales { w_n, w_t, speed }: RowScales) -> Self {
+        ScaleSums { trace: self.trace + w_n + 2.0 * w_t, squared_speeds: self.squared_speeds + speed * speed }
+    }
+
+    /// Sums with those of one more task.
+    fn with_task(self, task: Self) -> Self {
+        ScaleSums { trace: self.trace + task.trace, squared_speeds: self.squared_speeds + task.squared_speeds }
+    }
+}
+
+impl ResidualScales {
+    /// Scales of `rows` rows with these sums.
+    fn new(sums: ScaleSums, rows: usize, rounding: f64) -> Self {
+        let rho = if rows == 0 { 0.0 } else { 3.0 * rows as f64 / sums.trace };
+        ResidualScales { rho, floor: rounding * rho * sums.squared_speeds.sqrt() }
+    }
+
+    /// Scales of the active rows of all ranks, `count` in number; `active`: those of `problem`, which this rank lists.
+    pub fn of_ranks(problem: &ContactProblem, active: &[ContactId], count: usize) -> Self {
+        let rows: Vec<RowScales> =
+            active.par_iter().with_min_len(PAR_MIN_LEN).map(|&k| RowScales::new(problem, k)).collect();
+        let sum_rows = |rows: &[RowScales]| rows.iter().fold(ScaleSums::ZERO, |sums, &row| sums.with_row(row));
+        let tasks = chunk_results(&rows, GROUPS_PER_TASK * GROUP_LANES, sum_rows);
+        ResidualScales::new(tasks.into_iter().fold(ScaleSums::ZERO, ScaleSums::with_task), count, ROUNDING_FLOOR)
+    }
+}
+
+/// |F|² of a row, N² s², as ranks exchange it.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct RowResidual {
+    size2: f64,
+    row: u64,
 }
 
 /// Residual E and the row with the largest part in it.
@@ -193,24 +276,18 @@ impl<'a> ResidualEvaluator<'a> {
         };
         // Trace of W, sum of the squares of the speeds at the contacts, and whether there is an attraction.
         let scales_of = |rows: &[ContactId]| {
-            rows.iter().fold((0.0, 0.0, false), |(trace, squared_speeds, attracts), &k| {
-                let row = &problem.rows[k.index()];
-                let speed_of_side = |side: usize| {
-                    let body_start = &problem.bodies[row.bodies[side].index()];
-                    body_start.v.norm() + body_start.w.norm() * problem.contact_arm(k.index(), side).norm()
-                };
-                let (w_n, w_t) = problem.delassus_diagonal(k.index());
-                let speed = speed_of_side(0) + speed_of_side(1) + row.shift.norm() + w_n * row.impulse_shift.abs();
-                (trace + w_n + 2.0 * w_t, squared_speeds + speed * speed, attracts || row.impulse_shift != 0.0)
+            rows.iter().fold((ScaleSums::ZERO, false), |(sums, attracts), &k| {
+                let attracts = attracts || problem.rows[k.index()].impulse_shift != 0.0;
+                (sums.with_row(RowScales::new(problem, k)), attracts)
             })
         };
         let parts: Vec<_> = rows.par_chunks(GROUPS_PER_TASK * GROUP_LANES).map(scales_of).collect();
-        let (trace, squared_speeds, attracts) =
-            parts.iter().fold((0.0, 0.0, false), |sum, part| (sum.0 + part.0, sum.1 + part.1, sum.2 || part.2));
-        let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
+        let (sums, attracts) =
+            parts.iter().fold((ScaleSums::ZERO, false), |sum, part| (sum.0.with_task(part.0), sum.1 || part.1));
         let rounding = if problem.has_bond_moments() { MOMENT_ROUNDING_FLOOR } else { ROUNDING_FLOOR };
-        let floor = rounding * rho * squared_speeds.sqrt();
-        let mut evaluator = ResidualEvaluator { problem, width, rows, contacts, levers, rho, initial_norm: 0.0, floor };
+        let ResidualScales { rho, floor } = ResidualScales::new(sums, rows.len(), rounding);
+        let mut evaluator =
+            ResidualEvaluator { problem, width, rows, contacts, levers, rho, initial_norm: 0.0, floor, division: None };
         let balance = |row: &ContactConstraint| match row.impulse_shift {
             0.0 => Vec3::zeros(),
             _ => row.normal * row.balancing_impulse(),
@@ -227,6 +304,37 @@ impl<'a> ResidualEvaluator<'a> {
         };
         evaluator.initial_norm = evaluator.residual_norm(&balance, &[], &motions).0;
         evaluator
+    }
+
+    /// Evaluator for the rows of all ranks, of which `problem` has those that this rank sweeps, `rows`; without attractions.
+    pub fn of_division(
+        problem: &'a ContactProblem,
+        rows: &'a [ContactId],
+        width: SimdWidth,
+        division: &'a RowDivision,
+        ResidualScales { rho, floor }: ResidualScales,
+    ) -> Self {
+        let (contacts, division) = (ContactGroups::new(problem, rows), Some(division));
+        let mut evaluator = ResidualEvaluator {
+            problem,
+            width,
+            rows,
+            contacts,
+            levers: Vec::new(),
+            rho,
+            initial_norm: 0.0,
+            floor,
+            division,
+        };
+        let free_motion = |body_start: &SolverBody| body_motion(&body_start.v, &body_start.w);
+        let motions: Vec<BodyMotion> = problem.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(free_motion).collect();
+        evaluator.initial_norm = evaluator.residual_norm(&[], &[], &motions).0;
+        evaluator
+    }
+
+    /// Whether no row of any rank is evaluated.
+    pub(super) fn is_empty(&self) -> bool {
+        self.division.map_or(self.rows.is_empty(), |division| division.active_count == 0)
     }
 
     /// Share of |F(r_0)| that is rounding.
@@ -268,17 +376,16 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// V_free + M⁻¹ H r̂, computed anew.
     pub fn body_motions(&self, impulses: &[Vec3]) -> Vec<BodyMotion> {
+        if let Some(division) = self.division {
+            return self.motions_of_ranks(impulses, division);
+        }
         // Sums of the impulses on each body and of their moments about its centre, for each half of the contacts: the halves
         // depend only on the number of contacts. More than two threads share the bodies of a half, which changes no sum: each
         // reads all contacts of the half, so that this costs nothing where there are two threads or one.
         let ranges = rayon::current_num_threads().div_ceil(2).min(self.problem.bodies.len() / BODIES_PER_RANGE).max(1);
         let range_bits = self.problem.bodies.len().div_ceil(ranges).next_power_of_two().trailing_zeros();
         let ranges = self.problem.bodies.len().div_ceil(1 << range_bits);
-        let half = if self.contacts.len() < GROUPS_PER_TASK {
-            self.contacts.len().max(1)
-        } else {
-            self.contacts.len().div_ceil(2)
-        };
+        let half = groups_in_half(self.contacts.len());
         let halves = self.contacts.len().div_ceil(half);
         let part_motions = |part: usize| {
             let (from, range) = (part / ranges * half, part % ranges);
@@ -286,7 +393,7 @@ impl<'a> ResidualEvaluator<'a> {
             let contacts = &self.contacts[from..self.contacts.len().min(from + half)];
             let (first, rows) = (range << range_bits, &self.rows[from * GROUP_LANES..]);
             let bodies = first..self.problem.bodies.len().min(first + (1 << range_bits));
-            self.width.run(BodyImpulseSums { contacts, levers, rows, impulses, bodies })
+            self.width.run(BodyImpulseSums { contacts, levers, rows, skipped_rows: 0, impulses, bodies })
         };
         let parts = (0..halves * ranges).into_par_iter().with_max_len(1);
         let parts: Vec<Vec<[f64; 6]>> = parts.map(part_motions).collect();
@@ -296,11 +403,7 @@ impl<'a> ResidualEvaluator<'a> {
             for half in parts.chunks_exact(ranges) {
                 (0..6).for_each(|k| sum[k] += half[range][index][k]);
             }
-            let v =
-                body_start.v + self.problem.velocity_change(BodyId(body as u32), &Vec3::new(sum[0], sum[1], sum[2]));
-            let w = body_start.w
-                + self.problem.angular_velocity_change(BodyId(body as u32), &Vec3::new(sum[3], sum[4], sum[5]));
-            body_motion(&v, &w)
+            self.motion_after(BodyId(body as u32), body_start, sum)
         };
         self.problem
             .bodies
@@ -309,6 +412,86 @@ impl<'a> ResidualEvaluator<'a> {
             .enumerate()
             .map(motion_of_body)
             .collect()
+    }
+
+    /// Motion of a body after an impulse and an angular impulse, the six numbers `sum`.
+    fn motion_after(&self, body: BodyId, body_start: &SolverBody, sum: [f64; 6]) -> BodyMotion {
+        let v = body_start.v + self.problem.velocity_change(body, &Vec3::new(sum[0], sum[1], sum[2]));
+        let w = body_start.w + self.problem.angular_velocity_change(body, &Vec3::new(sum[3], sum[4], sum[5]));
+        body_motion(&v, &w)
+    }
+
+    /// [`Self::body_motions`] by the rows of all ranks: a rank sweeps all rows of the bodies in its blocks, and adds their
+    /// impulses in the order of the list.
+    fn motions_of_ranks(&self, impulses: &[Vec3], division: &RowDivision) -> Vec<BodyMotion> {
+        let groups = division.active_count.div_ceil(GROUP_LANES);
+        let rows_in_half = (groups_in_half(groups) * GROUP_LANES) as u32;
+        let first_half = division.active_indices.partition_point(|&index| index < rows_in_half);
+        let bodies = self.problem.bodies.len();
+        let sums_of_half = |rows: Range<usize>| {
+            let (first_group, skipped_rows) = (rows.start / GROUP_LANES, rows.start % GROUP_LANES);
+            self.width.run(BodyImpulseSums {
+                contacts: &self.contacts[first_group..rows.end.div_ceil(GROUP_LANES)],
+                levers: &[],
+                rows: &self.rows[first_group * GROUP_LANES..rows.end],
+                skipped_rows,
+                impulses,
+                bodies: 0..bodies,
+            })
+        };
+        let halves = [0..first_half, first_half..self.rows.len()].into_par_iter().with_max_len(1);
+        let halves: Vec<Vec<[f64; 6]>> = halves.map(sums_of_half).collect();
+        let number_of_halves = if groups_in_half(groups) < groups { 2 } else { 1 };
+        let own_motion = |body: BodyId| {
+            let mut sum = [0.0; 6];
+            for half in &halves[..number_of_halves] {
+                (0..6).for_each(|k| sum[k] += half[body.index()][k]);
+            }
+            let [vx, vy, vz, _, wx, wy, wz, _] = self.motion_after(body, &self.problem.bodies[body.index()], sum);
+            [vx, vy, vz, wx, wy, wz]
+        };
+        let unmoved =
+            |(body, body_start): (usize, &SolverBody)| self.motion_after(BodyId::new(body), body_start, [0.0; 6]);
+        let mut motions: Vec<BodyMotion> =
+            self.problem.bodies.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(unmoved).collect();
+        let moved = division.body_values(own_motion);
+        for (body, [vx, vy, vz, wx, wy, wz]) in division.partition.bodies.iter().zip(moved) {
+            motions[body.index()] = [vx, vy, vz, 0.0, wx, wy, wz, 0.0];
+        }
+        motions
+    }
+
+    /// |F| and the row with the largest part in it, by the rows of all ranks.
+    fn norm_of_ranks(
+        &self,
+        impulses: &[Vec3],
+        motions: &[BodyMotion],
+        division: &RowDivision,
+    ) -> (f64, Option<ContactId>) {
+        let mut sizes2 = vec![0.0; self.contacts.len() * GROUP_LANES];
+        let tasks = self.rows.par_chunks(GROUP_LANES * GROUPS_PER_TASK).zip(self.contacts.par_chunks(GROUPS_PER_TASK));
+        let tasks = tasks.zip(sizes2.par_chunks_mut(GROUP_LANES * GROUPS_PER_TASK));
+        tasks.for_each(|((rows, contacts), sizes2)| {
+            self.width.run(NaturalMap { rows, contacts, levers: &[], impulses, motions, rho: self.rho, sizes2 });
+        });
+        let listed = division.listed_values(|row| sizes2[row]).into_iter().zip(&division.listed_rows);
+        let listed: Vec<RowResidual> = listed.map(|(size2, &row)| RowResidual { size2, row: u64::from(row) }).collect();
+        let sum_rows = |rows: &[RowResidual]| {
+            let none = TaskResidual { sum: 0.0, largest: 0.0, worst: NO_ROW };
+            rows.iter().fold(none, |TaskResidual { sum, largest, worst }, &RowResidual { size2, row }| {
+                let (largest, worst) = if size2 > largest { (size2, row) } else { (largest, worst) };
+                TaskResidual { sum: sum + size2, largest, worst }
+            })
+        };
+        let tasks = chunk_results(&listed, GROUP_LANES * GROUPS_PER_TASK, sum_rows);
+        let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
+        for task in tasks.into_iter().map(SquaredResidual::from) {
+            sum += task.sum;
+            if task.largest > largest {
+                (largest, worst) = (task.largest, task.worst);
+            }
+        }
+        (sum.sqrt(), worst)
     }
 
     /// V_free + M⁻¹ (H r̂ + m), computed anew; `moments` has one moment per rolling constraint of the system, world frame, on
@@ -362,6 +545,9 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// |F| and the row with the largest part in it.
     fn residual_norm(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[BodyMotion]) -> (f64, Option<ContactId>) {
+        if let Some(division) = self.division {
+            return self.norm_of_ranks(impulses, motions, division);
+        }
         let task_residual = |(task, (rows, contacts)): (usize, (&[ContactId], &[ContactGroup]))| {
             let contacts = (contacts, self.levers.get(task * GROUPS_PER_TASK..).unwrap_or_default());
             self.evaluate_groups(rows, contacts, impulses, motions)
@@ -477,11 +663,18 @@ impl<'a> ResidualEvaluator<'a> {
     }
 }
 
+/// Groups of contacts, of this number, whose impulses on a body are added before the others.
+fn groups_in_half(groups: usize) -> usize {
+    if groups < GROUPS_PER_TASK { groups.max(1) } else { groups.div_ceil(2) }
+}
+
 /// Sums of the impulses on each of `bodies` and of their moments about its centre, in the order of the contacts.
 struct BodyImpulseSums<'a> {
     contacts: &'a [ContactGroup],
     levers: &'a [GroupLevers],
     rows: &'a [ContactId],
+    /// Number of the first rows whose impulses are not added.
+    skipped_rows: usize,
     impulses: &'a [Vec3],
     bodies: Range<usize>,
 }
@@ -491,7 +684,7 @@ impl LaneOperation for BodyImpulseSums<'_> {
 
     #[inline(always)]
     fn call<L: F64Arithmetic>(self, l: L) -> Vec<[f64; 6]> {
-        let BodyImpulseSums { contacts, levers, rows, impulses, bodies } = self;
+        let BodyImpulseSums { contacts, levers, rows, mut skipped_rows, impulses, bodies } = self;
         let mut sums = vec![[0.0; 6]; bodies.len()];
         let mut moments = [[[0.0; GROUP_LANES]; 3]; 2];
         for (group, (columns, rows)) in contacts.iter().zip(rows.chunks(GROUP_LANES)).enumerate() {
@@ -499,7 +692,7 @@ impl LaneOperation for BodyImpulseSums<'_> {
             for from in (0..GROUP_LANES).step_by(L::WIDTH) {
                 moments_about_centres(l, (columns, levers.get(group)), &r, from, &mut moments);
             }
-            for lane in 0..rows.len() {
+            for lane in std::mem::take(&mut skipped_rows)..rows.len() {
                 let [a, b] = [0, 1].map(|side| (columns.bodies[side][lane] as usize).wrapping_sub(bodies.start));
                 if let Some(sum) = sums.get_mut(a) {
                     for axis in 0..3 {
@@ -849,6 +1042,7 @@ mod tests {
         for width in SimdWidth::all_widths() {
             let sums = |bodies| {
                 width.run(BodyImpulseSums {
+                    skipped_rows: 0,
                     contacts: &contacts,
                     levers: &levers,
                     rows: &rows,

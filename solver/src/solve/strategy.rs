@@ -9,10 +9,11 @@ use crate::activity;
 use crate::assemble::{ContactProblem, StoredProblem};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
+use crate::ranks::lists::{any_rank, count_of_ranks};
 use crate::solve::bond_gradients::{GradientLimits, corrected_reactions};
 use crate::solve::cost_model::{COSTS, TOO_LARGE_REASON};
 use crate::solve::gauss_seidel::associated::{associated_law_applies, solve_associated};
-use crate::solve::gauss_seidel::driver::{closing_inactive_rows, solve_nlgs};
+use crate::solve::gauss_seidel::driver::{closing_inactive_rows, solve_divided_nlgs, solve_nlgs};
 use crate::solve::gauss_seidel::momentum::MOMENTUM_CYCLE;
 use crate::solve::matrix::{self, MatrixProblem, MatrixSolver, SolverLimits, residual, solve};
 use crate::solve::regularised::solve_regularised;
@@ -112,6 +113,32 @@ pub fn solve_contact_problem(
         replacement_reason: solution.replacement_reason,
         ..restarted
     }
+}
+
+/// Solves a contact problem of spheres and plates without attractions of which each rank has a part of the rows, one after the
+/// other, as [`solve_contact_problem`] solves the whole; `None` if that needs other solvers than sweeps by Coulomb's law, for
+/// which ranks must have all rows.
+pub fn solve_in_parts(contact_problem: &mut ContactProblem, request: SolveRequest) -> Option<ContactSolution> {
+    let max_sweeps = request.criteria.max_sweeps;
+    let can_close = contact_problem.rows.par_iter().with_min_len(PAR_MIN_LEN).filter(|row| row.can_close);
+    let contacts = count_of_ranks(can_close.count());
+    let sweeps_alone = request.solver == ContactSolver::Nlgs || request.skips_fallback();
+    let sweeps = match request.solver {
+        ContactSolver::Nlgs => max_sweeps,
+        ContactSolver::Auto if request.skips_fallback() || !COSTS.fallback_pays(contacts) => {
+            max_sweeps.min(MOMENTUM_CYCLE)
+        }
+        ContactSolver::Auto => {
+            let sweeps = COSTS.sweeps_before_fallback(contacts, max_sweeps);
+            let has_friction = any_rank(associated_law_applies(contact_problem));
+            if max_sweeps > MOMENTUM_CYCLE && has_friction { sweeps.min(MOMENTUM_CYCLE) } else { sweeps }
+        }
+        _ => return None,
+    };
+    let criteria = StoppingCriteria { max_sweeps: sweeps, ..request.criteria };
+    let solution = solve_divided_nlgs(contact_problem, criteria, request.width);
+    let is_last = sweeps_alone || solution.converged || solution.sweeps >= max_sweeps;
+    (is_last && solution.residual < 1.0 || activity::is_stopped()).then_some(solution)
 }
 
 /// Solves with the solver of the request, from the warm start of the rows.

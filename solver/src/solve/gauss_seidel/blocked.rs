@@ -148,14 +148,15 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
     /// Copies the impulses of the swept rows into `impulses`; `group_impulses` returns those of the batches of a
     /// group, world frame.
     ///
-    /// Without a division among ranks, the rows are set in parallel, each from its slot. With one, most groups are empty on
-    /// this rank, and each rank sends the impulses of the groups that it reports, with their rows, to all.
+    /// Without a division among ranks, or with one of the contacts, the rows are set in parallel, each from its slot. With one
+    /// of the sweeps alone, most groups are empty on this rank, and each rank sends the impulses of the groups that it
+    /// reports, with their rows, to all.
     pub fn read_back(
         &self,
         impulses: &mut [Vec3],
         group_impulses: impl Fn(&G) -> Vec<[[f64; BATCH_LANES]; 3]> + Send + Sync,
     ) {
-        if let Some(share) = &self.share {
+        if let Some(share) = self.share.as_ref().filter(|share| share.gathers_impulses) {
             let groups: Vec<&G> = self.reported_groups(share).collect();
             let group_impulses = |group: &&G| {
                 let batch_impulses = group_impulses(group);

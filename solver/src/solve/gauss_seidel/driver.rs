@@ -11,10 +11,13 @@ use crate::activity;
 use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::solve::gauss_seidel::layout::pack_problem;
+use crate::ranks::communicator;
+use crate::ranks::lists::{any_rank, count_of_ranks, largest_of_ranks, rank_values, smallest_of_ranks};
+use crate::solve::gauss_seidel::layout::{pack_divided_rows, pack_problem, smallest_block};
 use crate::solve::gauss_seidel::momentum::{MOMENTUM_CYCLE, SweepMomentum};
 use crate::solve::gauss_seidel::packed::PackSource;
-use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator, keep_body_memory};
+use crate::solve::gauss_seidel::row_division::RowDivision;
+use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator, ResidualScales, keep_body_memory};
 use crate::solve::types::{ContactReactions, ContactSolution, StoppingCriteria};
 use crate::state::ContactId;
 
@@ -53,7 +56,7 @@ pub fn solve_nlgs(contact_problem: &ContactProblem, criteria: StoppingCriteria, 
     let mut sweeps = 0;
     loop {
         let evaluator = ResidualEvaluator::new(contact_problem, &active, width);
-        let single = sweeps_in_f32(contact_problem, &active, criteria);
+        let single = sweeps_in_f32(contact_problem, &active, criteria, false);
         // Many bodies without a contact, as in a cloud that falls together, take no more than a copy.
         let (residual, solver_bodies) = if active.is_empty() && contact_problem.rolling_constraints.is_empty() {
             (Residual { value: 0.0, worst: None }, evaluator.unmoved_bodies())
@@ -76,6 +79,69 @@ pub fn solve_nlgs(contact_problem: &ContactProblem, criteria: StoppingCriteria, 
                 left_out: missed.len(),
                 worst: residual.worst.or(missed.first().copied()),
                 active_rows: active.len(),
+                fallback_used: false,
+                stalled_residual: None,
+                replacement_reason: None,
+            };
+        }
+        active.extend(missed);
+        active.sort_unstable();
+    }
+}
+
+/// [`solve_nlgs`] for a problem of spheres and plates without attractions of which each rank has a part of the rows, one after
+/// the other. The solution has the impulses of the rows of this rank, and all bodies; `worst` is a row of the whole problem.
+pub fn solve_divided_nlgs(
+    contact_problem: &mut ContactProblem,
+    criteria: StoppingCriteria,
+    width: SimdWidth,
+) -> ContactSolution {
+    let StoppingCriteria { tol, max_sweeps, .. } = criteria;
+    let first_row = rank_values(contact_problem.rows.len() as u64)[..communicator().rank()].iter().sum::<u64>();
+    let rows = (0..contact_problem.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN).map(ContactId);
+    let mut active: Vec<ContactId> = rows.filter(|k| contact_problem.rows[k.index()].can_close).collect();
+    let ContactReactions { mut impulses, .. } = ContactReactions::warm_start(contact_problem);
+    let mut sweeps = 0;
+    loop {
+        let active_rows = count_of_ranks(active.len());
+        let single = sweeps_in_f32(contact_problem, &active, criteria, true);
+        let (residual, solver_bodies) = if active_rows == 0 {
+            let evaluator = ResidualEvaluator::new(contact_problem, &[], width);
+            (Residual { value: 0.0, worst: None }, evaluator.unmoved_bodies())
+        } else {
+            let scales = ResidualScales::of_ranks(contact_problem, &active, active_rows);
+            let (division, rows) = RowDivision::new(contact_problem, &active, &impulses, smallest_block(false));
+            let mut reactions =
+                ContactReactions { impulses: rows.iter().map(|row| row.warm_start).collect(), moments: Vec::new() };
+            let swept_problem = ContactProblem::of_rows(rows, std::mem::take(&mut contact_problem.bodies));
+            let swept: Vec<ContactId> = (0..swept_problem.rows.len()).map(ContactId::new).collect();
+            let evaluator = ResidualEvaluator::of_division(&swept_problem, &swept, width, &division, scales);
+            let iteration =
+                SweepIteration { contact_problem: &swept_problem, evaluator: &evaluator, active: &swept, criteria };
+            let (residual, motions) = iterate_sweeps(iteration, &mut reactions, single, &mut sweeps);
+            let solver_bodies = evaluator.solver_bodies(&motions);
+            let listed = division.listed_values(|row| <[f64; 3]>::from(reactions.impulses[row]));
+            active.iter().zip(listed).for_each(|(k, impulse)| impulses[k.index()] = Vec3::from(impulse));
+            drop(evaluator);
+            contact_problem.bodies = swept_problem.bodies;
+            (residual, solver_bodies)
+        };
+        let missed = closing_inactive_rows(contact_problem, &active, &solver_bodies);
+        let left_out = count_of_ranks(missed.len());
+        if left_out == 0 || sweeps >= max_sweeps || activity::is_stopped() {
+            let first_missed = missed.first().map_or(u64::MAX, |row| first_row + u64::from(row.0));
+            let first_missed = rank_values(first_missed).into_iter().min().filter(|row| *row < u64::MAX);
+            return ContactSolution {
+                impulses,
+                moments: Vec::new(),
+                solver_bodies,
+                sweeps,
+                single_precision: single && sweeps > 0,
+                residual: residual.value,
+                converged: residual.value <= tol && left_out == 0,
+                left_out,
+                worst: residual.worst.or(first_missed.map(|row| ContactId(row as u32))),
+                active_rows,
                 fallback_used: false,
                 stalled_residual: None,
                 replacement_reason: None,
@@ -122,7 +188,7 @@ fn iterate_sweeps(
     let is_enough = |residual: f64, sweeps: u64| {
         residual <= target_residual && (sweeps >= min_sweeps || residual <= REST_TOLERANCE_SHARE * tol)
     };
-    let solved = is_enough(best.0.value, *sweeps) && (check_every.is_none() || active.is_empty());
+    let solved = is_enough(best.0.value, *sweeps) && (check_every.is_none() || evaluator.is_empty());
     if solved || *sweeps >= max_sweeps {
         return best;
     }
@@ -131,24 +197,32 @@ fn iterate_sweeps(
     let mut end = sweep_limit(best.0.value, *sweeps);
     let pack = |reactions: &ContactReactions, motions: &[BodyMotion], single| {
         let solver_bodies = evaluator.solver_bodies(motions);
-        let packed = pack_problem(
-            &PackSource {
-                problem: contact_problem,
-                active,
-                reactions,
-                solver_bodies: &solver_bodies,
-                width: evaluator.width,
-                associated: &[],
-            },
-            single,
-        );
+        let source = PackSource {
+            problem: contact_problem,
+            active,
+            reactions,
+            solver_bodies: &solver_bodies,
+            width: evaluator.width,
+            associated: &[],
+        };
+        let packed = match evaluator.division {
+            Some(division) => pack_divided_rows(&source, division, single),
+            None => pack_problem(&source, single),
+        };
         keep_body_memory(solver_bodies);
         packed
     };
     let mut problem = pack(reactions, &best.1, single);
     let mut packing = PackingPoint { sweeps: *sweeps, residual: best.0.value };
     let has_rolling_friction = contact_problem.rolling_constraints.iter().any(|roll| !roll.is_bond());
-    let frictional = contact_problem.has_friction(active);
+    let frictional = match evaluator.division {
+        Some(division) => division.has_friction,
+        None => contact_problem.has_friction(active),
+    };
+    let any_slides = |impulses: &[Vec3]| {
+        let slides = any_contact_slides(contact_problem, active, impulses);
+        if evaluator.division.is_some() { any_rank(slides) } else { slides }
+    };
     let mut momentum = SweepMomentum::new(frictional);
     let mut is_capped = false;
     let impulses = reactions.impulses.par_iter().with_min_len(PAR_MIN_LEN).copied().collect();
@@ -180,9 +254,7 @@ fn iterate_sweeps(
             let found = residual_and_motions(&trial);
             let residual = found.0;
             momentum.sliding = frictional
-                && (has_rolling_friction
-                    || any_contact_slides(contact_problem, active, &trial.impulses)
-                    || any_bond_turns(contact_problem, &trial));
+                && (has_rolling_friction || any_slides(&trial.impulses) || any_bond_turns(contact_problem, &trial));
             is_capped |= momentum.sliding || frictional && residual.value >= best.0.value;
             momentum.frictional = is_capped;
             scale = Some(swept.change / residual.value);
@@ -211,16 +283,27 @@ fn iterate_sweeps(
 }
 
 /// Whether the rows `active` are swept in single precision: for masses that do not differ too much, without moments.
-fn sweeps_in_f32(contact_problem: &ContactProblem, active: &[ContactId], criteria: StoppingCriteria) -> bool {
+/// `is_divided`: whether other ranks have other rows of the problem.
+fn sweeps_in_f32(
+    contact_problem: &ContactProblem,
+    active: &[ContactId],
+    criteria: StoppingCriteria,
+    is_divided: bool,
+) -> bool {
+    let count = if is_divided { count_of_ranks(active.len()) } else { active.len() };
     let is_requested = match criteria.precision {
-        SweepPrecision::Auto => active.len() >= MIN_F32_CONTACTS && criteria.target_residual >= MIN_F32_RESIDUAL,
+        SweepPrecision::Auto => count >= MIN_F32_CONTACTS && criteria.target_residual >= MIN_F32_RESIDUAL,
         SweepPrecision::Single => true,
         SweepPrecision::Double => false,
     };
     is_requested && contact_problem.rolling_constraints.is_empty() && {
         let w_n_range = |&k: &ContactId| [contact_problem.delassus_diagonal(k.index()).0; 2];
         let ranges = active.par_iter().with_min_len(PAR_MIN_LEN).map(w_n_range);
-        let [smallest, largest] = ranges.reduce(|| [f64::INFINITY, 0.0], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        let [mut smallest, mut largest] =
+            ranges.reduce(|| [f64::INFINITY, 0.0], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        if is_divided {
+            (smallest, largest) = (smallest_of_ranks(smallest), largest_of_ranks(largest));
+        }
         largest <= smallest * MAX_MASS_RATIO
     }
 }
@@ -287,19 +370,25 @@ mod tests {
         let all: Vec<ContactId> = (0..MIN_F32_CONTACTS).map(ContactId::new).collect();
         let [auto, single, double] = [SweepPrecision::Auto, SweepPrecision::Single, SweepPrecision::Double]
             .map(|precision| StoppingCriteria { precision, ..StoppingCriteria::new(1e-3, 10) });
-        assert!(sweeps_in_f32(&contact_problem, &all, auto) && !sweeps_in_f32(&contact_problem, &all, double));
         assert!(
-            !sweeps_in_f32(&contact_problem, &all[1..], auto) && sweeps_in_f32(&contact_problem, &all[1..], single)
+            sweeps_in_f32(&contact_problem, &all, auto, false) && !sweeps_in_f32(&contact_problem, &all, double, false)
         );
-        assert!(!sweeps_in_f32(&contact_problem, &all, StoppingCriteria { target_residual: 1e-5, ..auto }));
+        assert!(
+            !sweeps_in_f32(&contact_problem, &all[1..], auto, false)
+                && sweeps_in_f32(&contact_problem, &all[1..], single, false)
+        );
+        assert!(!sweeps_in_f32(&contact_problem, &all, StoppingCriteria { target_residual: 1e-5, ..auto }, false));
         let mut uneven = contact_problem.clone();
         uneven.rows[7].w_n = 1e10;
-        assert!(!sweeps_in_f32(&uneven, &all, single));
+        assert!(!sweeps_in_f32(&uneven, &all, single, false));
         uneven.rows[7].w_n = 0.0; // between two bodies whose motion is imposed
-        assert!(!sweeps_in_f32(&uneven, &all, single));
+        assert!(!sweeps_in_f32(&uneven, &all, single, false));
         let block_data =
             BlockData { arms: vec![], friction_offsets: vec![], locked_axes: vec![], inverse_inertia: vec![] };
         let contact_problem = ContactProblem { block_data: Some(block_data), ..contact_problem };
-        assert!(sweeps_in_f32(&contact_problem, &all, auto) && !sweeps_in_f32(&contact_problem, &all[1..], auto));
+        assert!(
+            sweeps_in_f32(&contact_problem, &all, auto, false)
+                && !sweeps_in_f32(&contact_problem, &all[1..], auto, false)
+        );
     }
 }

@@ -7,6 +7,7 @@ use crate::solve::gauss_seidel::block::batches::{BlockProblem, FrictionalPoint, 
 use crate::solve::gauss_seidel::diagonal::batches::{DiagonalProblem, contact_tasks};
 use crate::solve::gauss_seidel::packed::{PackSource, PackedProblem};
 use crate::solve::gauss_seidel::partition::BodyPartition;
+use crate::solve::gauss_seidel::row_division::RowDivision;
 use crate::solve::gauss_seidel::shares::DivisionCounts;
 use crate::state::ContactId;
 
@@ -21,9 +22,20 @@ pub fn pack_problem(source: &PackSource, single: bool) -> Box<dyn PackedProblem>
     pack_in_blocks(source, single, smallest_block(is_full))
 }
 
+/// Packs the rows that this rank has of a problem of spheres and plates, in single precision if `single`.
+pub fn pack_divided_rows(source: &PackSource, division: &RowDivision, single: bool) -> Box<dyn PackedProblem> {
+    let (min_bodies, division) = (smallest_block(false), Some(division));
+    match (division.is_some_and(|division| division.has_friction), single) {
+        (true, false) => Box::new(DiagonalProblem::<BodyLine>::new(source, min_bodies, division)),
+        (true, true) => Box::new(DiagonalProblem::<BodyLineF32>::new(source, min_bodies, division)),
+        (false, false) => Box::new(DiagonalProblem::<BodyHalfLine>::new(source, min_bodies, division)),
+        (false, true) => Box::new(DiagonalProblem::<BodyHalfLineF32>::new(source, min_bodies, division)),
+    }
+}
+
 /// Smallest number of bodies in a block, of any shape if `is_full`. A test of the division among ranks may set another one:
 /// small scenes would be one block, which is not divided.
-fn smallest_block(is_full: bool) -> usize {
+pub fn smallest_block(is_full: bool) -> usize {
     #[cfg(feature = "mpi")]
     {
         use std::sync::LazyLock;
@@ -54,10 +66,10 @@ pub fn division_counts(problem: &ContactProblem, active: &[ContactId], ranks: us
 pub fn pack_in_blocks(source: &PackSource, single: bool, min_bodies: usize) -> Box<dyn PackedProblem> {
     let has_friction = source.problem.has_friction(source.active);
     match (&source.problem.block_data, has_friction, single) {
-        (None, true, false) => Box::new(DiagonalProblem::<BodyLine>::new(source, min_bodies)),
-        (None, true, true) => Box::new(DiagonalProblem::<BodyLineF32>::new(source, min_bodies)),
-        (None, false, false) => Box::new(DiagonalProblem::<BodyHalfLine>::new(source, min_bodies)),
-        (None, false, true) => Box::new(DiagonalProblem::<BodyHalfLineF32>::new(source, min_bodies)),
+        (None, true, false) => Box::new(DiagonalProblem::<BodyLine>::new(source, min_bodies, None)),
+        (None, true, true) => Box::new(DiagonalProblem::<BodyLineF32>::new(source, min_bodies, None)),
+        (None, false, false) => Box::new(DiagonalProblem::<BodyHalfLine>::new(source, min_bodies, None)),
+        (None, false, true) => Box::new(DiagonalProblem::<BodyHalfLineF32>::new(source, min_bodies, None)),
         (Some(data), true, false) => Box::new(BlockProblem::<FrictionalPoint<f64>>::new(source, data, min_bodies)),
         (Some(data), true, true) => Box::new(BlockProblem::<FrictionalPoint<f32>>::new(source, data, min_bodies)),
         (Some(data), false, false) => Box::new(BlockProblem::<FrictionlessPoint<f64>>::new(source, data, min_bodies)),

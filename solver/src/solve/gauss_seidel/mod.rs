@@ -14,6 +14,7 @@
 //! | [`diagonal`] | spheres and plates: the own block of a contact is diagonal |
 //! | [`block`] | bodies of any shape: it is full |
 //! | `rolling` | contacts with rolling and spinning friction |
+//! | [`row_division`] | division of the rows among ranks that each have a part of them |
 
 pub(super) mod associated;
 pub mod block;
@@ -25,5 +26,6 @@ pub(super) mod momentum;
 pub mod packed;
 pub mod partition;
 mod rolling;
+pub mod row_division;
 pub mod shares;
 mod vector;

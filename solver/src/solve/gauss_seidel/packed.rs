@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
 use crate::math::simd::{Arithmetic, F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::ranks::lists::largest_of_ranks;
 use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, triple};
 use crate::solve::types::ContactReactions;
 use crate::state::ContactId;
@@ -126,8 +127,8 @@ impl SweepUnits {
     /// SI units, of sweeps in double precision.
     pub const SI: SweepUnits = SweepUnits { velocity: 1.0, impulse: 1.0 };
 
-    /// Units for sweeps in precision `T`.
-    pub fn from_source<T: LaneFloat>(source: &PackSource) -> SweepUnits {
+    /// Units for sweeps in precision `T`; `is_divided`: whether other ranks have other rows of the problem.
+    pub fn from_source<T: LaneFloat>(source: &PackSource, is_divided: bool) -> SweepUnits {
         if !T::IS_SINGLE {
             return SweepUnits::SI;
         }
@@ -137,7 +138,11 @@ impl SweepUnits {
             (w, problem.shifted_velocity(k, solver_bodies).norm() + w * reactions.impulses[k].norm())
         };
         let larger_of_each = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
-        let (w, u) = active.par_iter().with_min_len(PAR_MIN_LEN).map(magnitudes).reduce(|| (0.0, 0.0), larger_of_each);
+        let (mut w, mut u) =
+            active.par_iter().with_min_len(PAR_MIN_LEN).map(magnitudes).reduce(|| (0.0, 0.0), larger_of_each);
+        if is_divided {
+            (w, u) = (largest_of_ranks(w), largest_of_ranks(u));
+        }
         let velocity = power_of_two(u);
         SweepUnits { velocity, impulse: velocity / power_of_two(w) }
     }

@@ -31,7 +31,7 @@ const MIN_TASK_CONSTRAINTS: usize = 64;
 
 /// Moving bodies of some rows in spatial order, divided into blocks of almost equal size. The number of blocks is a power of
 /// two.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct BodyPartition {
     /// Moving bodies; the index of a body here is its curve index.
     pub bodies: Vec<BodyId>,
@@ -44,7 +44,7 @@ pub struct BodyPartition {
 }
 
 /// Constraints of a sweep by task.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SweepTasks {
     /// Indices of the constraints inside each block, ascending.
     pub blocks: Vec<Vec<u32>>,
@@ -55,7 +55,7 @@ pub struct SweepTasks {
 }
 
 /// Constraints between blocks that one task sweeps.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct BorderTask {
     /// Indices of the constraints, border by border.
     pub constraints: Vec<u32>,
@@ -83,22 +83,25 @@ impl BodyPartition {
     /// [`SMALL_BLOCKS`] blocks; fewer bodies are one block.
     pub fn new(problem: &ContactProblem, active: &[ContactId], min_bodies: usize) -> Self {
         let bodies_of = |&k: &ContactId| problem.rows[k.index()].bodies.map(|body| body.0);
-        let mut pairs: Vec<[u32; 2]> = active.par_iter().with_min_len(PAR_MIN_LEN).map(bodies_of).collect();
+        let pairs: Vec<[u32; 2]> = active.par_iter().with_min_len(PAR_MIN_LEN).map(bodies_of).collect();
         let touched: Vec<AtomicBool> = problem.bodies.iter().map(|_| AtomicBool::new(false)).collect();
         pairs.as_flattened().par_iter().with_min_len(PAR_MIN_LEN).for_each(|&body| {
             touched[body as usize].store(true, Ordering::Relaxed);
         });
-        let is_moving = |body: &BodyId| {
-            touched[body.index()].load(Ordering::Relaxed) && problem.bodies[body.index()].inverse_mass > 0.0
-        };
+        Self::of_touched_bodies(problem, pairs, |body| touched[body.index()].load(Ordering::Relaxed), min_bodies)
+    }
+
+    /// Division of the moving bodies for which `is_touched` holds; `pairs`: bodies of rows.
+    pub(super) fn of_touched_bodies(
+        problem: &ContactProblem,
+        mut pairs: Vec<[u32; 2]>,
+        is_touched: impl Fn(&BodyId) -> bool + Sync,
+        min_bodies: usize,
+    ) -> Self {
+        let is_moving = |body: &BodyId| is_touched(body) && problem.bodies[body.index()].inverse_mass > 0.0;
         let bodies: Vec<BodyId> =
             problem.order.par_iter().copied().map(BodyId).with_min_len(PAR_MIN_LEN).filter(is_moving).collect();
-        let curve_indices: Vec<AtomicU32> = problem.bodies.iter().map(|_| AtomicU32::new(NO_INDEX)).collect();
-        bodies.par_iter().enumerate().with_min_len(PAR_MIN_LEN).for_each(|(curve_index, body)| {
-            curve_indices[body.index()].store(curve_index as u32, Ordering::Relaxed);
-        });
-        let curve_index_of = |body: u32| curve_indices[body as usize].load(Ordering::Relaxed);
-        pairs.par_iter_mut().with_min_len(PAR_MIN_LEN).for_each(|pair| *pair = pair.map(curve_index_of));
+        set_curve_indices(&bodies, problem.bodies.len(), &mut pairs);
 
         let blocks_of = |bodies_in_block: usize| bodies.len() / bodies_in_block;
         let count = blocks_of(min_bodies).min(SMALL_BLOCKS).max(blocks_of(min_bodies.saturating_mul(2)));
@@ -132,29 +135,23 @@ impl BodyPartition {
         (block, curve_index - self.cuts[block as usize])
     }
 
+    /// Indices into the rows, in the order of the first of their bodies, without rows of two bodies that do not move.
+    pub fn spatial_order(&self) -> Vec<u32> {
+        let BodyPartition { bodies, pairs, .. } = self;
+        let lower_body = |[a, b]: &[u32; 2]| *a.min(b).min(&(bodies.len() as u32));
+        let first: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(lower_body).collect();
+        let (mut order, starts) = group_by_key(&first, bodies.len() + 1);
+        order.truncate(starts[bodies.len()] as usize);
+        order
+    }
+
     /// Distributes constraints over tasks; `pairs`: curve indices of the bodies of each. Constraints of two bodies that do
     /// not move are left out: they have no solution to find.
     pub fn sweep_tasks(&self, pairs: &[[u32; 2]]) -> SweepTasks {
         let count = self.block_count();
-        // A body that does not move is in the block of the other.
-        let block_of = |curve_index: u32| self.blocks.get(curve_index as usize).map_or(NO_INDEX, |&block| block);
-        let blocks_of = |&[a, b]: &[u32; 2]| {
-            [a, b].map(|curve_index| block_of(if curve_index == NO_INDEX { a.min(b) } else { curve_index }))
-        };
-        let blocks: Vec<[u32; 2]> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(blocks_of).collect();
-        // Blocks by number modulo 64 that each body reaches.
-        let moving = 0..if count > 1 { self.bodies.len() } else { 0 };
-        let reached: Vec<AtomicU64> = moving.map(|_| AtomicU64::new(0)).collect();
-        pairs.par_iter().zip(&blocks).with_min_len(PAR_MIN_LEN).filter(|(_, [a, b])| a != b).for_each(
-            |(pair, blocks)| {
-                for side in 0..2 {
-                    reached[pair[side] as usize].fetch_or(1 << (blocks[1 - side] % u64::BITS), Ordering::Relaxed);
-                }
-            },
-        );
-        let is_large = |&curve_index: &u32| {
-            reached[curve_index as usize].load(Ordering::Relaxed).count_ones() > MAX_REACHED_BLOCKS
-        };
+        let blocks = self.block_pairs(pairs);
+        let reached = self.reached_blocks(pairs, &blocks);
+        let is_large = |&curve_index: &u32| reaches_many_blocks(reached[curve_index as usize].load(Ordering::Relaxed));
         // Constraints inside a block, then constraints of its borders with later blocks, then constraints that are swept last.
         let group = |(pair, &[a, b]): (&[u32; 2], &[u32; 2])| match a.min(b) {
             NO_INDEX => 2 * count as u32 + 1,
@@ -176,36 +173,110 @@ impl BodyPartition {
             later.chunk_by(|a, b| key(a) == key(b)).map(border).collect::<Vec<_>>()
         });
         let borders: Vec<BlockBorder> = borders.collect();
-        let (mut colours, mut last) = colour_borders(borders, count);
-        // A colour of one task is swept last with others of this kind: nothing is swept in parallel with it.
-        let is_small = |colour: &Vec<BlockBorder>| {
-            colour.iter().map(|border| border.constraints.len()).sum::<usize>() < 2 * MIN_TASK_CONSTRAINTS
+        let large = members(2 * count);
+        let sizes: Vec<BorderSize> = borders
+            .iter()
+            .map(|border| BorderSize { blocks: border.blocks, constraints: border.constraints.len() })
+            .collect();
+        let BorderPlan { tasks, colours } = BorderPlan::new(&sizes, large.len(), count);
+        let last = tasks.len();
+        let constraints_of = |(task, borders_of_task): (usize, Vec<u32>)| {
+            let borders = borders_of_task.iter().map(|&border| &borders[border as usize].constraints[..]);
+            borders.chain((task + 1 == last).then_some(large)).collect::<Vec<_>>().concat()
         };
-        last.extend(colours.extract_if(.., |colour| is_small(colour)).flatten());
-        let last = last.into_iter().map(|border| border.constraints).chain([members(2 * count).to_vec()]);
-        let last = last.collect::<Vec<_>>().concat();
-
-        let (mut constraints, mut ends) = (Vec::new(), Vec::new());
-        for colour in colours {
-            let mut task = Vec::new();
-            for border in colour {
-                task.extend(border.constraints);
-                if task.len() >= MIN_TASK_CONSTRAINTS {
-                    constraints.push(mem::take(&mut task));
-                }
-            }
-            constraints.extend((!task.is_empty()).then_some(task));
-            ends.push(constraints.len());
-        }
-        if !last.is_empty() {
-            constraints.push(last);
-            ends.push(constraints.len());
-        }
+        let constraints: Vec<Vec<u32>> = tasks.into_iter().enumerate().map(constraints_of).collect();
         SweepTasks {
             blocks: (0..count).into_par_iter().map(|block| members(block).to_vec()).collect(),
             borders: constraints.into_par_iter().map(|constraints| BorderTask::new(constraints, pairs)).collect(),
-            colours: ends,
+            colours,
         }
+    }
+
+    /// Blocks of the bodies of each pair of curve indices; a body that does not move is in the block of the other.
+    pub(super) fn block_pairs(&self, pairs: &[[u32; 2]]) -> Vec<[u32; 2]> {
+        let block_of = |curve_index: u32| self.blocks.get(curve_index as usize).map_or(NO_INDEX, |&block| block);
+        let blocks_of = |&[a, b]: &[u32; 2]| {
+            [a, b].map(|curve_index| block_of(if curve_index == NO_INDEX { a.min(b) } else { curve_index }))
+        };
+        pairs.par_iter().with_min_len(PAR_MIN_LEN).map(blocks_of).collect()
+    }
+
+    /// Blocks, by bits for their number modulo 64, that each body reaches by the pairs with these `blocks`; empty for one
+    /// block.
+    pub(super) fn reached_blocks(&self, pairs: &[[u32; 2]], blocks: &[[u32; 2]]) -> Vec<AtomicU64> {
+        let moving = 0..if self.block_count() > 1 { self.bodies.len() } else { 0 };
+        let reached: Vec<AtomicU64> = moving.map(|_| AtomicU64::new(0)).collect();
+        pairs.par_iter().zip(blocks).with_min_len(PAR_MIN_LEN).filter(|(_, [a, b])| a != b).for_each(
+            |(pair, blocks)| {
+                for side in 0..2 {
+                    reached[pair[side] as usize].fetch_or(1 << (blocks[1 - side] % u64::BITS), Ordering::Relaxed);
+                }
+            },
+        );
+        reached
+    }
+}
+
+/// Whether these are so many blocks that the body is swept last.
+pub(super) fn reaches_many_blocks(reached: u64) -> bool {
+    reached.count_ones() > MAX_REACHED_BLOCKS
+}
+
+/// Replaces the bodies of pairs by their curve indices, [`NO_INDEX`] for bodies that are not in `bodies`; `count`: number of
+/// all bodies.
+pub(super) fn set_curve_indices(bodies: &[BodyId], count: usize, pairs: &mut [[u32; 2]]) {
+    let curve_indices: Vec<AtomicU32> = (0..count).map(|_| AtomicU32::new(NO_INDEX)).collect();
+    bodies.par_iter().enumerate().with_min_len(PAR_MIN_LEN).for_each(|(curve_index, body)| {
+        curve_indices[body.index()].store(curve_index as u32, Ordering::Relaxed);
+    });
+    let curve_index_of = |body: u32| curve_indices[body as usize].load(Ordering::Relaxed);
+    pairs.par_iter_mut().with_min_len(PAR_MIN_LEN).for_each(|pair| *pair = pair.map(curve_index_of));
+}
+
+/// Two blocks with constraints between them.
+pub(super) struct BorderSize {
+    pub blocks: [u32; 2],
+    /// Number of constraints.
+    pub constraints: usize,
+}
+
+/// Borders of each task, and the colours of these.
+pub(super) struct BorderPlan {
+    /// Indices of the borders of each task, in the order in which they are swept. Constraints of large bodies, if there are
+    /// any, follow those of the last task.
+    pub tasks: Vec<Vec<u32>>,
+    /// End of each colour in `tasks`.
+    pub colours: Vec<usize>,
+}
+
+impl BorderPlan {
+    /// Tasks of `borders`, ordered by their blocks, and of `large` constraints of large bodies; `blocks`: number of blocks.
+    pub(super) fn new(borders: &[BorderSize], large: usize, blocks: usize) -> Self {
+        let (mut by_colour, mut last) = colour_borders(borders, blocks);
+        let size = |border: u32| borders[border as usize].constraints;
+        // A colour of one task is swept last with others of this kind: nothing is swept in parallel with it.
+        let is_small =
+            |colour: &Vec<u32>| colour.iter().map(|&border| size(border)).sum::<usize>() < 2 * MIN_TASK_CONSTRAINTS;
+        last.extend(by_colour.extract_if(.., |colour| is_small(colour)).flatten());
+        let (mut tasks, mut colours) = (Vec::new(), Vec::new());
+        for colour in by_colour {
+            let (mut task, mut constraints) = (Vec::new(), 0);
+            for border in colour {
+                task.push(border);
+                constraints += size(border);
+                if constraints >= MIN_TASK_CONSTRAINTS {
+                    tasks.push(mem::take(&mut task));
+                    constraints = 0;
+                }
+            }
+            tasks.extend((!task.is_empty()).then_some(task));
+            colours.push(tasks.len());
+        }
+        if !last.is_empty() || large > 0 {
+            tasks.push(last);
+            colours.push(tasks.len());
+        }
+        BorderPlan { tasks, colours }
     }
 }
 
@@ -239,7 +310,7 @@ impl GroupBodies<'_> {
 }
 
 impl BorderTask {
-    fn new(constraints: Vec<u32>, pairs: &[[u32; 2]]) -> Self {
+    pub(super) fn new(constraints: Vec<u32>, pairs: &[[u32; 2]]) -> Self {
         let mut curve_indices: Vec<u32> = constraints.iter().flat_map(|&k| pairs[k as usize]).collect();
         curve_indices.sort_unstable();
         curve_indices.dedup();
@@ -251,13 +322,14 @@ impl BorderTask {
 pub const MAX_COLOURS: usize = 64;
 
 /// Colours borders, those with the most constraints first, by the first colour that no earlier border of their blocks has,
-/// and returns them by colour, with those for which no colour is free.
-fn colour_borders(mut borders: Vec<BlockBorder>, blocks: usize) -> (Vec<Vec<BlockBorder>>, Vec<BlockBorder>) {
-    borders.sort_by_key(|border| std::cmp::Reverse(border.constraints.len()));
-    let colours = colour_pairs(borders.iter().map(|border| border.blocks), blocks);
-    let mut by_colour: Vec<Vec<BlockBorder>> = Vec::new();
+/// and returns their indices by colour, with those for which no colour is free.
+fn colour_borders(borders: &[BorderSize], blocks: usize) -> (Vec<Vec<u32>>, Vec<u32>) {
+    let mut order: Vec<u32> = (0..borders.len() as u32).collect();
+    order.sort_by_key(|&border| std::cmp::Reverse(borders[border as usize].constraints));
+    let colours = colour_pairs(order.iter().map(|&border| borders[border as usize].blocks), blocks);
+    let mut by_colour: Vec<Vec<u32>> = Vec::new();
     let mut rest = Vec::new();
-    for (border, colour) in borders.into_iter().zip(colours) {
+    for (border, colour) in order.into_iter().zip(colours) {
         let colour = colour as usize;
         if colour == MAX_COLOURS {
             rest.push(border);

@@ -30,6 +30,8 @@ pub struct SweepShare {
     participants: Vec<Vec<u32>>,
     /// Messages before each colour.
     colours: Vec<ColourMessages>,
+    /// Whether every rank gets the impulses of all; otherwise it reads those of its own tasks alone.
+    pub gathers_impulses: bool,
 }
 
 /// Messages between this rank and others before a colour of borders.
@@ -85,6 +87,30 @@ impl SweepShare {
     ) -> Self {
         let blocks = cut_by_work(&block_work(partition, tasks, work), communicator.size());
         let division = BorderDivision::new(partition, tasks, &blocks);
+        SweepShare::from_division(communicator, tasks, division, blocks)
+    }
+
+    /// Share of tasks of which this rank has its own alone, if each rank sweeps one of the ranges `blocks` and these
+    /// `participants` sweep each border task.
+    pub(super) fn of_own_tasks(
+        partition: &BodyPartition,
+        tasks: &SweepTasks,
+        blocks: Vec<Range<usize>>,
+        participants: Vec<Vec<u32>>,
+    ) -> Self {
+        let owners = block_owners(&blocks);
+        let division = BorderDivision { partition, tasks: &tasks.borders, owners, participants };
+        let share = SweepShare::from_division(ranks::communicator(), tasks, division, blocks);
+        SweepShare { gathers_impulses: false, ..share }
+    }
+
+    fn from_division(
+        communicator: &'static dyn Communicator,
+        tasks: &SweepTasks,
+        division: BorderDivision,
+        blocks: Vec<Range<usize>>,
+    ) -> Self {
+        let partition = division.partition;
         let own_rank = communicator.rank() as u32;
         let messages_of = |borders: Range<usize>| {
             let mut messages = ColourMessages::default();
@@ -99,7 +125,7 @@ impl SweepShare {
             messages
         };
         let colours = tasks.colour_ranges().map(messages_of).collect();
-        SweepShare { communicator, participants: division.participants, blocks, colours }
+        SweepShare { communicator, participants: division.participants, blocks, colours, gathers_impulses: true }
     }
 
     /// Blocks of this rank.
@@ -264,6 +290,11 @@ pub fn cut_by_work(work: &[u64], parts: usize) -> Vec<Range<usize>> {
     cut
 }
 
+/// Rank of each block, if each rank has one of the ranges `blocks`.
+pub(super) fn block_owners(blocks: &[Range<usize>]) -> Vec<u32> {
+    (0..).zip(blocks).flat_map(|(rank, blocks)| blocks.clone().map(move |_| rank)).collect()
+}
+
 /// Ranks that sweep each border task, and the bodies that they send each other.
 struct BorderDivision<'a> {
     partition: &'a BodyPartition,
@@ -285,7 +316,7 @@ struct SentBody {
 impl<'a> BorderDivision<'a> {
     /// Division if each rank sweeps one of the ranges `blocks`.
     fn new(partition: &'a BodyPartition, tasks: &'a SweepTasks, blocks: &[Range<usize>]) -> Self {
-        let owners = (0..).zip(blocks).flat_map(|(rank, blocks)| blocks.clone().map(move |_| rank)).collect();
+        let owners = block_owners(blocks);
         let mut division = BorderDivision { partition, tasks: &tasks.borders, owners, participants: Vec::new() };
         let ranks_of = |task: &BorderTask| {
             let mut ranks: Vec<u32> = task.curve_indices.iter().map(|&body| division.owner(body)).collect();

@@ -214,7 +214,7 @@ struct PairConstraints<'a> {
 impl<C: PairContacts> BlockProblem<C> {
     /// Packs the rows of `source`, whose block data are `block_data`, in blocks of `min_bodies` bodies or more.
     pub fn new(source: &PackSource, block_data: &BlockData, min_bodies: usize) -> Self {
-        let units = SweepUnits::from_source::<C::T>(source);
+        let units = SweepUnits::from_source::<C::T>(source, false);
         let fill = BlockSource { start: *source, block_data, units };
         let partition = BodyPartition::new(source.problem, source.active, min_bodies);
         let (pairs, pair_bodies) = group_into_pairs(source.problem, source.active, &partition);

@@ -1,12 +1,14 @@
 //! The contact problem laid out for sweeping: bodies in spatial order, one cache line each, half a line in scenes without
 //! friction; contacts in batches that share no moving body.
 
+use std::borrow::Cow;
+
 use bytemuck::Pod;
 use rayon::prelude::*;
 
 use crate::assemble::SolverBody;
+use crate::math::PAR_MIN_LEN;
 use crate::math::simd::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, LaneFloat, SimdWidth};
-use crate::math::{PAR_MIN_LEN, group_by_key};
 use crate::scene::BodyId;
 use crate::solve::gauss_seidel::blocked::{BlockBorders, BlockedProblem, BodyBlock, ConstraintGroup};
 use crate::solve::gauss_seidel::packed::{
@@ -16,6 +18,7 @@ use crate::solve::gauss_seidel::partition::{
     BodyPartition, BorderTask, GroupBodies, MAX_COLOURS, SweepTasks, colour_pairs,
 };
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::row_division::RowDivision;
 use crate::solve::gauss_seidel::shares::SweepShare;
 use crate::solve::types::ContactReactions;
 
@@ -135,12 +138,12 @@ pub struct DiagonalProblem<B: PackedBody> {
 }
 
 impl<B: PackedBody> DiagonalProblem<B> {
-    /// Packs the rows of `source` in blocks of `min_bodies` bodies or more.
-    pub fn new(source: &PackSource, min_bodies: usize) -> Self {
-        let units = SweepUnits::from_source::<B::T>(source);
-        let partition = BodyPartition::new(source.problem, source.active, min_bodies);
-        let (order, tasks) = contact_tasks(&partition);
-        let (SweepTasks { blocks, borders, colours }, share) = SweepShare::divide(&partition, tasks, |_| 1);
+    /// Packs the rows of `source` in blocks of `min_bodies` bodies or more, or by a division of rows among ranks.
+    pub fn new(source: &PackSource, min_bodies: usize, division: Option<&RowDivision>) -> Self {
+        let units = SweepUnits::from_source::<B::T>(source, division.is_some());
+        let PackedTasks { partition, order, tasks: SweepTasks { blocks, borders, colours }, share } =
+            PackedTasks::new(source, min_bodies, division);
+        let partition = &*partition;
         let pack = |constraints: &[u32], bodies: &GroupBodies| {
             let rows: Vec<u32> = constraints.iter().map(|&k| order[k as usize]).collect();
             pack_group::<B>(&rows, &partition.pairs, bodies, source, units)
@@ -153,7 +156,7 @@ impl<B: PackedBody> DiagonalProblem<B> {
         });
         let borders = borders.par_iter().with_max_len(1).map(|BorderTask { constraints, curve_indices }| {
             let (batches, _) = pack(constraints, &GroupBodies::Border(curve_indices));
-            BlockBorders::new(&partition, curve_indices, B::PADDING, batches)
+            BlockBorders::new(partition, curve_indices, B::PADDING, batches)
         });
         let rows = source.problem.rows.len();
         let bodies = BlockedProblem::new(blocks.collect(), borders.collect(), colours, rows, share);
@@ -188,22 +191,41 @@ impl<T: LaneFloat> ConstraintGroup for GroupBatches<T> {
     }
 }
 
+/// Constraints of a problem by task, and the tasks of this rank.
+struct PackedTasks<'a> {
+    partition: Cow<'a, BodyPartition>,
+    /// Indices into the active rows in the order in which they are constraints.
+    order: Cow<'a, [u32]>,
+    tasks: SweepTasks,
+    share: Option<SweepShare>,
+}
+
+impl<'a> PackedTasks<'a> {
+    /// Tasks of the rows of `source` in blocks of `min_bodies` bodies or more, or by a division of rows among ranks.
+    fn new(source: &PackSource, min_bodies: usize, division: Option<&'a RowDivision>) -> Self {
+        if let Some(division) = division {
+            let (partition, order) = (Cow::Borrowed(&division.partition), Cow::Borrowed(&division.order[..]));
+            return PackedTasks {
+                partition,
+                order,
+                tasks: division.tasks.clone(),
+                share: Some(division.sweep_share()),
+            };
+        }
+        let partition = BodyPartition::new(source.problem, source.active, min_bodies);
+        let (order, tasks) = contact_tasks(&partition);
+        let (tasks, share) = SweepShare::divide(&partition, tasks, |_| 1);
+        PackedTasks { partition: Cow::Owned(partition), order: Cow::Owned(order), tasks, share }
+    }
+}
+
 /// Indices into the active rows in the order in which they are constraints, and tasks of these.
 pub fn contact_tasks(partition: &BodyPartition) -> (Vec<u32>, SweepTasks) {
-    let order = spatial_order(partition);
+    let order = partition.spatial_order();
     let pair = |&row: &u32| partition.pairs[row as usize];
     let pairs: Vec<[u32; 2]> = order.par_iter().with_min_len(PAR_MIN_LEN).map(pair).collect();
     let tasks = partition.sweep_tasks(&pairs);
     (order, tasks)
-}
-
-/// Indices into the active rows, in the order of the first of their bodies, without rows of two bodies that do not move.
-fn spatial_order(BodyPartition { bodies, pairs, .. }: &BodyPartition) -> Vec<u32> {
-    let lower_body = |[a, b]: &[u32; 2]| *a.min(b).min(&(bodies.len() as u32));
-    let first: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(lower_body).collect();
-    let (mut order, starts) = group_by_key(&first, bodies.len() + 1);
-    order.truncate(starts[bodies.len()] as usize);
-    order
 }
 
 /// Packs the active rows `rows`, and the lines of the bodies in them that do not move: every contact with such a body has a
