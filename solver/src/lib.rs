@@ -33,6 +33,7 @@ mod activity;
 mod agreement;
 pub mod assemble;
 mod cli;
+mod contact_division;
 pub mod detect;
 pub mod features;
 pub mod geometry;

@@ -17,22 +17,24 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
 use crate::assemble::potential_energy;
+use crate::contact_division::undivided_reason;
 use crate::detect;
 use crate::integrate::{ContactConfiguration, predict_configuration};
 use crate::math::Vec3;
 use crate::plan::{StepBound, roundoff_warning, step_bounds};
 use crate::probe::Probes;
 use crate::progress::ProgressDisplay;
+use crate::ranks::lists::{any_rank, count_of_ranks, rank_values};
 use crate::ranks::{self, Communicator, RankTraffic};
 use crate::scene::{BodyId, Scene};
 use crate::sinks_and_sources::{exchange_bodies, presence_text};
 use crate::state::{Contact, DetectionCache, State};
 use crate::step::{
-    BalanceErrors, MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, StepReport, deeper_overlap, next_problem,
-    step,
+    BalanceErrors, MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, StepReport, deeper_overlap,
+    deepest_overlap_of_ranks, next_problem, step,
 };
 use crate::write::exchange::{ExchangeEnd, StepExchange};
-use crate::write::summary::{INERT_REASON, RunStatistics, summary_text};
+use crate::write::summary::{ContactParts, INERT_REASON, RunStatistics, summary_text};
 use crate::write::{ResultFiles, RunOutput, errors};
 use crate::{activity, agreement};
 
@@ -98,12 +100,19 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         ..RunStatistics::default()
     };
     LazyLock::force(&STOP_FLAG);
+    if communicator.size() > 1 {
+        let reason = undivided_reason(scene, &state).or(mode.dump_step.map(|_| "a contact problem that is written"));
+        if reason.is_none() {
+            detect::divide_contacts(scene, &mut state);
+        }
+        statistics.contact_parts = Some(ContactParts { undivided_reason: reason, largest_part: state.contacts.len() });
+    }
     // Time that the last output took, which is logged with the step after it.
     let mut writing = Duration::ZERO;
     if !mode.resumed {
         open_ledger(scene, &mut state);
         expect_finite(&state)?;
-        writing = write_output(&mut results, scene, &state)?;
+        writing = write_output(&mut results, scene, &mut state)?;
     }
 
     let progress = ProgressDisplay::new(state.step, last.max(state.step));
@@ -126,7 +135,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             && let Err(end) = exchange.read_loads(scene, &mut state)
         {
             state.loads.clear();
-            write_end(&mut results, &mut statistics, scene, &state)?;
+            write_end(&mut results, &mut statistics, scene, &mut state)?;
             return Err(exchange_failure(end, &state, last, &progress));
         }
         if let Some(dump_step) = mode.dump_step {
@@ -136,14 +145,15 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         let previous_step = state.step;
         progress.begin_step(state.step);
         let Some(report) = step(scene, &mut state, &mut times) else {
-            write_end(&mut results, &mut statistics, scene, &state)?;
-            results.write(|files| files.write_last(scene, &state)).map_err(RunFailure::Unwritten)?;
+            write_end(&mut results, &mut statistics, scene, &mut state)?;
+            write_last(&mut results, scene, &mut state)?;
             return Err(stopped_failure(&state, last, &progress));
         };
         expect_finite(&state).inspect_err(|_| progress.finish())?;
         let warnings = overlap_warnings(&mut statistics, &state, &report, reported_share);
         warnings.iter().for_each(|message| progress.warn(message));
         statistics.add_step(scene, &state, &report, previous_step);
+        statistics.contact_parts.iter_mut().for_each(|parts| parts.add_part(state.contacts.len()));
         if !report.converged && statistics.unconverged <= MAX_REPORTED_STEPS {
             progress.report_unconverged(&state, &report, &scene.options);
         }
@@ -169,10 +179,10 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         let stopped = activity::is_stopped() && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
             if state.step == last || stopped {
-                writing = write_end(&mut results, &mut statistics, scene, &state)?;
-                results.write(|files| files.write_last(scene, &state)).map_err(RunFailure::Unwritten)?;
+                writing = write_end(&mut results, &mut statistics, scene, &mut state)?;
+                write_last(&mut results, scene, &mut state)?;
             } else {
-                writing = write_output(&mut results, scene, &state).map_err(as_unwritten)?;
+                writing = write_output(&mut results, scene, &mut state).map_err(as_unwritten)?;
             }
             progress.print_status(&state, &report);
         } else if progress.is_silent() {
@@ -197,6 +207,12 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     statistics.overlap = statistics.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
     if communicator.size() > 1 {
         statistics.traffic = RankTraffic::gather_all(communicator);
+        if let Some(parts) = &mut statistics.contact_parts {
+            rank_values(parts.largest_part as u64).into_iter().for_each(|contacts| parts.add_part(contacts as usize));
+        }
+    }
+    if state.detection_cache.is_divided() {
+        (state.contacts, state.interval.exchanges) = detect::gather_contacts_to_first(&state);
     }
     if communicator.rank() > 0 {
         return Ok(String::new());
@@ -220,7 +236,8 @@ fn warn_at_start(
     statistics.warnings.extend(single_step_warning(scene, state).filter(|_| !resumed));
     statistics.warnings.extend(roundoff_warning(scene, state));
     statistics.warnings.iter().for_each(|message| progress.warn(message));
-    let mut cache = DetectionCache::default();
+    let division = state.detection_cache.division.clone();
+    let mut cache = DetectionCache { division, ..DetectionCache::default() };
     let (initial_overlap, message) = initial_overlap_warning(scene, state, &mut cache).unzip();
     message.filter(|_| !resumed).into_iter().for_each(|message| progress.warn(&message));
     let reported_share = initial_overlap.map_or(OVERLAP_WARNING_SHARE, |overlap: Overlap| {
@@ -230,6 +247,7 @@ fn warn_at_start(
     // A resumed run has its cache, which decides between equal directions; at the start of a run the cache is empty.
     if state.step == scene.start.step && state.detection_cache == DetectionCache::default() {
         state.detection_cache = cache;
+        detect::migrate_contacts(scene, state);
     }
     reported_share
 }
@@ -272,7 +290,7 @@ fn write_end(
     results: &mut RunOutput,
     statistics: &mut RunStatistics,
     scene: &Scene,
-    state: &State,
+    state: &mut State,
 ) -> Result<Duration, RunFailure> {
     results.write(|files| files.finish_rows(&mut statistics.estimator)).map_err(RunFailure::Unwritten)?;
     write_output(results, scene, state).map_err(as_unwritten)
@@ -402,25 +420,27 @@ fn is_overlap(contact: &Contact, scene: &Scene) -> bool {
     contact.gap < 0.0 && !scene.laws[contact.law].is_regularised()
 }
 
-/// Returns the deepest overlap relative to the smaller radius.
-fn deepest_overlap(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
+/// Returns the deepest overlap relative to the smaller radius; of contacts that are divided, of those of all ranks.
+fn deepest_overlap(contacts: &[Contact], scene: &Scene, cache: &DetectionCache) -> Option<Overlap> {
     let overlaps = contacts
         .iter()
         .filter(|contact| is_overlap(contact, scene))
         .map(|contact| Overlap::from_contact(scene, contact));
-    overlaps.fold(None, deeper_overlap)
+    let deepest = overlaps.fold(None, deeper_overlap);
+    if cache.is_divided() { deepest_overlap_of_ranks(deepest) } else { deepest }
 }
 
 /// Deepest overlap at the start, before any step, and a warning about all deep overlaps.
 fn initial_overlap_warning(scene: &Scene, state: &State, cache: &mut DetectionCache) -> Option<(Overlap, String)> {
     let contacts = current_contacts(scene, state, cache);
-    let deepest = deepest_overlap(&contacts, scene).filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE)?;
+    let deepest = deepest_overlap(&contacts, scene, cache).filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE)?;
     let deep_contacts = contacts.iter().filter(|contact| {
         is_overlap(contact, scene) && Overlap::from_contact(scene, contact).share > OVERLAP_WARNING_SHARE
     });
     let mut pairs: Vec<[BodyId; 2]> = deep_contacts.map(|contact| [contact.candidate, contact.antagonist]).collect();
     pairs.dedup();
-    let count = match pairs.len() {
+    let pairs = if cache.is_divided() { count_of_ranks(pairs.len()) } else { pairs.len() };
+    let count = match pairs {
         1 => "1 pair of bodies overlaps".to_string(),
         count => format!("{count} pairs of bodies overlap"),
     };
@@ -465,7 +485,7 @@ fn last_overlap_warning(
     let mut cache = std::mem::take(&mut state.detection_cache);
     let contacts = current_contacts(scene, state, &mut cache);
     let is_inert = |overlap: &Overlap| statistics.inert_overlap.is_some_and(|inert| inert.bodies == overlap.bodies);
-    let overlap = deepest_overlap(&contacts, scene).filter(|overlap| !is_inert(overlap))?;
+    let overlap = deepest_overlap(&contacts, scene, &cache).filter(|overlap| !is_inert(overlap))?;
     statistics.penetration_end = overlap.depth;
     add_overlap(statistics, state, overlap, reported_share, "use a smaller dt or tol")
 }
@@ -494,11 +514,36 @@ fn overlap_text(state: &State, overlap: Overlap) -> String {
 }
 
 /// Writes the state; returns the time that it took.
-fn write_output(results: &mut RunOutput, scene: &Scene, state: &State) -> Result<Duration, RunFailure> {
+fn write_output(results: &mut RunOutput, scene: &Scene, state: &mut State) -> Result<Duration, RunFailure> {
     let start = Instant::now();
-    check_finite(state.contacts_are_finite(), state, "a number of a contact")?;
-    results.write(|files| files.write_state(scene, state))?;
+    let own_are_finite = state.contacts_are_finite();
+    let is_divided = state.detection_cache.is_divided();
+    let are_finite = if is_divided { !any_rank(!own_are_finite) } else { own_are_finite };
+    check_finite(are_finite, state, "a number of a contact")?;
+    with_all_contacts(state, |state| results.write(|files| files.write_state(scene, state)))?;
     Ok(start.elapsed())
+}
+
+/// Writes the text files of the end of a run.
+fn write_last(results: &mut RunOutput, scene: &Scene, state: &mut State) -> Result<(), RunFailure> {
+    if !scene.options.text {
+        return Ok(());
+    }
+    let write = |state: &State| results.write(|files| files.write_last(scene, state));
+    with_all_contacts(state, write).map_err(RunFailure::Unwritten)
+}
+
+/// Calls `write` with a state that has the contacts of all ranks on rank 0; on others, of divided contacts, none.
+fn with_all_contacts<T>(state: &mut State, write: impl FnOnce(&State) -> T) -> T {
+    if !state.detection_cache.is_divided() {
+        return write(state);
+    }
+    let (contacts, exchanges) = detect::gather_contacts_to_first(state);
+    let own_contacts = std::mem::replace(&mut state.contacts, contacts);
+    let own_exchanges = std::mem::replace(&mut state.interval.exchanges, exchanges);
+    let result = write(state);
+    (state.contacts, state.interval.exchanges) = (own_contacts, own_exchanges);
+    result
 }
 
 /// Initialises the energy and momentum relative to which the run's drift is measured.

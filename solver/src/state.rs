@@ -1,9 +1,11 @@
 //! Data: `State`, which each step changes: motion, contacts with their impulses, settings and sums. Snapshots hold it, and
 //! `scene` has the data that are constant.
 
+mod numbers;
 mod presence;
 
 use std::cmp::Ordering;
+use std::ops::Range;
 use std::sync::Arc;
 
 use cd_formats::compute::EventAction;
@@ -11,9 +13,11 @@ use cd_formats::field::{FieldModel, PrimaryResponse};
 use cd_formats::snapshot::{FallbackState, Ledger, PostproSums};
 use rayon::prelude::*;
 
+pub use self::numbers::{ContactNumbers, SolvedContactNumbers};
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame, sort_runs_by_key};
+use crate::ranks;
 use crate::scene::{BodyId, BodyPresence, ContactSides, InteractionRule, LawId, PartId, Scene, SphereId};
 
 /// First feature of a contact of polyhedra that was read from a text file without features; the second is a running
@@ -72,9 +76,50 @@ pub struct CachedPair {
     pub memory: CachedFeature,
 }
 
+/// Division of the contacts of spheres and plates among ranks: each rank detects, assembles and keeps the contacts whose
+/// candidates are in its run of the spheres. The lists of the ranks, one after the other, are the list of one rank.
+#[derive(Debug, Clone)]
+pub struct CandidateDivision {
+    /// First sphere of each rank, and the number of spheres.
+    pub cuts: Vec<u32>,
+    /// Whether detection may move the cuts, so that ranks have about as many pairs.
+    pub may_move: bool,
+    /// Whether cuts have moved, and contacts of the last step are still with the rank that had them.
+    pub has_moved: bool,
+}
+
+impl CandidateDivision {
+    /// Runs of almost the same number of spheres on each rank.
+    pub fn of_equal_runs(spheres: usize) -> Self {
+        let size = ranks::communicator().size();
+        let cuts = (0..=size).map(|rank| (rank * spheres / size) as u32).collect();
+        CandidateDivision { cuts, may_move: true, has_moved: false }
+    }
+
+    /// Spheres of this rank.
+    pub fn own_spheres(&self) -> Range<u32> {
+        let rank = ranks::communicator().rank();
+        self.cuts[rank]..self.cuts[rank + 1]
+    }
+
+    /// Rank that has each of these candidates, which are in order.
+    pub fn owners<'a>(
+        &'a self,
+        scene: &'a Scene,
+        candidates: impl Iterator<Item = BodyId> + 'a,
+    ) -> impl Iterator<Item = usize> + 'a {
+        let first_candidate = |&cut: &u32| scene.spheres.get(cut as usize).copied();
+        let is_before = move |cut: &u32, candidate| first_candidate(cut).is_some_and(|first| first <= candidate);
+        let later = &self.cuts[1..self.cuts.len() - 1];
+        candidates.map(move |candidate| later.partition_point(|cut| is_before(cut, candidate)))
+    }
+}
+
 /// Cached data of detection about near contactors.
 #[derive(Debug, Clone, Default)]
 pub struct DetectionCache {
+    /// Division of the contacts among ranks; `None` if each rank has all contacts.
+    pub division: Option<CandidateDivision>,
     pub neighbours: NeighbourList,
     /// Neighbour pairs of a scene of spheres and plates alone, in the order of their indices.
     pub sphere_pairs: Vec<VisiblePair<SphereId>>,
@@ -105,6 +150,16 @@ impl DetectionCache {
             restored_pairs: restored_pairs.clone(),
             ..DetectionCache::default()
         }
+    }
+
+    /// Whether the contacts are divided among ranks.
+    pub fn is_divided(&self) -> bool {
+        self.division.is_some()
+    }
+
+    /// Spheres that are candidates of the contacts of this rank.
+    pub fn own_spheres(&self, scene: &Scene) -> Range<u32> {
+        self.division.as_ref().map_or(0..scene.spheres.len() as u32, CandidateDivision::own_spheres)
     }
 
     /// Cached features of the pairs that were in contact, ordered by contactors.
@@ -495,8 +550,11 @@ impl StateBackup {
         (state.gravity, state.quench, state.torque, state.laws) = (gravity, quench, torque, laws);
         (state.bonding, state.events_done) = (bonding, events_done);
         (state.attraction, state.ledger) = (self.attraction, self.ledger);
-        state.detection_cache =
-            DetectionCache { restored_pairs: self.features.cached_pairs(), ..DetectionCache::default() };
+        state.detection_cache = DetectionCache {
+            restored_pairs: self.features.cached_pairs(),
+            division: state.detection_cache.division.take(),
+            ..DetectionCache::default()
+        };
     }
 }
 

@@ -14,7 +14,7 @@
 //! | stage: `integrate`, `detect`, `assemble`, `solve` | data, kernels, types of stages earlier in the step, types of options | functions of another stage, other formats |
 //! | stage: `read`, `write` | data, kernels, formats, types of `step` | functions of another stage |
 //! | `step` | stages, data, kernels | formats, `read`, `write` |
-//! | `run`, `plan`, `probe`, `sinks_and_sources`, `cli`, `thread_pool`, `progress`, `agreement` | all | |
+//! | `run`, `plan`, `probe`, `sinks_and_sources`, `cli`, `contact_division`, `thread_pool`, `progress`, `agreement` | all | |
 //! | `ranks` | errors of formats | all else |
 //! | all | `crate::ranks`: the processes that compute the scene together | |
 //! | all | `crate::activity`: the current stage of the step, and whether it is abandoned | |
@@ -29,8 +29,8 @@ const DATA: [&str; 2] = ["scene", "state"];
 /// In the order in which a step first enters them.
 const STAGES: [&str; 4] = ["integrate", "detect", "assemble", "solve"];
 const FILE_STAGES: [&str; 2] = ["read", "write"];
-const OUTSIDE: [&str; 9] =
-    ["run", "plan", "probe", "sinks_and_sources", "cli", "thread_pool", "progress", "agreement", "lib"];
+const OUTSIDE: [&str; 10] =
+    ["run", "plan", "probe", "sinks_and_sources", "cli", "contact_division", "thread_pool", "progress", "agreement", "lib"];
 
 /// Types of formats that the data and the stages may name: options, events, functions of time and fields from outside are
 /// the same there as in the files; and disjoint sets.

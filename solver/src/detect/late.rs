@@ -11,23 +11,27 @@ use super::{joints, parts, periodic};
 use crate::geometry::NarrowPhaseMode;
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::ranks::lists::any_rank;
 use crate::scene::{BodyId, BodyShape, ContactSides, Scene};
-use crate::state::{Contact, Velocities};
+use crate::state::{Contact, DetectionCache, Velocities};
 
 /// Contacts of pairs that are not in `contacts` and that the velocities `solved` close in the step; both lists are ordered by
 /// key.
 ///
 /// `free`, `solved`: velocities in the contact configuration without and with contacts. A pair is not late if contacts have
-/// changed the displacements of its bodies by less than the margin of the list. Most steps end with that test.
+/// changed the displacements of its bodies by less than the margin of the list. Most steps end with that test. Of contacts
+/// that are divided among ranks, `listed` and the result have those of this rank.
 pub fn late_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,
     free: Velocities,
     solved: Velocities,
     contacts: &[Contact],
+    cache: &DetectionCache,
 ) -> Vec<Contact> {
+    let is_empty = if cache.is_divided() { !any_rank(!contacts.is_empty()) } else { contacts.is_empty() };
     let alerts = scene.visibility.table.iter().flatten().map(|rule| rule.alert);
-    let Some(smallest_alert) = alerts.reduce(f64::min).filter(|_| !contacts.is_empty()) else { return Vec::new() };
+    let Some(smallest_alert) = alerts.reduce(f64::min).filter(|_| !is_empty) else { return Vec::new() };
     // Each of the two bodies gets half of the margin.
     let margin = 0.5 * LISTING_MARGIN * smallest_alert;
     let extents = rotating_extents(scene);
@@ -71,13 +75,14 @@ pub fn late_contacts(
     let balls: Vec<SweptBall> = scene.spheres.iter().map(ball).collect();
     let reach: Vec<f64> = balls.iter().map(|ball| ball.radius + ball.path.norm()).collect();
     let near_pairs = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
-    let spheres =
-        near_pairs.into_iter().filter_map(|pair| visible_spheres(scene, pair)).filter_map(|([i, j], rule)| {
-            let [a, b] = [i, j].map(|k| &balls[k.index()]);
-            let between = a.centre - b.centre - scene.nearest_image_shift(&a.centre, &b.centre);
-            let closes = least_distance(&between, &(a.path - b.path)) < a.radius + b.radius;
-            closes.then_some(([i, j].map(|k| scene.spheres[k.index()]), rule.law))
-        });
+    let own_spheres = cache.own_spheres(scene);
+    let own_pairs = near_pairs.into_iter().filter(|[first, _]| own_spheres.contains(first));
+    let spheres = own_pairs.filter_map(|pair| visible_spheres(scene, pair)).filter_map(|([i, j], rule)| {
+        let [a, b] = [i, j].map(|k| &balls[k.index()]);
+        let between = a.centre - b.centre - scene.nearest_image_shift(&a.centre, &b.centre);
+        let closes = least_distance(&between, &(a.path - b.path)) < a.radius + b.radius;
+        closes.then_some(([i, j].map(|k| scene.spheres[k.index()]), rule.law))
+    });
     let mut pairs: Vec<ListedPair> = spheres.collect();
     for &plane in &scene.planes {
         let rule_with_plate = |&sphere: &BodyId| {
@@ -86,8 +91,8 @@ pub fn late_contacts(
             let rule = scene.visibility.interaction_rule(s.class, p.class).filter(|_| !(s.driven && p.driven))?;
             Some(([sphere, plane], rule.law))
         };
-        let searched_spheres =
-            scene.spheres.iter().filter(|&&sphere| searched[sphere.index()] || searched[plane.index()]);
+        let spheres = &scene.spheres[own_spheres.start as usize..own_spheres.end as usize];
+        let searched_spheres = spheres.iter().filter(|&&sphere| searched[sphere.index()] || searched[plane.index()]);
         pairs.extend(searched_spheres.filter_map(rule_with_plate).filter(|(pair, law)| {
             let BodyShape::Plane { half_lengths } = scene.bodies[plane.index()].shape else { return false };
             let is_near = contact_geometry(scene, q_c, *pair).gap

@@ -5,6 +5,7 @@
 //! therefore listed, however short the alert distance. Common or separating motion lists no pair. Contact impulses may
 //! turn bodies towards others: `late` detects the pairs that the solved velocities close.
 
+mod divided;
 mod joints;
 mod late;
 mod links;
@@ -18,6 +19,7 @@ mod spheres;
 pub mod swept;
 mod travel;
 
+pub use divided::{divide_contacts, gather_contacts_to_first, migrate_contacts};
 pub use late::late_contacts;
 
 use std::collections::BTreeMap;
@@ -32,7 +34,7 @@ use crate::math::sort_runs_by_key;
 use crate::scene::Scene;
 use crate::state::{Contact, DetectionCache, Velocities};
 
-/// All listed contacts, in the order of [`Contact::key`].
+/// All listed contacts, in the order of [`Contact::key`]; of contacts that are divided among ranks, those of this rank.
 ///
 /// `free`: velocities after the step if nothing touched.
 /// `cache`: data of the last step; updated to this step.
@@ -62,7 +64,10 @@ fn surface_contacts(
         return parts::listed_contacts(scene, q_c, &bounds, scene.options.narrow_phase(), cache);
     }
     let mut pairs = sphere_sphere_pairs(scene, q_c, &bounds, cache);
-    let mut plate_pairs = joints::without_inner_rims(scene, q_c, &bounds, sphere_plate_pairs(scene, q_c, &bounds));
+    let own_spheres = cache.own_spheres(scene);
+    let spheres = &scene.spheres[own_spheres.start as usize..own_spheres.end as usize];
+    let mut plate_pairs =
+        joints::without_inner_rims(scene, q_c, &bounds, sphere_plate_pairs(scene, q_c, &bounds, spheres));
     if !plate_pairs.is_empty() {
         pairs.append(&mut plate_pairs);
         sort_runs_by_key(&mut pairs, |pair| *pair);

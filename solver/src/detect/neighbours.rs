@@ -4,6 +4,8 @@
 //! does not depend on the fastest body. These are the lists of L. Verlet, Phys. Rev. 159 (1967) 98-103, with one skin per
 //! body. The time of a rebuild changes no result.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::detect::periodic;
@@ -70,16 +72,19 @@ impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
 impl NeighbourList {
     /// Updates the list to the pairs of `balls`; returns whether it was rebuilt.
     ///
-    /// `periods` and `mean_radius` are in m.
+    /// `periods` and `mean_radius` are in m; the list has only pairs i < j with i in `firsts`.
     pub fn rebuild_if_stale<P: Fn(usize) -> Vec3 + Sync>(
         &mut self,
         balls: &BoundingBalls<P>,
         periods: [Option<f64>; 2],
         mean_radius: f64,
+        firsts: Range<u32>,
     ) -> bool {
         let &BoundingBalls { centres, reach, travel, .. } = balls;
         if balls.are_crowded() {
-            *self = NeighbourList { pairs: balls.swept_pairs(periods), ..NeighbourList::default() };
+            let mut pairs = balls.swept_pairs(periods);
+            pairs.retain(|[first, _]| firsts.contains(first));
+            *self = NeighbourList { pairs, ..NeighbourList::default() };
             return true;
         }
         let has_history = self.centres.len() == centres.len();
@@ -110,9 +115,18 @@ impl NeighbourList {
             self.skin.fill(ROUNDING_SKIN * mean_radius);
         }
         (self.centres, self.reach, self.last) = (centres.to_vec(), reach.to_vec(), centres.to_vec());
-        let reach_with_skin: Vec<f64> = reach.iter().zip(&self.skin).map(|(reach, skin)| reach + skin).collect();
-        self.pairs = periodic::periodic_pairs(centres, &reach_with_skin, periods);
+        self.search_pairs(periods, firsts);
         true
+    }
+
+    /// Searches the pairs i < j with i in `firsts` anew, at the positions of the last rebuild; a list that knows none keeps
+    /// its pairs.
+    pub fn search_pairs(&mut self, periods: [Option<f64>; 2], firsts: Range<u32>) {
+        if self.centres.is_empty() {
+            return;
+        }
+        let reach_with_skin: Vec<f64> = self.reach.iter().zip(&self.skin).map(|(reach, skin)| reach + skin).collect();
+        self.pairs = periodic::periodic_pairs(&self.centres, &reach_with_skin, periods, firsts);
     }
 }
 
@@ -143,8 +157,8 @@ mod tests {
         for step in 0..60 {
             let (mut x, reach) = crowd(f64::from(step), 0.001);
             x.iter_mut().for_each(|x| *x += Vec3::new(7.0, -3.0, 0.1) * f64::from(step * step));
-            rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0));
-            for pair in &periodic::periodic_pairs(&x, &reach, [None; 2]) {
+            rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0, 0..u32::MAX));
+            for pair in &periodic::periodic_pairs(&x, &reach, [None; 2], 0..u32::MAX) {
                 assert!(neighbours.pairs.contains(pair), "{step}: {pair:?}");
             }
         }
@@ -161,10 +175,11 @@ mod tests {
         let path = |k: usize| Vec3::x() * if k < 300 { -500.0 } else { 500.0 };
         let mut neighbours = NeighbourList::default();
         let balls = BoundingBalls { centres: &x, reach: &reach, path, travel: &travel };
-        assert!(neighbours.rebuild_if_stale(&balls, [None; 2], 1.0));
+        assert!(neighbours.rebuild_if_stale(&balls, [None; 2], 1.0, 0..u32::MAX));
         let rest: Vec<f64> = reach.iter().map(|reach| reach - 500.0).collect();
-        let apart =
-            |range: std::ops::Range<usize>| periodic::periodic_pairs(&x[range.clone()], &rest[range], [None; 2]).len();
+        let apart = |range: std::ops::Range<usize>| {
+            periodic::periodic_pairs(&x[range.clone()], &rest[range], [None; 2], 0..u32::MAX).len()
+        };
         assert_eq!(neighbours.pairs.len(), apart(0..300) + apart(300..600));
     }
 
@@ -177,8 +192,8 @@ mod tests {
             let (mut neighbours, mut rebuilds) = (NeighbourList::default(), 0);
             for step in 0..60 {
                 let (x, reach) = crowd(f64::from(step), speed);
-                rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), periods, 1.0));
-                let pairs = periodic::periodic_pairs(&x, &reach, periods);
+                rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), periods, 1.0, 0..u32::MAX));
+                let pairs = periodic::periodic_pairs(&x, &reach, periods, 0..u32::MAX);
                 assert!(!pairs.is_empty());
                 for pair in &pairs {
                     assert!(neighbours.pairs.contains(pair), "{speed} {step}: {pair:?}");
@@ -195,7 +210,7 @@ mod tests {
         for step in 0..60 {
             let (mut x, reach) = crowd(0.0, 0.0);
             x[7] += Vec3::new(10.0, 0.5 * f64::from(step), 0.01 * f64::from(step * step));
-            rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0));
+            rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0, 0..u32::MAX));
         }
         assert!((8..20).contains(&rebuilds), "{rebuilds}");
     }

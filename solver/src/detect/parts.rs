@@ -51,7 +51,7 @@ impl DetectionCache {
         let travel: Vec<f64> = all.map(|contactor| contactor.travel).collect();
         let path = |k: usize| contactors[k].path;
         let balls = BoundingBalls { centres: &centres, reach: &listing_radius, path, travel: &travel };
-        if !self.neighbours.rebuild_if_stale(&balls, scene.periods(), scene.mean_radius) {
+        if !self.neighbours.rebuild_if_stale(&balls, scene.periods(), scene.mean_radius, 0..u32::MAX) {
             return;
         }
         let cached_features = self.cached_pairs();

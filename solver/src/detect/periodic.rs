@@ -1,23 +1,27 @@
 //! Near pairs in a space that is periodic along x, y or both.
 
+use std::ops::Range;
+
 use crate::detect::swept::{self, SweptBall};
-use crate::geometry::near_pairs;
+use crate::geometry::{near_pairs, near_pairs_from};
 use crate::math::Vec3;
 
 /// Steps to images such that each pair of neighbouring cells occurs once.
 const IMAGE_STEPS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
 
-/// All pairs i < j with images within the distance of [`near_pairs`], each once, in an order that does not depend
-/// on threads.
+/// All pairs i < j with images within the distance of [`near_pairs`] and i in `firsts`, each once, in an order that does not
+/// depend on threads.
 ///
 /// Positions may be anywhere; bodies near a cell's border get images beyond the opposite border.
-pub fn periodic_pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
+pub fn periodic_pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2], firsts: Range<u32>) -> Vec<[u32; 2]> {
     if periods == [None; 2] {
-        return near_pairs(x, reach);
+        return near_pairs_from(x, reach, firsts);
     }
     let (centres, originals) = periodic_images(x, reach, periods);
     let reaches: Vec<f64> = originals.iter().map(|&i| reach[i as usize]).collect();
-    pairs_of_originals(near_pairs(&centres, &reaches), x.len(), &originals)
+    let mut pairs = pairs_of_originals(near_pairs(&centres, &reaches), x.len(), &originals);
+    pairs.retain(|[first, _]| firsts.contains(first));
+    pairs
 }
 
 /// Periodic version of [`swept::swept_pairs`]; `reach`: radii plus the whole length of the paths, m.
@@ -106,7 +110,7 @@ mod tests {
                 }
             }
             expected.sort_unstable();
-            prop_assert_eq!(periodic_pairs(&x, &reach, periods), expected);
+            prop_assert_eq!(periodic_pairs(&x, &reach, periods, 0..u32::MAX), expected);
         }
     }
 }

@@ -6,13 +6,10 @@
 
 use std::ops::Range;
 
-use bytemuck::{Pod, Zeroable};
-
 use crate::geometry::CachedFeature;
-use crate::math::Vec3;
 use crate::ranks::{all_gather_unsized, as_bytes, communicator, from_bytes, part_range};
-use crate::scene::{BodyId, LawId, Scene};
-use crate::state::Contact;
+use crate::scene::Scene;
+use crate::state::{Contact, ContactNumbers};
 
 /// Smallest number of pairs that are divided among ranks. Chosen: at 0.6 to 1 µs a pair they take some 0.2 ms, and their
 /// contacts have some 0.1 MB.
@@ -24,54 +21,6 @@ pub fn own_pairs(scene: &Scene, count: usize) -> Option<Range<usize>> {
     let (rank, size) = (communicator().rank(), communicator().size());
     let is_divided = size > 1 && count >= MIN_DIVIDED_PAIRS && scene.has_polyhedra();
     is_divided.then(|| part_range(count, rank, size))
-}
-
-/// [`Contact`] as ranks exchange it.
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct ContactNumbers {
-    /// Point, image and normal.
-    vectors: [[f64; 3]; 3],
-    gap: f64,
-    area: f64,
-    /// Candidate and antagonist.
-    bodies: [u32; 2],
-    features: [u32; 2],
-    part_numbers: [u16; 2],
-    law: u32,
-}
-
-impl From<&Contact> for ContactNumbers {
-    fn from(contact: &Contact) -> Self {
-        ContactNumbers {
-            vectors: [contact.point, contact.image, contact.normal].map(Into::into),
-            gap: contact.gap,
-            area: contact.area,
-            bodies: [contact.candidate.0, contact.antagonist.0],
-            features: contact.features.into(),
-            part_numbers: contact.part_numbers.into(),
-            law: u32::from(contact.law.0),
-        }
-    }
-}
-
-impl From<ContactNumbers> for Contact {
-    fn from(numbers: ContactNumbers) -> Self {
-        let [point, image, normal] = numbers.vectors.map(Vec3::from);
-        let [candidate, antagonist] = numbers.bodies.map(BodyId);
-        Contact {
-            candidate,
-            antagonist,
-            part_numbers: numbers.part_numbers.into(),
-            features: numbers.features.into(),
-            point,
-            image,
-            normal,
-            gap: numbers.gap,
-            area: numbers.area,
-            law: LawId(numbers.law as u8),
-        }
-    }
 }
 
 /// Returns the contacts of all pairs by rank, on every rank, and sets the cached features of the pairs of other ranks.
@@ -102,7 +51,9 @@ pub fn gather_contacts<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Vec3;
     use crate::ranks::threads::run_as_ranks;
+    use crate::scene::{BodyId, LawId};
 
     /// Seven pairs, of which the pair `k` has `k` contacts.
     #[test]

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::neighbours::BoundingBalls;
 use super::travel::{LISTING_MARGIN, TravelBounds};
-use super::{narrow, swept};
+use super::{divided, narrow, swept};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::{BodyId, BodyShape, ContactSides, InteractionRule, LawId, Scene, SphereId};
@@ -28,7 +28,11 @@ pub fn sphere_sphere_pairs(
     let reach: Vec<f64> = radii.iter().zip(&travel).map(reach).collect();
     let path = |k: usize| bounds.centre_path(scene.spheres[k].index());
     let balls = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
-    if cache.neighbours.rebuild_if_stale(&balls, scene.periods(), scene.mean_radius) {
+    let periods = scene.periods();
+    if cache.neighbours.rebuild_if_stale(&balls, periods, scene.mean_radius, cache.own_spheres(scene)) {
+        if divided::cuts_move(cache) {
+            cache.neighbours.search_pairs(periods, cache.own_spheres(scene));
+        }
         let near = std::mem::take(&mut cache.neighbours.pairs);
         let visible = near.into_par_iter().with_min_len(1024).filter_map(|pair| visible_spheres(scene, pair));
         let mut pairs: Vec<VisiblePair<SphereId>> = visible.collect();
@@ -55,8 +59,13 @@ pub fn visible_spheres(scene: &Scene, pair: [u32; 2]) -> Option<VisiblePair<Sphe
     Some((pair, scene.visibility.interaction_rule(a.class, b.class)?)).filter(|_| !(a.is_imposed() && b.is_imposed()))
 }
 
-/// Listed pairs of a sphere and a plate, plate by plate.
-pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, bounds: &TravelBounds) -> Vec<ListedPair> {
+/// Listed pairs of one of `spheres` and a plate, plate by plate.
+pub fn sphere_plate_pairs(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    bounds: &TravelBounds,
+    spheres: &[BodyId],
+) -> Vec<ListedPair> {
     let pairs_with_plate = |&plane: &BodyId| {
         let p = plane.index();
         let BodyShape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
@@ -85,7 +94,7 @@ pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, bounds: &Tr
             };
             is_listed(scene, pair, rule, found.gap, approach, closing).then_some((pair, rule.law))
         };
-        scene.spheres.par_iter().with_min_len(512).filter_map(nearby_pair)
+        spheres.par_iter().with_min_len(512).filter_map(nearby_pair)
     };
     scene.planes.par_iter().flat_map(pairs_with_plate).collect()
 }

@@ -50,7 +50,7 @@ pub use manifold::{
     ContactPoint, ContactPoints, ListingRange, Manifold, NarrowPhaseMode, Separated, edge_feature, face_feature,
     vertex_feature,
 };
-pub use near_pairs::near_pairs;
+pub use near_pairs::{near_pairs, near_pairs_from};
 pub use plate::polyhedron_plane;
 pub use polyhedra::{PairBatch, PairRequest, PairResult, polyhedron_polyhedron};
 pub use polyhedron::{Polyhedron, PosedPolyhedron};

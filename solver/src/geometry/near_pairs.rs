@@ -90,6 +90,12 @@ impl GridLevel {
 ///
 /// Reaches are > 0, m.
 pub fn near_pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
+    near_pairs_from(x, reach, 0..u32::MAX)
+}
+
+/// The pairs of [`near_pairs`] with i in `firsts`.
+pub fn near_pairs_from(x: &[Vec3], reach: &[f64], firsts: Range<u32>) -> Vec<[u32; 2]> {
+    let is_whole = firsts.start == 0 && firsts.end as usize >= x.len();
     let levels = grid_levels(x, reach);
     let mut found = Vec::new();
     for (l, level) in levels.iter().enumerate() {
@@ -120,6 +126,10 @@ pub fn near_pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
                         coarser.visit_column(&home, [k / 3 - 1, k % 3 - 1], &mut |range| add_near(coarser, range));
                     });
                 }
+            }
+            if !is_whole {
+                pairs.retain(|[first, _]| firsts.contains(first));
+                pairs.shrink_to_fit();
             }
             pairs
         };

@@ -5,12 +5,17 @@ use std::time::Instant;
 
 use cd_formats::names::{count_text, short_number};
 
+use crate::assemble::ContactConstraint;
+use crate::contact_division::undivided_reason;
+use crate::math::Vec3;
 use crate::math::simd::SimdWidth;
 use crate::scene::Scene;
 use crate::solve::ContactReactions;
+use crate::solve::gauss_seidel::diagonal::batches::ContactBatch;
 use crate::solve::gauss_seidel::layout::{division_counts, pack_problem};
 use crate::solve::gauss_seidel::packed::{BATCH_LANES, PackSource};
 use crate::solve::gauss_seidel::shares::DivisionCounts;
+use crate::solve::residual::{ContactGroup, GROUP_LANES};
 use crate::state::{ContactId, State};
 use crate::step::next_contact_problem;
 
@@ -32,8 +37,8 @@ const NETWORKS: [RankNetwork; 2] = [
     RankNetwork { name: "30 µs and 1 GB/s", latency: 3e-5, bandwidth: 1e9 },
 ];
 
-/// Lines of a plan about the division of the next step among `ranks`.
-pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'static str, String)> {
+/// Lines of a plan about the division of the next step among `ranks`; `contact_bytes`: size of a contact on one process.
+pub fn division_lines(scene: &Scene, state: &State, ranks: usize, contact_bytes: usize) -> Vec<(&'static str, String)> {
     let (_, problem, _) = next_contact_problem(scene, state);
     let rows = (0..problem.rows.len()).map(ContactId::new);
     let active: Vec<ContactId> = rows.filter(|k| problem.rows[k.index()].can_close).collect();
@@ -81,7 +86,38 @@ pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'stat
                 times.join(", ")
             ),
         ),
+        (
+            "contacts by rank",
+            contacts_text(undivided_reason(scene, state), problem.rows.len(), ranks, &counts, contact_bytes),
+        ),
     ]
+}
+
+/// Bytes of a row that a rank sweeps: as it was received, its lane in a batch, its data for the residual and its impulses.
+const SWEPT_ROW_BYTES: usize = size_of::<ContactConstraint>()
+    + size_of::<ContactBatch<f64>>() / BATCH_LANES
+    + size_of::<ContactGroup>() / GROUP_LANES
+    + 3 * size_of::<Vec3>();
+
+/// Contacts on a rank and their memory, of `contacts` contacts of `contact_bytes` on one process.
+fn contacts_text(
+    undivided_reason: Option<&str>,
+    contacts: usize,
+    ranks: usize,
+    counts: &DivisionCounts,
+    contact_bytes: usize,
+) -> String {
+    let megabytes = |bytes: usize| short_number(bytes as f64 / 1e6);
+    let whole = megabytes(contacts * contact_bytes);
+    if let Some(reason) = undivided_reason {
+        return format!("all {contacts} on each rank, because of {reason}: about {whole} MB");
+    }
+    let (listed, swept) = (contacts.div_ceil(ranks), counts.work.iter().copied().max().unwrap_or(0) as usize);
+    let bytes = listed * contact_bytes.saturating_sub(SWEPT_ROW_BYTES) + swept * SWEPT_ROW_BYTES;
+    format!(
+        "divided: about {listed} of {contacts} on a rank, which sweeps at most {swept}: about {} MB instead of {whole} MB",
+        megabytes(bytes)
+    )
 }
 
 /// Counts as text; `moving_count`: number of moving bodies, `line_bytes`: size of the data of a body in a message.
@@ -144,5 +180,20 @@ mod tests {
         assert!((found - (0.6 + 4e-3 + 0.52)).abs() < 1e-12, "{found}");
         let alone = DivisionCounts { whole_work: 7, work: vec![7, 0], ..DivisionCounts::default() };
         assert_eq!(sweep_seconds(&alone, 2.0, [24, 40], &slow), 2.0);
+    }
+
+    #[test]
+    fn ranks_have_their_part_of_the_contacts_and_the_rows_that_they_sweep() {
+        let counts = DivisionCounts { work: vec![300_000, 400_000], ..DivisionCounts::default() };
+        let bytes = SWEPT_ROW_BYTES + 1000;
+        let divided = contacts_text(None, 1_000_000, 4, &counts, bytes);
+        assert!(
+            divided.starts_with("divided: about 250000 of 1000000 on a rank, which sweeps at most 400000"),
+            "{divided}"
+        );
+        let expected = 0.25 * 1000.0 + 0.4 * SWEPT_ROW_BYTES as f64; // MB
+        assert!(divided.contains(&format!("about {} MB instead of", short_number(expected))), "{divided}");
+        let whole = contacts_text(Some("probes"), 2000, 4, &counts, 1000);
+        assert_eq!(whole, "all 2000 on each rank, because of probes: about 2.00 MB");
     }
 }

@@ -247,7 +247,7 @@ pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
         ),
     ));
     if let (Some(ranks), true) = (ranks, trial.is_some()) {
-        lines.extend(division::division_lines(scene, state, ranks));
+        lines.extend(division::division_lines(scene, state, ranks, contact_size()));
     }
     lines.push(("accuracy", accuracy_text(scene)));
     let constant_share = share_of_constant_motion(scene, state.time);

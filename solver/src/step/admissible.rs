@@ -6,6 +6,7 @@
 
 use super::clock::StageClock;
 use super::context::{PredictedStep, SolvedProblem};
+use super::divided::solve_divided_problem;
 use super::ends::solved_velocities;
 use super::overturning::{approach, overturned_bodies, pushed_bodies};
 use crate::activity::{self, StepStage};
@@ -13,6 +14,7 @@ use crate::assemble;
 use crate::detect;
 use crate::integrate::ContactConfiguration;
 use crate::laws::ContactLaw;
+use crate::ranks::lists::any_rank;
 use crate::scene::Scene;
 use crate::solve::{self, SolveRequest};
 use crate::state::{Contact, State, Velocities};
@@ -37,24 +39,30 @@ pub fn solve_until_admissible(
 ) -> Option<SolvedProblem> {
     let PredictedStep { q_c, free, contacts } = predicted;
     let (mut sweeps, mut original_laws) = (0, None);
+    // Other ranks may have other contacts.
+    let is_divided = state.detection_cache.is_divided();
+    let is_any = |found: bool| if is_divided { any_rank(found) } else { found };
     loop {
-        let contact_problem = assemble::contact_problem(scene, state, q_c, contacts, free.velocities()); // M4  W, b
+        let mut contact_problem = assemble::contact_problem(scene, state, q_c, contacts, free.velocities()); // M4  W, b
         clock.add_lap(|times| &mut times.assembly);
         activity::begin_stage(StepStage::Solve, contacts.len());
         let write_out = |contact_problem: &_| assemble::stored_problem(contact_problem, contacts);
-        let mut solution = solve::solve_contact_problem(&contact_problem, request, write_out); // M5  r
+        let mut solution = match is_divided {
+            true => solve_divided_problem(&mut contact_problem, contacts, request),
+            false => solve::solve_contact_problem(&contact_problem, request, write_out),
+        }; // M5  r
         sweeps += solution.sweeps;
         clock.add_lap(|times| &mut times.solve);
         let (v, w) = solved_velocities(&solution, free, q_c);
         // Velocities with which the bodies move to the step's end, where some keep their orientation.
         let moving_w = ContactConfiguration::without_spins(&w, &q_c.orientation_kept);
         let moving = Velocities { v: &v, w: &moving_w };
-        let late = detect::late_contacts(scene, q_c, free.velocities(), moving, contacts);
+        let late = detect::late_contacts(scene, q_c, free.velocities(), moving, contacts, &state.detection_cache);
         clock.add_lap(|times| &mut times.detection);
         if activity::is_stopped() {
             return None;
         }
-        if !late.is_empty() {
+        if is_any(!late.is_empty()) {
             contacts.extend(late);
             contacts.sort_unstable_by_key(Contact::key);
             continue;
@@ -64,7 +72,7 @@ pub fn solve_until_admissible(
         let free_of_problem = Velocities { v: &free.v, w: &free_w };
         let closed_by_others =
             assemble::contacts_closed_by_others(scene, state, q_c, contacts, free_of_problem, moving);
-        if !closed_by_others.is_empty() {
+        if is_any(!closed_by_others.is_empty()) {
             q_c.closed_by_others.extend(closed_by_others);
             continue;
         }
@@ -83,7 +91,7 @@ pub fn solve_until_admissible(
             continue;
         }
         let may_drop_restitution = !solution.converged && original_laws.is_none();
-        if may_drop_restitution && rebound_passes(scene, state, q_c, contacts, moving) {
+        if may_drop_restitution && is_any(rebound_passes(scene, state, q_c, contacts, moving)) {
             original_laws = Some(state.laws.clone());
             state.laws.iter_mut().for_each(ContactLaw::remove_restitution);
             continue;

@@ -1,11 +1,10 @@
 //! Contacts that imposed motion closes and that no free motion opens, for the report of a step that has not converged.
 
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 
-use crate::assemble::ContactProblem;
+use crate::assemble::{ContactProblem, SolverBody};
 use crate::scene::BodyId;
 use crate::solve::ContactSolution;
-use crate::state::ContactId;
 
 /// Smallest ratio, at which a conflict is reported, of the motion that would open its contacts together to the motion
 /// that would open each of them alone. In a conflict it grows by up to one a sweep. For a chain of n bodies that can
@@ -35,8 +34,21 @@ pub fn conflicting_bodies(
     solution: &ContactSolution,
     tol: f64,
 ) -> Option<[BodyId; 2]> {
-    let rows = nearest_rows(contact_problem, solution.worst?);
-    let mut problem = contact_problem.clone();
+    let worst = contact_problem.rows[solution.worst?.index()].bodies;
+    let may_conflict = |&k: &usize| can_be_in_conflict(contact_problem, k);
+    let pairs = (0..contact_problem.rows.len()).filter(may_conflict).map(|k| (k, contact_problem.rows[k].bodies));
+    let rows = nearest_rows(pairs, &contact_problem.bodies, worst);
+    conflict_among_rows(contact_problem.clone(), &rows, tol)
+}
+
+/// Whether a row can close and act on a body, and is not regularised.
+pub fn can_be_in_conflict(contact_problem: &ContactProblem, row: usize) -> bool {
+    let constraint = &contact_problem.rows[row];
+    constraint.can_close && constraint.w_n > 0.0 && contact_problem.regularised_row(row).is_none()
+}
+
+/// Searches for a conflict in these rows, see [`conflicting_bodies`].
+pub fn conflict_among_rows(mut problem: ContactProblem, rows: &[usize], tol: f64) -> Option<[BodyId; 2]> {
     let velocity = |problem: &ContactProblem, k: usize| problem.shifted_normal_velocity(k, &problem.bodies);
     let free: Vec<f64> = rows.iter().map(|&k| velocity(&problem, k)).collect();
     // Closing velocities below `tol` times those of the free motion are errors that a converged step may have.
@@ -72,26 +84,28 @@ pub fn conflicting_bodies(
     None
 }
 
-/// Rows that can close and act on the bodies of row `worst`, then those on the other bodies of these, and so on, as far as
-/// bodies can move, without rows that are regularised.
-fn nearest_rows(contact_problem: &ContactProblem, worst: ContactId) -> Vec<usize> {
-    let mut rows_of_body = vec![Vec::new(); contact_problem.bodies.len()];
-    for (k, row) in contact_problem.rows.iter().enumerate() {
-        if row.can_close && row.w_n > 0.0 && contact_problem.regularised_row(k).is_none() {
-            row.bodies.iter().for_each(|body| rows_of_body[body.index()].push(k));
-        }
+/// Rows on the bodies `worst`, then those on the other bodies of these, and so on, as far as bodies can move. `pairs`: rows
+/// that may be in conflict, with their bodies.
+pub fn nearest_rows(
+    pairs: impl Iterator<Item = (usize, [BodyId; 2])>,
+    bodies: &[SolverBody],
+    worst: [BodyId; 2],
+) -> Vec<usize> {
+    let mut rows_of_body = vec![Vec::new(); bodies.len()];
+    for (k, pair) in pairs {
+        pair.iter().for_each(|body| rows_of_body[body.index()].push((k, pair)));
     }
     let mut rows: Vec<usize> = Vec::new();
-    let mut waiting = VecDeque::from(contact_problem.rows[worst.index()].bodies);
-    let mut is_known = vec![false; contact_problem.rows.len()];
+    let mut waiting = VecDeque::from(worst);
+    let mut is_known = HashSet::new();
     while let Some(body) = waiting.pop_front().filter(|_| rows.len() < MAX_CONFLICT_ROWS) {
-        if contact_problem.bodies[body.index()].inverse_mass == 0.0 {
+        if bodies[body.index()].inverse_mass == 0.0 {
             continue;
         }
-        for k in std::mem::take(&mut rows_of_body[body.index()]) {
-            if !std::mem::replace(&mut is_known[k], true) {
+        for (k, pair) in std::mem::take(&mut rows_of_body[body.index()]) {
+            if is_known.insert(k) {
                 rows.push(k);
-                waiting.extend(contact_problem.rows[k].bodies);
+                waiting.extend(pair);
             }
         }
     }

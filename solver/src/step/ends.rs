@@ -5,6 +5,8 @@ use std::ops::Add;
 use rayon::prelude::*;
 
 use super::context::{SolvedProblem, StepContext};
+use super::divided::finish_divided_contacts;
+use super::totals::{ContactTotals, ITEMS_PER_TASK, OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
 use super::velocity_errors::VelocityErrors;
 use crate::assemble::{ContactProblem, FreeMotion, RegularisedRow, SolverBody, contact_arms, velocity_at_arms};
 use crate::integrate::ContactConfiguration;
@@ -13,9 +15,6 @@ use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::{BodyId, Scene};
 use crate::solve::ContactSolution;
 use crate::state::{Contact, ContactExchange, ContactId, ContactStatus, LawMemory, SolvedContact, State, Velocities};
-
-/// Number of rows, contacts or bodies that one task sums.
-pub const ITEMS_PER_TASK: usize = 1024;
 
 /// Velocities and contacts at the step's end, and the totals of the contacts.
 pub struct StepOutcome {
@@ -80,10 +79,21 @@ pub fn finish_contacts(
         velocities_without_rotation,
         warning_depth,
     };
+    if state.detection_cache.is_divided() {
+        let finish_chunk = |first: usize, contacts: &[Contact], solved: &mut [SolvedContact], totals: ContactTotals| {
+            post_solve.finish_chunk(first, contacts, solved, totals)
+        };
+        let (totals, exchanges) = finish_divided_contacts(contacts, &mut solved_contacts, finish_chunk);
+        let totals = totals.into_iter().fold(ContactTotals::default(), ContactTotals::add);
+        drop(w_without_rotation); // which borrows `w`
+        return StepOutcome { v, w, contacts: solved_contacts, totals, exchanges };
+    }
     // The division into parts depends only on the number of rows.
     let chunks = solved_contacts.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
     let parts: Vec<(ContactTotals, Vec<ContactExchange>)> = chunks
-        .map(|(chunk, (solved, contacts))| post_solve.finish_chunk(chunk * ITEMS_PER_TASK, contacts, solved))
+        .map(|(chunk, (solved, contacts))| {
+            post_solve.finish_chunk(chunk * ITEMS_PER_TASK, contacts, solved, ContactTotals::default())
+        })
         .collect();
     let totals = parts.iter().fold(ContactTotals::default(), |sum, (totals, _)| sum + *totals);
     let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
@@ -123,70 +133,21 @@ struct PostSolve<'a> {
     warning_depth: f64,
 }
 
-/// Ratio of overlap to smaller radius, above which a run warns: only springs cause it by their law, and volumes are off by
-/// three times as much.
-pub const OVERLAP_WARNING_SHARE: f64 = 1e-2;
-
 /// Relative distance of a load from the limit of an elastic bond that is rounding: loads that yield are set to the limit.
 const YIELD_ROUNDING: f64 = 1e-9;
 
-/// Two bodies that overlap.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Overlap {
-    pub bodies: [BodyId; 2],
-    /// Depth of the overlap, m.
-    pub depth: f64,
-    /// Ratio of the depth to the smaller radius of the two bodies; bodies whose motion is all imposed do not count.
-    pub share: f64,
-}
-
-impl Overlap {
-    /// Overlap of the bodies of a contact; its depth is negative if they are apart.
-    pub fn from_contact(scene: &Scene, contact: &Contact) -> Overlap {
-        let bodies = [contact.candidate, contact.antagonist];
-        let radius = |body: &BodyId| {
-            let body = &scene.bodies[body.index()];
-            if body.is_imposed() { f64::INFINITY } else { body.radius }
-        };
-        let (depth, smaller) = (-contact.gap, bodies.iter().map(radius).fold(f64::INFINITY, f64::min));
-        Overlap { bodies, depth, share: depth / smaller }
-    }
-
-    /// Whether the overlap is deep enough for a warning.
-    pub fn is_deep(&self) -> bool {
-        self.share > OVERLAP_WARNING_SHARE
-    }
-
-    /// Text for messages, with bodies counted from 1. Bodies without a deep overlap touch.
-    pub fn message_text(&self) -> String {
-        let Overlap { bodies: [a, b], depth, share } = self;
-        if !self.is_deep() {
-            return format!("bodies {}-{} touch", a.number(), b.number());
-        }
-        format!(
-            "bodies {}-{} overlap by {depth:.3e} m, {:.1} % of the smaller radius",
-            a.number(),
-            b.number(),
-            100.0 * share
-        )
-    }
-}
-
-/// Returns the overlap with the larger share, the first if they are equal.
-pub fn deeper_overlap(a: Option<Overlap>, b: Overlap) -> Option<Overlap> {
-    a.filter(|a| a.share >= b.share).or(Some(b))
-}
-
 impl PostSolve<'_> {
-    /// Writes the contacts from index `first` on, at the step's end, to `solved_contacts`; returns their totals in the step.
+    /// Writes the contacts from index `first` on, at the step's end, to `solved_contacts`; returns `totals` with theirs in the
+    /// step.
     fn finish_chunk(
         &self,
         first: usize,
         contacts: &[Contact],
         solved_contacts: &mut [SolvedContact],
+        mut totals: ContactTotals,
     ) -> (ContactTotals, Vec<ContactExchange>) {
         let PostSolve { q_c, contact_problem, solution, .. } = self;
-        let (mut totals, mut exchanges) = (ContactTotals::default(), Vec::with_capacity(contacts.len()));
+        let mut exchanges = Vec::with_capacity(contacts.len());
         let roll = contact_problem.rolling_constraints.partition_point(|roll| roll.row.index() < first);
         let mut rolls = contact_problem.rolling_constraints[roll..].iter().zip(&solution.moments[roll..]).peekable();
         for ((k, contact), solved) in (first..).zip(contacts).zip(solved_contacts) {
@@ -403,59 +364,5 @@ impl PostSolve<'_> {
             }
         }
         force.dot(&branch)
-    }
-}
-
-/// Totals of the contacts in a step.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct ContactTotals {
-    pub contacts_active: usize,
-    /// Deepest overlap that is worth a warning.
-    pub overlap: Option<Overlap>,
-    /// Deepest overlap of two bodies neither of which can move along the normal, so that their contact does not act; or a
-    /// touch of such bodies that a bond or a liquid would hold.
-    pub inert_overlap: Option<Overlap>,
-    /// Largest penetration of the listed contacts, m.
-    pub penetration_largest: f64,
-    /// Sum of the penetrations of the listed contacts, m.
-    pub penetration_sum: f64,
-    /// Penetration that contacts with force gain until the step's end, m: 0 if the problem is solved exactly.
-    pub penetration_added: f64,
-    /// Work of the contacts, J.
-    pub contact_work: f64,
-    /// Part of `contact_work` by friction and rolling resistance, J.
-    pub friction_work: f64,
-    /// Sum of impulses times branches, N m s.
-    pub virial: f64,
-    /// Work by walls, and by the reactions of held grains to contacts, J.
-    pub outside_work: f64,
-    /// Impulse of driven bodies on free ones, N s.
-    pub momentum: Vec3,
-    /// Change of the angular momentum of the free bodies about the origin by driven bodies, and by contacts across periodic
-    /// boundaries, whose forces act at two images, N m s.
-    pub angular_momentum: Vec3,
-}
-
-impl Add for ContactTotals {
-    type Output = ContactTotals;
-
-    fn add(self, other: ContactTotals) -> ContactTotals {
-        ContactTotals {
-            contacts_active: self.contacts_active + other.contacts_active,
-            overlap: other.overlap.map_or(self.overlap, |overlap| deeper_overlap(self.overlap, overlap)),
-            inert_overlap: match other.inert_overlap {
-                Some(overlap) => deeper_overlap(self.inert_overlap, overlap),
-                None => self.inert_overlap,
-            },
-            penetration_largest: self.penetration_largest.max(other.penetration_largest),
-            penetration_sum: self.penetration_sum + other.penetration_sum,
-            penetration_added: self.penetration_added + other.penetration_added,
-            contact_work: self.contact_work + other.contact_work,
-            friction_work: self.friction_work + other.friction_work,
-            virial: self.virial + other.virial,
-            outside_work: self.outside_work + other.outside_work,
-            momentum: self.momentum + other.momentum,
-            angular_momentum: self.angular_momentum + other.angular_momentum,
-        }
     }
 }

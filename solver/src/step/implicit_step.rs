@@ -8,6 +8,7 @@ use crate::assemble::{AppliedEvents, FreeMotion, relative_velocity};
 use crate::detect;
 use crate::integrate::{ContactConfiguration, MAX_STEP_GROWTH, predict_configuration};
 use crate::math::{Vec3, to_world};
+use crate::ranks::lists::any_rank;
 use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, SolvedContact, State, UNKNOWN_FEATURE, Velocities};
 
@@ -55,7 +56,10 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
     // A step of zero length: the positions at its start.
     let start = predict_configuration(scene, state, 0);
     let start = ContactConfiguration { lookahead: h + time_before, ..start };
-    let contacts = detect::listed_contacts(scene, &start, state.velocities(), &mut state.detection_cache.clone());
+    let mut cache = state.detection_cache.clone();
+    // Contacts of the last step are compared: they stay with their ranks.
+    cache.division.iter_mut().for_each(|division| division.may_move = false);
+    let contacts = detect::listed_contacts(scene, &start, state.velocities(), &mut cache);
     let file = FileStep::new(scene, state);
     let is_closing = |contact: &Contact| {
         let u = contact.normal.dot(&relative_velocity(contact, &start.x, Velocities { v: &state.v, w: &start.w }));
@@ -71,7 +75,8 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
         };
         -time_before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !bounded()
     };
-    contacts.iter().any(is_closing)
+    let closes = contacts.iter().any(is_closing);
+    if state.detection_cache.is_divided() { any_rank(closes) } else { closes }
 }
 
 /// Contacts of a file, and the bodies in the contact configuration of its last step.

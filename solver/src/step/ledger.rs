@@ -6,12 +6,15 @@ use rayon::prelude::*;
 
 use super::conflict::conflicting_bodies;
 use super::context::{SolvedProblem, StepContext};
-use super::ends::{ITEMS_PER_TASK, Overlap, StepOutcome};
+use super::divided::{conflicting_bodies_of_ranks, contact_of_ranks};
+use super::ends::StepOutcome;
 use super::implicit_step::implicit_step_work;
+use super::totals::{ITEMS_PER_TASK, Overlap};
 use crate::assemble::{GravityReport, potential_energy};
 use crate::detect::NarrowPhaseError;
 use crate::integrate::held_rotational_energy;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
+use crate::ranks::lists::count_of_ranks;
 use crate::scene::{BodyId, Scene};
 use crate::solve::lmgc90_criteria::{Lmgc90Norms, lmgc90_norms};
 use crate::state::{BodyLoad, ContactId, OutputInterval, SolvedContact, State, Velocities};
@@ -158,13 +161,18 @@ pub fn update_ledger(
         ledger.steps_unconverged += 1;
         ledger.last_unconverged = Some(state.step + 1);
     }
-    let worst_contact = |row: ContactId| {
-        let (bodies, solved) = (contact_problem.rows[row.index()].bodies, &outcome.contacts[row.index()]);
-        WorstContact { bodies, point: solved.contact.point }
+    let is_divided = state.detection_cache.is_divided();
+    let row_contact = |row: ContactId| match is_divided {
+        true => contact_of_ranks(row, &outcome.contacts),
+        false => outcome.contacts.get(row.index()).map(|solved| solved.contact),
     };
+    let worst = solution
+        .worst
+        .and_then(row_contact)
+        .map(|contact| WorstContact { bodies: [contact.candidate, contact.antagonist], point: contact.point });
     StepReport {
         h,
-        contacts_listed: outcome.contacts.len(),
+        contacts_listed: if is_divided { count_of_ranks(outcome.contacts.len()) } else { outcome.contacts.len() },
         contacts_solved: solution.active_rows,
         contacts_active: contact_totals.contacts_active,
         sweeps: solution.sweeps,
@@ -177,11 +185,13 @@ pub fn update_ledger(
         replacement_reason: solution.replacement_reason,
         norms: (scene.options.lmgc90_norms || scene.has_solver_file())
             .then(|| lmgc90_norms(contact_problem, &solution.impulses, &solution.solver_bodies)),
-        worst: solution.worst.map(worst_contact),
-        conflict: if solution.converged {
-            None
-        } else {
-            conflicting_bodies(contact_problem, solution, request.criteria.tol)
+        worst,
+        conflict: match solution.converged {
+            true => None,
+            false if is_divided => {
+                worst.and_then(|worst| conflicting_bodies_of_ranks(contact_problem, worst.bodies, request.criteria.tol))
+            }
+            false => conflicting_bodies(contact_problem, solution, request.criteria.tol),
         },
         overlap: contact_totals.overlap,
         inert_overlap: contact_totals.inert_overlap,

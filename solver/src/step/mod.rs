@@ -5,16 +5,19 @@ mod bond_closing;
 mod clock;
 mod conflict;
 mod context;
+mod divided;
 mod ends;
 mod error_loads;
 mod implicit_step;
 mod ledger;
 mod overturning;
+mod totals;
 mod velocity_errors;
 
 pub use self::clock::StageTimes;
-pub use self::ends::{OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
+pub use self::divided::deepest_overlap_of_ranks;
 pub use self::ledger::{BalanceErrors, MotionTotals, StepReport, StepStart, WorstContact};
+pub use self::totals::{OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
 
 use rayon::prelude::*;
 
@@ -32,6 +35,7 @@ use crate::integrate::{self, ContactConfiguration};
 use crate::laws::ContactLaw;
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::ranks::lists::largest_of_ranks;
 use crate::scene::{RigidBody, Scene};
 use crate::solve::{self, SolveRequest, StoppingCriteria};
 use crate::state::{BondingMode, Contact, State, StateBackup, Velocities};
@@ -48,6 +52,7 @@ pub fn step(scene: &Scene, state: &mut State, times: &mut StageTimes) -> Option<
     clock.add_lap(|times| &mut times.gravity);
     activity::begin_stage(StepStage::Detection, 0);
     let contacts = detect::listed_contacts(scene, &q_c, free.velocities(), &mut state.detection_cache); // M3  g, (n, t, s)
+    detect::migrate_contacts(scene, state);
     let narrow_phase_error = sample_narrow_phase_error(scene, state, &q_c, free.velocities(), &contacts);
     clock.add_lap(|times| &mut times.detection);
     let request = solve_request(scene, state, &q_c, &contacts, free.velocities());
@@ -112,8 +117,14 @@ fn sample_narrow_phase_error(
 /// at which a contact closes, and over the step this may be a small share of the radius. Infinite if any residual will do,
 /// as in steps in which bodies move by less than their radius.
 ///
-/// `free`: velocities after the step if nothing touched.
-fn travel_tolerance(scene: &Scene, q_c: &ContactConfiguration, contacts: &[Contact], free: Velocities) -> f64 {
+/// `free`: velocities after the step if nothing touched. `is_divided`: whether other ranks have other contacts.
+fn travel_tolerance(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    contacts: &[Contact],
+    free: Velocities,
+    is_divided: bool,
+) -> f64 {
     let span = q_c.reach_time(scene);
     let allowed = MAX_TRAVEL_ERROR * scene.smallest_radius;
     // Without fast bodies no contact is evaluated.
@@ -127,7 +138,8 @@ fn travel_tolerance(scene: &Scene, q_c: &ContactConfiguration, contacts: &[Conta
     let contacts = contacts.par_iter().with_min_len(PAR_MIN_LEN);
     let approaches = contacts.map(|contact| (approach(q_c, span, contact, free), contact.gap));
     let closing = approaches.filter(|(approach, gap)| approach > gap).map(|(approach, _)| approach);
-    allowed / closing.reduce(|| 0.0, f64::max)
+    let largest = closing.reduce(|| 0.0, f64::max);
+    allowed / if is_divided { largest_of_ranks(largest) } else { largest }
 }
 
 /// Largest error of a displacement by unfinished solutions, divided by the smallest radius. The residual is a mean over
@@ -145,7 +157,8 @@ fn solve_request(
     free: Velocities,
 ) -> SolveRequest {
     let options = &scene.options;
-    let tol = options.tol().min(travel_tolerance(scene, q_c, contacts, free));
+    let is_divided = state.detection_cache.is_divided();
+    let tol = options.tol().min(travel_tolerance(scene, q_c, contacts, free, is_divided));
     // Errors of a restitution impulse are not corrected by later steps.
     let restitution_factor =
         if state.laws.iter().any(ContactLaw::has_restitution) { MIN_TOLERANCE_FACTOR } else { 1.0 };

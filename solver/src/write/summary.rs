@@ -56,12 +56,30 @@ pub struct RunStatistics {
     pub threads: usize,
     /// Traffic of each rank; empty if there is one.
     pub traffic: Vec<RankTraffic>,
+    /// Division of the contacts among ranks; `None` if there is one rank.
+    pub contact_parts: Option<ContactParts>,
     /// Duration of the run.
     pub wall_time: Duration,
     /// Time of all steps by stage.
     pub stage_times: StageTimes,
     /// Estimates of all steps, including those before a resume.
     pub estimator: ErrorEstimator,
+}
+
+/// Contacts of the ranks of a run.
+#[derive(Debug, Clone, Copy)]
+pub struct ContactParts {
+    /// Reason why each rank has all contacts; `None` if they are divided.
+    pub undivided_reason: Option<&'static str>,
+    /// Largest number of contacts that a rank has had at the end of a step.
+    pub largest_part: usize,
+}
+
+impl ContactParts {
+    /// Adds the number of contacts of a rank.
+    pub fn add_part(&mut self, contacts: usize) {
+        self.largest_part = self.largest_part.max(contacts);
+    }
 }
 
 impl RunStatistics {
@@ -268,9 +286,25 @@ fn add_cost(summary: &mut SummaryLines, statistics: &RunStatistics) {
     let stages: Vec<String> = stages.iter().map(|(name, time)| format!("{name} {:.2}", time.as_secs_f64())).collect();
     if !statistics.traffic.is_empty() {
         summary.add("ranks", traffic_text(&statistics.traffic));
+        if let Some(parts) = &statistics.contact_parts {
+            summary.add("contacts by rank", contact_parts_text(parts, statistics));
+        }
     }
     let threads = count_text(statistics.threads, "thread");
     summary.add("seconds", format!("{:.2} on {threads}: {}", statistics.wall_time.as_secs_f64(), stages.join(", ")));
+}
+
+/// Whether contacts were divided, the largest number on a rank, and the data of contacts that a rank sent in a step.
+fn contact_parts_text(parts: &ContactParts, statistics: &RunStatistics) -> String {
+    if let Some(reason) = parts.undivided_reason {
+        return format!("all on each rank, because of {reason}");
+    }
+    let largest_bytes = statistics.traffic.iter().map(|rank| rank.list_bytes).max().unwrap_or(0) as f64;
+    format!(
+        "divided; a rank has had at most {}, and sends at most {:.1} kB of them in a step",
+        count_text(parts.largest_part, "contact"),
+        1e-3 * largest_bytes / statistics.steps.max(1) as f64,
+    )
 }
 
 /// Number of ranks, of sweeps that they have divided, and the largest traffic of a rank divided by the number of these

@@ -9,7 +9,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use cd_formats::compute::ContactSolver;
+use cd_formats::compute::{Adaptive, ContactSolver};
+use cd_formats::tact_behav::TactBehav;
 
 use crate::case::{AXES, Case, uniform};
 use crate::same_bits::{collapse, outbox, poured, same, scene, slab};
@@ -107,6 +108,21 @@ fn expect_same_bytes(case: &Case) {
     }
 }
 
+/// [`expect_same_bytes`] of a case whose contacts are divided; no rank has more than `share` of the contacts of one rank.
+fn expect_divided_contacts(case: &Case, share: f64) {
+    if !has_mpirun() {
+        return;
+    }
+    expect_same_bytes(case);
+    let most = case.column("contacts_listed").into_iter().fold(0.0, f64::max);
+    let summary = run(&case.path(), 3, &["--force", "--threads", "1"]);
+    let line = summary.lines().find(|line| line.contains("contacts by rank")).expect("a line about contacts");
+    let held = line.split_once("at most ").and_then(|(_, held)| held.split(' ').next()?.parse().ok());
+    let held: f64 = held.unwrap_or_else(|| panic!("{line}"));
+    println!("{line}; {most} contacts");
+    assert!(held > 0.0 && held < share * most, "{held} of {most}");
+}
+
 #[test]
 fn ranks_change_no_byte_of_a_shaken_tub() {
     expect_same_bytes(&scene(4));
@@ -126,7 +142,30 @@ fn ranks_change_no_byte_while_bodies_leave_and_enter() {
 
 #[test]
 fn ranks_change_no_byte_of_a_periodic_bed() {
-    expect_same_bytes(&bed());
+    expect_divided_contacts(&bed(), 1.0);
+}
+
+/// Spheres with restitution that are shaken in a tub, with steps of several `dt` and walls that move.
+#[test]
+fn ranks_change_no_byte_of_divided_contacts_in_a_tub() {
+    for (law, parameters) in [("IQS_CLB", &[0.3][..]), ("RST_CLB", &[0.5, 0.2, 0.3])] {
+        let mut case = scene(4);
+        case.tact = TactBehav::default();
+        case.law_of_all(law, parameters);
+        case.options.adaptive = Some(Adaptive { max_multiple: 4, ..case.options.adaptive() });
+        expect_divided_contacts(&case, 0.9);
+    }
+}
+
+/// Steps that do not converge, in which a conflict is sought, and a tolerance for which `auto` continues with other solvers.
+#[test]
+fn ranks_change_no_byte_of_steps_that_do_not_converge() {
+    for max_sweeps in [1100, 5] {
+        let mut case = bed();
+        (case.options.steps, case.options.tol, case.options.max_sweeps) = (Some(8), Some(1e-14), Some(max_sweeps));
+        expect_divided_contacts(&case, 1.0);
+        assert!(!has_mpirun() || max_sweeps > 5 || case.last().meta.ledger.steps_unconverged > 0);
+    }
 }
 
 #[test]

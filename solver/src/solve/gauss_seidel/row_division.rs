@@ -328,12 +328,12 @@ fn sweep_tasks(
     rank: usize,
 ) -> SweepTasks {
     let pairs: Vec<[u32; 2]> = order.iter().map(|&row| partition.pairs[row as usize]).collect();
-    let mut inside = vec![Vec::new(); partition.block_count()];
+    let mut blocks = vec![Vec::new(); partition.block_count()];
     let (mut of_borders, mut large) = (BTreeMap::<[u32; 2], Vec<u32>>::new(), Vec::new());
     for (constraint, &row) in (0..).zip(order) {
         match swept_tasks[row as usize] {
             RowTask::Fixed => {}
-            RowTask::Inside(block) => inside[block as usize].push(constraint),
+            RowTask::Inside(block) => blocks[block as usize].push(constraint),
             RowTask::Border(blocks) => of_borders.entry(blocks).or_default().push(constraint),
             RowTask::Large(_) => large.push(constraint),
         }
@@ -351,5 +351,5 @@ fn sweep_tasks(
         BorderTask::new(constraints, &pairs)
     };
     let borders = plan.tasks.iter().enumerate().map(border_task).collect();
-    SweepTasks { inside, borders, colours: plan.colours }
+    SweepTasks { blocks, borders, colours: plan.colours }
 }
