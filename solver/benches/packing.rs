@@ -45,6 +45,7 @@ pub fn resisting(mut system: ContactProblem) -> ContactProblem {
         shear: 0.0,
         inverse_w: 0.2, // two spheres of 2.5/(kg m^2)
         shift: Vec3::zeros(),
+        compliance: [0.0; 2],
         warm_start: Vec3::zeros(),
     };
     system.rolling_constraints = (0..system.rows.len()).map(ContactId::new).map(roll).collect();

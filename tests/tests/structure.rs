@@ -29,8 +29,18 @@ const DATA: [&str; 2] = ["scene", "state"];
 /// In the order in which a step first enters them.
 const STAGES: [&str; 4] = ["integrate", "detect", "assemble", "solve"];
 const FILE_STAGES: [&str; 2] = ["read", "write"];
-const OUTSIDE: [&str; 10] =
-    ["run", "plan", "probe", "sinks_and_sources", "cli", "contact_division", "thread_pool", "progress", "agreement", "lib"];
+const OUTSIDE: [&str; 10] = [
+    "run",
+    "plan",
+    "probe",
+    "sinks_and_sources",
+    "cli",
+    "contact_division",
+    "thread_pool",
+    "progress",
+    "agreement",
+    "lib",
+];
 
 /// Types of formats that the data and the stages may name: options, events, functions of time and fields from outside are
 /// the same there as in the files; and disjoint sets.
