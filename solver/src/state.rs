@@ -1,7 +1,7 @@
 //! Data: `State`, which each step changes: motion, contacts with their impulses, settings and sums. Snapshots hold it, and
 //! `scene` has the data that are constant.
 
-mod numbers;
+pub mod numbers;
 mod presence;
 
 use std::cmp::Ordering;
@@ -13,7 +13,6 @@ use cd_formats::field::{FieldModel, PrimaryResponse};
 use cd_formats::snapshot::{FallbackState, Ledger, PostproSums};
 use rayon::prelude::*;
 
-pub use self::numbers::{ContactNumbers, SolvedContactNumbers};
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame, sort_runs_by_key};

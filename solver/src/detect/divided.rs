@@ -5,7 +5,8 @@ use bytemuck::Pod;
 use crate::ranks::communicator;
 use crate::ranks::lists::{exchange_known_lists, exchange_lists, rank_lists, rank_values};
 use crate::scene::Scene;
-use crate::state::{CandidateDivision, ContactExchange, DetectionCache, SolvedContact, SolvedContactNumbers, State};
+use crate::state::numbers::SolvedContactNumbers;
+use crate::state::{CandidateDivision, ContactExchange, DetectionCache, SolvedContact, State};
 
 /// Number of groups of consecutive spheres whose pairs are counted, and between which runs are cut. Chosen: a thousandth of
 /// the pairs is a small part of those of a rank.

@@ -9,7 +9,8 @@ use std::ops::Range;
 use crate::geometry::CachedFeature;
 use crate::ranks::{all_gather_unsized, as_bytes, communicator, from_bytes, part_range};
 use crate::scene::Scene;
-use crate::state::{Contact, ContactNumbers};
+use crate::state::Contact;
+use crate::state::numbers::ContactNumbers;
 
 /// Smallest number of pairs that are divided among ranks. Chosen: at 0.6 to 1 µs a pair they take some 0.2 ms, and their
 /// contacts have some 0.1 MB.

@@ -15,7 +15,8 @@ use crate::ranks::lists::{rank_lists, rank_values, whole_chunks};
 use crate::ranks::{RankMessage, as_bytes, communicator, from_bytes, send_receive_counted};
 use crate::scene::BodyId;
 use crate::solve::{self, ContactSolution, SolveRequest};
-use crate::state::{Contact, ContactExchange, ContactId, ContactNumbers, SolvedContact};
+use crate::state::numbers::ContactNumbers;
+use crate::state::{Contact, ContactExchange, ContactId, SolvedContact};
 
 /// Solves the contact problem of which each rank has a part of the rows; ranks that need other solvers than sweeps solve the
 /// whole problem together.
