@@ -119,14 +119,15 @@ impl ContactExchange {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::ContactSides;
 
     #[test]
     fn numbers_are_those_of_the_contact() {
         let contact = Contact {
             candidate: BodyId(7),
             antagonist: BodyId(u32::MAX),
-            part_numbers: (1, 2),
-            features: (u32::MAX, 3),
+            part_numbers: ContactSides { candidate: 1, antagonist: 2 },
+            features: ContactSides { candidate: u32::MAX, antagonist: 3 },
             point: Vec3::new(1.0, -0.0, f64::MIN_POSITIVE),
             image: Vec3::new(1.0, 2.0, 3.0),
             normal: Vec3::z(),
