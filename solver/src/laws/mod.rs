@@ -442,7 +442,15 @@ impl ContactLaw {
     /// Whether the law is a spring with a damper, which acts on closed contacts, and as a spring alone on pairs that a step
     /// would close deeper than [`MAX_STEP_OVERLAP`]: these might pass through each other.
     pub fn is_damped_spring(&self) -> bool {
-        matches!(self.unilateral, UnilateralLaw::Spring { damper: Some(_), .. })
+        match self.unilateral {
+            UnilateralLaw::Spring { damper, .. } => damper.is_some(),
+            UnilateralLaw::InelasticShock { .. }
+            | UnilateralLaw::Gap
+            | UnilateralLaw::Velocity
+            | UnilateralLaw::Restitution { .. }
+            | UnilateralLaw::Coupling
+            | UnilateralLaw::Link(_) => false,
+        }
     }
 
     /// Whether dynamic friction differs from static friction.
@@ -464,7 +472,15 @@ impl ContactLaw {
 
     /// Push against deep overlaps, if the law has one.
     pub fn rescue(&self) -> Option<GapRescue> {
-        if let UnilateralLaw::InelasticShock { rescue } = self.unilateral { rescue } else { None }
+        match self.unilateral {
+            UnilateralLaw::InelasticShock { rescue } => rescue,
+            UnilateralLaw::Gap
+            | UnilateralLaw::Velocity
+            | UnilateralLaw::Restitution { .. }
+            | UnilateralLaw::Spring { .. }
+            | UnilateralLaw::Coupling
+            | UnilateralLaw::Link(_) => None,
+        }
     }
 
     /// Whether [`Self::contact_shift`] depends on the radius of the contact.
@@ -585,12 +601,28 @@ impl ContactLaw {
 
     /// Wire or rod of the law, if it is one.
     pub fn strain_spring(&self) -> Option<&StrainSpring> {
-        if let UnilateralLaw::Link(spring) = &self.unilateral { Some(spring) } else { None }
+        match &self.unilateral {
+            UnilateralLaw::Link(spring) => Some(spring),
+            UnilateralLaw::InelasticShock { .. }
+            | UnilateralLaw::Gap
+            | UnilateralLaw::Velocity
+            | UnilateralLaw::Restitution { .. }
+            | UnilateralLaw::Spring { .. }
+            | UnilateralLaw::Coupling => None,
+        }
     }
 
     /// Whether contacts have no relative velocity.
     pub fn is_coupled(&self) -> bool {
-        self.unilateral == UnilateralLaw::Coupling
+        match self.unilateral {
+            UnilateralLaw::Coupling => true,
+            UnilateralLaw::InelasticShock { .. }
+            | UnilateralLaw::Gap
+            | UnilateralLaw::Velocity
+            | UnilateralLaw::Restitution { .. }
+            | UnilateralLaw::Spring { .. }
+            | UnilateralLaw::Link(_) => false,
+        }
     }
 
     /// Whether contacts within the alert distance may carry force although they are apart.
