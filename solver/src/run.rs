@@ -199,6 +199,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     statistics.estimator.add_writing_time(&last_output);
     statistics.stage_times.accumulate(&last_output);
     progress.finish();
+    let is_divided = state.detection_cache.is_divided();
     if statistics.steps > 0
         && let Some(message) = last_overlap_warning(&mut statistics, scene, &mut state, reported_share)
     {
@@ -211,7 +212,8 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             rank_values(parts.largest_part as u64).into_iter().for_each(|contacts| parts.add_part(contacts as usize));
         }
     }
-    if state.detection_cache.is_divided() {
+    // The last warning has taken the cache.
+    if is_divided {
         (state.contacts, state.interval.exchanges) = detect::gather_contacts_to_first(&state);
     }
     if communicator.rank() > 0 {
