@@ -7,7 +7,8 @@ use std::path::Path;
 use crate::atomic::path_exists;
 use crate::error::Faults;
 use crate::scan::{
-    AsciiText, LineScanner, RealText, TextLine, format_e14, format_integer, format_long14, free_real, put_text,
+    AsciiText, LenientForm, LineScanner, RealText, TextLine, format_e14, format_integer, format_long14, free_real,
+    put_text,
 };
 
 /// Driven components, in the order of the file.
@@ -286,13 +287,16 @@ fn read_evolution(scan: &mut LineScanner, line: TextLine, folder: &Path) -> Opti
         scan.add_fault(line.number, format!("the table is '{name}'"), "expected a file in the folder of this one");
         return None;
     }
-    let points = scan.gather_result(read_table(&folder.join(&name)))?;
+    let (points, is_sorted) = scan.gather_result(read_table(&folder.join(&name)))?;
+    if !is_sorted {
+        scan.add_form(LenientForm::UnsortedTable, line.number);
+    }
     Some(Evolution::Table { name, points })
 }
 
-/// Reads the points (time, value) of a table, two numbers a line in any columns, of which the times increase: LMGC90
-/// takes other lines in their order, too, and its values are then not a function of time.
-fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
+/// Reads the points (time, value) of a table, two numbers a line in any columns; returns them by increasing time, and
+/// whether the lines are in that order.
+fn read_table(path: &Path) -> Result<(Vec<[f64; 2]>, bool), Faults> {
     let text = AsciiText::read_file(path)?;
     let scan = &mut LineScanner::new(path, &text);
     scan.set_object("table");
@@ -310,17 +314,18 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
             ),
         }
     }
+    let is_sorted = points.is_sorted_by(|(_, a), (_, b)| a[0] <= b[0]);
+    points.sort_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]));
     for pair in points.windows(2) {
         let [(earlier_line, [earlier_time, _]), (line, [time, _])] = [pair[0], pair[1]];
-        if time <= earlier_time {
-            let found = format!("time {time} follows {earlier_time} of line {earlier_line}");
-            scan.add_fault(line, found, "expected increasing times");
+        if earlier_time == time {
+            scan.add_fault(line, format!("time {time} is on line {earlier_line}, too"), "expected each time once");
         }
     }
     if points.len() < 2 {
         scan.add_file_fault(format!("the number of points is {}", points.len()), "expected at least 2");
     }
-    scan.finish(points.into_iter().map(|(_, point)| point).collect())
+    scan.finish((points.into_iter().map(|(_, point)| point).collect(), is_sorted))
 }
 
 /// Text of a table of an [`Evolution::Table`], with all digits, so that two different times stay different when read
@@ -334,17 +339,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_times_of_a_table_increase() {
+    fn lines_of_a_table_are_taken_by_increasing_time() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("f.dat");
         let table = |text: &str| {
             std::fs::write(&path, text).unwrap();
             read_table(&path).map_err(|faults| faults.to_string().replace(path.to_str().unwrap(), "f.dat"))
         };
-        assert_eq!(table("0 1\n0.5 2.\n").unwrap(), [[0.0, 1.0], [0.5, 2.0]]);
-        let expected = "f.dat:2: table: time 1 follows 2 of line 1; expected increasing times\n\
-                        f.dat:4: table: time 3 follows 3 of line 3; expected increasing times";
-        assert_eq!(table("2 0\n1 0\n3 0\n3 1\n").unwrap_err().trim_end(), expected);
+        assert_eq!(table("0 1\n0.5 2.\n").unwrap(), (vec![[0.0, 1.0], [0.5, 2.0]], true));
+        assert_eq!(table("0.5 2.\n0 1\n").unwrap(), (vec![[0.0, 1.0], [0.5, 2.0]], false));
+        let expected = "f.dat:4: table: time 2 is on line 1, too; expected each time once";
+        assert_eq!(table("2 0\n1 0\n3 0\n2 1\n").unwrap_err().trim_end(), expected);
     }
 
     #[test]

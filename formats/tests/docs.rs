@@ -298,5 +298,5 @@ fn what_is_shown_is_accepted() {
             shown += 1;
         }
     }
-    assert_eq!(shown, 9);
+    assert_eq!(shown, 10);
 }

@@ -31,6 +31,8 @@ pub enum LenientForm {
     SkewAxes,
     /// Axes of a contact on a plate that are left-handed.
     LeftHandedAxes,
+    /// Component whose table has times that do not increase.
+    UnsortedTable,
 }
 
 impl LenientForm {
@@ -47,6 +49,11 @@ impl LenientForm {
                     if one { "begins" } else { "begin" }
                 )
             }
+            LenientForm::UnsortedTable => format!(
+                "{} {} a table whose times do not increase; its lines are taken by increasing time, in LMGC90 in their order",
+                count_text(count, "component"),
+                if one { "has" } else { "have" }
+            ),
             LenientForm::ShiftedHead => "step number and time are read next to $steps and time=".into(),
             LenientForm::BodyNumber => format!(
                 "{} {} a number other than the position; bodies are counted by position",
