@@ -114,9 +114,18 @@ struct StateLimits {
 pub fn write(options: &MovieOptions) -> Result<(PathBuf, Vec<String>), Faults> {
     let output = options.output.clone().unwrap_or_else(|| options.dir.join("POSTPRO/movie.gif"));
     let format = FilmFormat::from_path(&output)?;
+    if options.range.is_some() && !options.colour.is_continuous() {
+        let found = format!("is given with --colour {}, which has counts or names", options.colour.name());
+        let expected = "expected kinetic-energy, speed, spin, pressure or radius, or no range";
+        return Err(Fault::new("options".as_ref(), None, "--range", found, expected).into());
+    }
     let selected = select_snapshots(&options.dir.join("OUTBOX"), options.every)?;
     let count = selected.len();
-    let is_used = |k: usize| k + 1 == count || is_evenly_chosen(k, count, options.max_frames as usize);
+    // A single picture is that of the last state.
+    let is_used = |k: usize| match options.max_frames as usize {
+        1 => k + 1 == count,
+        chosen => is_evenly_chosen(k, count, chosen),
+    };
     let paths: Vec<PathBuf> =
         selected.into_iter().enumerate().filter(|(k, _)| is_used(*k)).map(|(_, (_, path))| path).collect();
     let mut notes = Vec::new();

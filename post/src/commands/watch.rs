@@ -16,6 +16,9 @@ use crate::snapshots::lock_case;
 /// Least ratio of the time between two reports to the time that one takes, so that the run keeps its cores.
 const PAUSE_RATIO: f64 = 4.0;
 
+/// Time between two checks whether the run continues.
+const CHECK_INTERVAL: Duration = Duration::from_millis(500);
+
 /// Whether cd-solve computes the case: it has locked OUTBOX. If folders cannot be locked, no run is known.
 fn is_run_active(dir: &Path) -> bool {
     let outbox = File::open(dir.join("OUTBOX"));
@@ -56,7 +59,12 @@ pub fn write(
                 last_step.unwrap_or(0)
             ));
         }
-        std::thread::sleep(Duration::from_secs_f64(interval.max(PAUSE_RATIO * duration)));
+        // The end of the run ends the pause.
+        let pause = Duration::from_secs_f64(interval.max(PAUSE_RATIO * duration));
+        let started = Instant::now();
+        while started.elapsed() < pause && is_run_active(dir) {
+            std::thread::sleep(CHECK_INTERVAL);
+        }
     }
 }
 

@@ -127,6 +127,11 @@ impl GrainQuantity {
         }
     }
 
+    /// Whether its classes are ranges of values, and not counts or names.
+    pub fn is_continuous(self) -> bool {
+        self.unit() != "1"
+    }
+
     fn unit(self) -> &'static str {
         match self {
             GrainQuantity::KineticEnergy => "J",
@@ -277,16 +282,8 @@ impl ColourScale {
 
     /// Lines above the colours: the quantity, and the unit and meaning of the labels.
     pub fn title_lines(&self) -> [String; 2] {
-        let is_range = matches!(
-            self.quantity,
-            GrainQuantity::KineticEnergy
-                | GrainQuantity::Speed
-                | GrainQuantity::Spin
-                | GrainQuantity::Pressure
-                | GrainQuantity::Radius
-        );
         let unit = if self.unit.is_empty() { String::new() } else { format!("({})", self.unit) };
-        let from = if is_range && self.labels.len() > 1 { "from" } else { "" };
+        let from = if self.quantity.is_continuous() && self.labels.len() > 1 { "from" } else { "" };
         [self.quantity.name().into(), format!("{unit} {from}").trim().to_string()]
     }
 }

@@ -2,7 +2,7 @@
 // after the case, which is the title of the page.
 (function () {
   "use strict";
-  const FRAME_MILLISECONDS = 100, DRAIN_MILLISECONDS = 1000;
+  const FRAME_MILLISECONDS = 100, DRAIN_MILLISECONDS = 1000, QUIET_DRAINS = 3;
   const FIGURE_SCALE = 2;
   const save = (name, blob) => {
     const link = document.createElement("a");
@@ -81,10 +81,11 @@
     for (let tries = 0; tries < 50 && parts.length === 0; tries++) await record(0);
     // The last state comes twice: a frame lasts until the next.
     for (let k = 1; k <= count; k++) await record(k);
-    // A slow encoder loses the frames that it has when it is stopped: it gets time until there are no more data.
-    for (let known = 0, tries = 0; known < parts.length && tries < 30; tries++) {
-      known = parts.length;
+    // A slow encoder loses the frames that it has when it is stopped: it gets time until there have been no more data for a while.
+    for (let quiet = 0, tries = 0; (quiet < QUIET_DRAINS || parts.length === 0) && tries < 60; tries++) {
+      const known = parts.length;
       await pause(DRAIN_MILLISECONDS);
+      quiet = parts.length > known ? 0 : quiet + 1;
     }
     recorder.stop();
     await stopped;
