@@ -130,11 +130,10 @@ fn coupled_bodies_move_as_one_and_may_pull() {
     near(apart.run(10).v(1), [0.0, 0.0, -80.0 * apart.options.dt], 1e-13);
 }
 
-/// A sphere that is driven in part hangs on a held sphere, whether or not it could move along the normal, and does not turn
-/// against it.
+/// A sphere whose centre or whose rotation is held hangs on a held sphere, whether or not it could move along the normal.
 #[test]
 fn coupled_bodies_that_are_driven_in_part_do_not_move() {
-    let held_components: [&[usize]; 3] = [&[0, 1, 3, 4, 5], &[1, 3, 5], &[0, 1, 2]];
+    let held_components: [&[usize]; 3] = [&[0, 1, 3, 4, 5], &[1, 3, 4, 5], &[0, 1, 2]];
     for (axis, held) in [0, 2].into_iter().flat_map(|axis| held_components.map(|held| (axis, held))) {
         let mut case = Case::new();
         case.law("COUPLED_DOF", &[]);
@@ -160,13 +159,9 @@ fn coupled_bodies_that_are_driven_in_part_do_not_move() {
 }
 
 #[test]
-fn springs_reject_solvers_and_laws_that_do_not_know_them() {
+fn springs_reject_solvers_that_do_not_know_them() {
     let mut case = ball("ELASTIC_REPELL_CLB", &[1024.0, 0.3], 0.0, 0.0, -8.0);
     case.options.solver = cd_formats::compute::ContactSolver::Admm;
-    assert!(case.attempt(1).is_none());
-    let mut case = ball("ELASTIC_REPELL_CLB", &[1024.0, 0.3], 0.0, 0.0, -8.0);
-    case.law_with("PLANx", "IQS_DS_ROLL_CLB", &[0.3, 0.3, 0.1, 0.1]);
-    case.tact.visibility.remove(1);
     assert!(case.attempt(1).is_none());
 }
 
