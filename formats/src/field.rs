@@ -76,7 +76,7 @@ pub struct PrimaryResponse {
 
 impl PrimaryResponse {
     /// Response after `time` (s) without forces.
-    pub fn after(&self, time: f64) -> PrimaryResponse {
+    pub fn free_motion(&self, time: f64) -> PrimaryResponse {
         let displacement = [0, 1, 2].map(|k| self.displacement[k] + self.velocity[k] * time);
         PrimaryResponse { displacement, ..*self }
     }

@@ -426,10 +426,10 @@ pub struct State {
 const DIAGNOSTIC_INTERVAL: u64 = 100;
 
 impl State {
-    /// External fields `after` a time (s) in which the primary moves without forces.
-    pub fn external_fields(&self, scene: &Scene, after: f64) -> Vec<FieldModel> {
-        let response = self.primary_response.as_ref().map(|response| response.after(after));
-        scene.external_fields(self.time + after, response.as_ref())
+    /// External fields after `span` (s), in which the primary moves without forces.
+    pub fn external_fields(&self, scene: &Scene, span: f64) -> Vec<FieldModel> {
+        let response = self.primary_response.as_ref().map(|response| response.free_motion(span));
+        scene.external_fields(self.time + span, response.as_ref())
     }
 
     /// Velocities of all bodies.

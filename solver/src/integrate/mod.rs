@@ -229,9 +229,9 @@ pub fn advance_response(scene: &Scene, state: &mut State, q_c: &ContactConfigura
     let Some(response) = &mut state.primary_response else { return };
     let mass: f64 = scene.options.fields.iter().filter(|field| field.has_response()).map(ExternalField::mass).sum();
     let theta = if q_c.implicit { 1.0 } else { scene.options.theta };
-    let mut after = response.after((1.0 - theta) * q_c.h);
-    after.velocity.iter_mut().zip(impulse.iter()).for_each(|(v, impulse)| *v -= impulse / mass);
-    *response = after.after(theta * q_c.h);
+    let mut contact_response = response.free_motion((1.0 - theta) * q_c.h);
+    contact_response.velocity.iter_mut().zip(impulse.iter()).for_each(|(v, impulse)| *v -= impulse / mass);
+    *response = contact_response.free_motion(theta * q_c.h);
 }
 
 /// Energy of the rotation of grains that is imposed about some of their axes, J.

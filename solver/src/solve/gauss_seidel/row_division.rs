@@ -47,7 +47,7 @@ pub struct RowDivision {
     /// Rows that this rank sweeps and reports, by the rank that lists them.
     reported: Vec<Vec<u32>>,
     /// Positions of the active rows that this rank lists, by the rank that reports them.
-    listed: Vec<Vec<u32>>,
+    list_positions: Vec<Vec<u32>>,
 }
 
 /// Task of a row.
@@ -147,13 +147,13 @@ impl RowDivision {
         let blocks = cut_by_work(&block_work(&counts, partition.block_count()), size);
         let ranks = task_ranks(&plan, &borders, &counts, block_owners(&blocks));
 
-        let (mut outgoing, mut listed) = (vec![Vec::new(); size], vec![Vec::new(); size]);
+        let (mut outgoing, mut list_positions) = (vec![Vec::new(); size], vec![Vec::new(); size]);
         for ((position, &k), &task) in (0u32..).zip(active).zip(&own_tasks) {
             let row = ContactConstraint { warm_start: impulses[k.index()], ..problem.rows[k.index()] };
             let numbers = ConstraintNumbers::new(&row, first_active + position);
             let sweeping = ranks.of_row(task);
             sweeping.iter().for_each(|&to| outgoing[to as usize].push(numbers));
-            listed[sweeping[0] as usize].push(position);
+            list_positions[sweeping[0] as usize].push(position);
         }
         let incoming = exchange_lists(outgoing);
         let source_ranks: Vec<usize> =
@@ -187,7 +187,7 @@ impl RowDivision {
             blocks,
             participants,
             reported,
-            listed,
+            list_positions,
         };
         (division, rows)
     }
@@ -200,10 +200,10 @@ impl RowDivision {
     /// Values of the active rows that this rank lists, in their order; `value`: value of a row that this rank sweeps.
     pub fn listed_values<T: Pod>(&self, value: impl Fn(usize) -> T) -> Vec<T> {
         let values = |rows: &Vec<u32>| rows.iter().map(|&row| value(row as usize)).collect();
-        let counts: Vec<usize> = self.listed.iter().map(Vec::len).collect();
+        let counts: Vec<usize> = self.list_positions.iter().map(Vec::len).collect();
         let lists = exchange_known_lists(self.reported.iter().map(values).collect(), &counts);
         let mut listed_values = vec![T::zeroed(); self.listed_rows.len()];
-        for (positions, list) in self.listed.iter().zip(lists) {
+        for (positions, list) in self.list_positions.iter().zip(lists) {
             positions.iter().zip(list).for_each(|(&position, value)| listed_values[position as usize] = value);
         }
         listed_values
