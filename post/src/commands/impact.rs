@@ -152,7 +152,7 @@ fn impact_files(run: &ImpactRun, states: &[ImpactState], last: &ImpactState) -> 
     let speeds = speed_rows(run, last);
     let angles = angle_rows(last);
     let rings = last.crater.as_ref().map_or(&[][..], |crater| &crater.rings);
-    let profile: Vec<[f64; 3]> = rings.iter().map(|ring| [ring.radius, ring.before, ring.after]).collect();
+    let profile: Vec<[f64; 3]> = rings.iter().map(|ring| [ring.radius, ring.old_height, ring.new_height]).collect();
     let grain_row = |grain: &EjectaGrain| {
         let v = grain.launch_velocity;
         [grain.body as f64, grain.mass, grain.speed(), grain.elevation.to_degrees(), v.x, v.y, v.z]

@@ -67,9 +67,9 @@ pub struct CraterRing {
     /// Distance of the middle of the ring from the axis.
     pub radius: f64,
     /// Height before the impact.
-    pub before: f64,
+    pub old_height: f64,
     /// Height after it.
-    pub after: f64,
+    pub new_height: f64,
 }
 
 /// Size of a crater; all but the depth NaN if the crater reaches beyond the measured surface.
@@ -167,7 +167,11 @@ impl OldSurface {
         }
         let ring = |(k, [count, before, change]): (usize, &[f64; 3])| {
             let before = before / count;
-            CraterRing { radius: (k as f64 + 0.5) * self.ring_width, before, after: before + change / count }
+            CraterRing {
+                radius: (k as f64 + 0.5) * self.ring_width,
+                old_height: before,
+                new_height: before + change / count,
+            }
         };
         let rings: Vec<CraterRing> = sums.iter().enumerate().map(ring).collect();
         let rises: Vec<f64> = sums.iter().map(|[count, _, change]| change / count).collect();
@@ -223,9 +227,9 @@ pub struct GrainDisplacement {
     /// Mass, kg.
     pub mass: f64,
     /// Position before, m.
-    pub before: Vec3,
+    pub old_position: Vec3,
     /// Position after, m.
-    pub after: Vec3,
+    pub new_position: Vec3,
 }
 
 /// Rigid motion from the positions after an impact back to those before it.
@@ -233,14 +237,14 @@ pub struct GrainDisplacement {
 pub struct BackMotion {
     rotation: UnitQuaternion<f64>,
     /// Centre of mass after and before, m.
-    after: Vec3,
-    before: Vec3,
+    new_centre: Vec3,
+    old_centre: Vec3,
 }
 
 impl BackMotion {
     /// No motion.
     pub fn identity() -> BackMotion {
-        BackMotion { rotation: UnitQuaternion::identity(), after: Vec3::zeros(), before: Vec3::zeros() }
+        BackMotion { rotation: UnitQuaternion::identity(), new_centre: Vec3::zeros(), old_centre: Vec3::zeros() }
     }
 
     /// Least-squares motion, weighted by mass. Without a rotation if the grains are fewer than three or on a line; the
@@ -255,26 +259,27 @@ impl BackMotion {
         let mean = |position: fn(&GrainDisplacement) -> Vec3| {
             grains.iter().map(|grain| grain.mass * position(grain)).sum::<Vec3>() / mass
         };
-        let (before, after) = (mean(|grain| grain.before), mean(|grain| grain.after));
-        let product =
-            |grain: &GrainDisplacement| grain.mass * (grain.before - before) * (grain.after - after).transpose();
+        let (old_centre, new_centre) = (mean(|grain| grain.old_position), mean(|grain| grain.new_position));
+        let product = |grain: &GrainDisplacement| {
+            grain.mass * (grain.old_position - old_centre) * (grain.new_position - new_centre).transpose()
+        };
         let decomposition = grains.iter().map(product).sum::<Mat3>().svd(true, true);
         let (Some(u), Some(v_t)) = (decomposition.u, decomposition.v_t) else { unreachable!("both are requested") };
         let mut values: Vec<(f64, usize)> = decomposition.singular_values.iter().copied().zip(0..).collect();
         values.sort_by(|a, b| b.0.total_cmp(&a.0));
         // The second value of points on a line is that of rounding.
         if values[1].0 <= 1e-9 * values[0].0 {
-            return BackMotion { rotation: UnitQuaternion::identity(), after, before };
+            return BackMotion { rotation: UnitQuaternion::identity(), new_centre, old_centre };
         }
         let mut signs = Mat3::identity();
         signs[(values[2].1, values[2].1)] = (u.determinant() * v_t.determinant()).signum();
         let rotation = Rotation3::from_matrix_unchecked(u * signs * v_t);
-        BackMotion { rotation: UnitQuaternion::from_rotation_matrix(&rotation), after, before }
+        BackMotion { rotation: UnitQuaternion::from_rotation_matrix(&rotation), new_centre, old_centre }
     }
 
     /// Returns the grain at the position and with the orientation that the motion leads back to.
     pub fn moved_grain(&self, grain: &Grain) -> Grain {
-        let x = self.before + self.rotation * (grain.x - self.after);
+        let x = self.old_centre + self.rotation * (grain.x - self.new_centre);
         Grain { x, rotation: self.rotation * grain.rotation, ..grain.clone() }
     }
 
@@ -364,8 +369,11 @@ mod tests {
             .map(|grain| Grain { x: rotation * grain.x + shift, rotation: rotation * grain.rotation, ..grain.clone() })
             .collect();
         let pairs = remains.iter().zip(&moved).filter(|(old, _)| old.x.dot(&pole) < 0.0);
-        let displacement =
-            |(old, new): (&Grain, &Grain)| GrainDisplacement { mass: old.mass, before: old.x, after: new.x };
+        let displacement = |(old, new): (&Grain, &Grain)| GrainDisplacement {
+            mass: old.mass,
+            old_position: old.x,
+            new_position: new.x,
+        };
         let back = BackMotion::least_squares(&pairs.map(displacement).collect::<Vec<_>>());
         assert_near(back.angle(), rotation.angle(), 1e-12);
         let returned: Vec<Grain> = moved.iter().map(|grain| back.moved_grain(grain)).collect();
@@ -401,7 +409,11 @@ mod tests {
 
     #[test]
     fn grains_on_a_line_have_no_rotation() {
-        let grain = |k: f64| GrainDisplacement { mass: 1.0, before: Vec3::x() * k, after: Vec3::x() * k + Vec3::y() };
+        let grain = |k: f64| GrainDisplacement {
+            mass: 1.0,
+            old_position: Vec3::x() * k,
+            new_position: Vec3::x() * k + Vec3::y(),
+        };
         let back = BackMotion::least_squares(&[grain(0.0), grain(1.0), grain(5.0)]);
         assert_eq!(back.angle(), 0.0);
         assert_eq!(BackMotion::least_squares(&[]), BackMotion::identity());

@@ -542,7 +542,7 @@ impl ImpactRun {
         }
         let displacement = |grain: &&&Grain| {
             let before = self.first_positions[&grain.id];
-            GrainDisplacement { mass: grain.mass, before, after: grain.x }
+            GrainDisplacement { mass: grain.mass, old_position: before, new_position: grain.x }
         };
         // Mean of the first positions: the side beyond it is the far side.
         let middle = self.first_positions.values().sum::<Vec3>() / self.first_positions.len() as f64;

@@ -135,8 +135,9 @@ pub fn map_svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &
     }
     // Without a known value the bar has no numbers.
     let step = if low.is_finite() { round_below((top - low) / MIN_BAR_STEPS) } else { 1.0 };
-    let marks = if low.is_finite() { (low / step).ceil() as i64..=(top / step).floor() as i64 } else { 1..=0 };
-    for value in marks.map(|k| k as f64 * step) {
+    let marks: Vec<i64> =
+        if low.is_finite() { ((low / step).ceil() as i64..=(top / step).floor() as i64).collect() } else { Vec::new() };
+    for value in marks.into_iter().map(|k| k as f64 * step) {
         let y = TOP_MARGIN + bar_height * (1.0 - (value - low) / (top - low));
         let label = format_digits(value / factor, digits_needed(low.abs().max(top.abs()), step).max(3));
         write_line(format!("<path d=\"M{} {y:.2}h5\" stroke=\"#3c3c3c\"/>", bar + 18.0));

@@ -401,9 +401,9 @@ fn project_grains(frame: &Frame, window: &ViewWindow, min_radius: f64) -> Vec<Gr
 }
 
 /// Position on the square of a point in the rotated axes, pixels; y points down.
-fn square_position(window: &ViewWindow, at: &Vec3) -> [f64; 2] {
+fn square_position(window: &ViewWindow, point: &Vec3) -> [f64; 2] {
     let (pixels_per_metre, [x, z]) = (pixels_per_metre(window), window.middle);
-    [PICTURE_SIDE / 2.0 + pixels_per_metre * (at.x - x), PICTURE_SIDE / 2.0 - pixels_per_metre * (at.z - z)]
+    [PICTURE_SIDE / 2.0 + pixels_per_metre * (point.x - x), PICTURE_SIDE / 2.0 - pixels_per_metre * (point.z - z)]
 }
 
 /// Shapes of the walls within the square.

@@ -162,7 +162,7 @@ impl DepthCanvas {
     pub fn draw_face(&mut self, corners: &[CanvasPoint], colour: [f64; 3], opacity: f64) {
         let normal = face_normal(&corners.iter().map(|corner| Vec3::from(*corner)).collect::<Vec<_>>());
         // A face that is seen from its edge has no area.
-        if !(normal.z.abs() > 1e-9) {
+        if normal.z.abs() <= 1e-9 || normal.z.is_nan() {
             return;
         }
         let [first_x, first_y, first_depth] = corners[0];
@@ -230,7 +230,7 @@ impl DepthCanvas {
     /// Draws an opaque face that is seen from outside, in the light, with its edges.
     pub fn draw_solid_face(&mut self, corners: &[CanvasPoint], colour: [f64; 3]) {
         let normal = view_normal(corners);
-        if !(normal.y < 0.0) {
+        if normal.y >= 0.0 || normal.y.is_nan() {
             return;
         }
         let shaded = shaded_colour(colour, light_intensity(&normal));

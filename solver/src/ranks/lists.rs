@@ -85,11 +85,11 @@ pub fn exchange_known_lists<T: Pod>(mut outgoing: Vec<Vec<T>>, counts: &[usize])
 ///
 /// A rank evaluates the chunks that lie in its part. Items of other chunks are gathered, and evaluated by every rank: at most
 /// two times `chunk_length` a rank.
-pub fn chunk_results<T: Pod, R: Pod>(part: &[T], chunk_length: usize, evaluate: impl Fn(&[T]) -> R + Sync) -> Vec<R>
-where
-    T: Sync,
-    R: Send,
-{
+pub fn chunk_results<T: Pod + Sync, R: Pod + Send>(
+    part: &[T],
+    chunk_length: usize,
+    evaluate: impl Fn(&[T]) -> R + Sync,
+) -> Vec<R> {
     use rayon::prelude::*;
     let counts: Vec<usize> = rank_values(part.len() as u64).into_iter().map(|count| count as usize).collect();
     let rank = communicator().rank();

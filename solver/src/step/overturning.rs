@@ -91,7 +91,7 @@ pub fn pushed_bodies(
         return pushed;
     }
     let span = q_c.reach_time(scene);
-    let motion = StepMotion { scene, q_c, span, velocities: velocities };
+    let motion = StepMotion { scene, q_c, span, velocities };
     let is_pushable = |body: &BodyId| q_c.orientation_kept.contains(body) && !q_c.pushed_at_centre.contains(body);
     for contact in contacts {
         let bodies = [contact.candidate, contact.antagonist];

@@ -141,7 +141,7 @@ impl GifFilm {
 
     /// Returns the bytes of the file.
     pub fn finish(self) -> Result<Vec<u8>, Faults> {
-        self.encoder.into_inner().map_err(|error| encoding_fault(error.into()))
+        self.encoder.into_inner().map_err(encoding_fault)
     }
 }
 
