@@ -142,7 +142,7 @@ impl ImpactFlags {
             direction: vector(self.direction),
             normal: vector(self.normal),
             point: vector(self.point),
-            within: self.within,
+            target_radius: self.within,
             escape_speed: self.escape_speed,
         }
     }

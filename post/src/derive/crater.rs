@@ -111,7 +111,7 @@ pub struct OldSurface {
     ring_width: f64,
     ring_count: usize,
     /// Height of the lowest point of the grains, m.
-    lowest: f64,
+    lowest_height: f64,
     mean_radius: f64,
 }
 
@@ -144,8 +144,9 @@ impl OldSurface {
             }
         }
         let ring_count = counts.iter().take_while(|[all, known]| *known > 0 && 2 * known >= *all).count();
-        let lowest = grains.iter().map(|grain| height_range(grain, &axis.normal)[0]).fold(f64::INFINITY, f64::min);
-        let surface = OldSurface { axis, grid, heights, distances, ring_width, ring_count, lowest, mean_radius };
+        let lowest_height =
+            grains.iter().map(|grain| height_range(grain, &axis.normal)[0]).fold(f64::INFINITY, f64::min);
+        let surface = OldSurface { axis, grid, heights, distances, ring_width, ring_count, lowest_height, mean_radius };
         (ring_count > 0).then_some(surface)
     }
 
@@ -158,7 +159,7 @@ impl OldSurface {
     /// lowest point of the grains before. On a curved surface diameters are chords, and depths are from the old surface.
     pub fn crater(&self, grains: &[Grain]) -> CraterShape {
         let after = self.grid.column_heights(&grains.iter().collect::<Vec<_>>());
-        let change = |k: usize| if after[k].is_finite() { after[k] } else { self.lowest } - self.heights[k];
+        let change = |k: usize| if after[k].is_finite() { after[k] } else { self.lowest_height } - self.heights[k];
         let (mut sums, level) = (vec![[0.0; 3]; self.ring_count], self.axis.point.dot(&self.axis.normal));
         for (k, height) in self.heights.iter().enumerate().filter(|(_, height)| height.is_finite()) {
             if let Some(sum) = sums.get_mut((self.distances[k] / self.ring_width) as usize) {

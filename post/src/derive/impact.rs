@@ -103,7 +103,7 @@ pub struct ImpactOptions {
     /// Point of the impact, m; None: where a straight trajectory meets the target.
     pub point: Option<Vec3>,
     /// Distance from the remnant's centre of mass up to which grains belong to the target, m; None: what is bound.
-    pub within: Option<f64>,
+    pub target_radius: Option<f64>,
     /// Escape speed, m/s; None: that of the target.
     pub escape_speed: Option<f64>,
 }
@@ -273,7 +273,7 @@ impl ImpactRun {
             return Err(ImpactError::PeriodicBody);
         }
         if against_gravity.is_some() {
-            let given = [("within", options.within.is_some()), ("normal", options.normal.is_some())];
+            let given = [("within", options.target_radius.is_some()), ("normal", options.normal.is_some())];
             if let Some((option, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
                 return Err(ImpactError::BedOption(option));
             }
@@ -303,7 +303,7 @@ impl ImpactRun {
             OldSurface::new(&images, axis, measured_reach(&cell, &images, &axis, against_gravity.is_some()))
         });
         let constant = self_gravity_constant(frame);
-        let criterion = match (against_gravity, options.within, constant) {
+        let criterion = match (against_gravity, options.target_radius, constant) {
             (Some(up), _, _) => TargetCriterion::Bed {
                 level: axis.map_or(f64::NAN, |axis| axis.point.dot(&up)),
                 gravity: Vec3::from(frame.meta.parameters.uniform_gravity).norm(),
@@ -600,7 +600,7 @@ mod tests {
             direction: None,
             normal: None,
             point: None,
-            within: None,
+            target_radius: None,
             escape_speed: None,
         }
     }
@@ -725,7 +725,7 @@ mod tests {
         assert_near(state.ejecta[0].speed() / expected, 1.0, 0.02); // the remnant moves and its centre is not the planet's
         assert!(run.escape_speed > 0.0);
         // Within a stated distance the slow one is outside, too.
-        let near = ImpactOptions { within: Some(20.0), ..options("3") };
+        let near = ImpactOptions { target_radius: Some(20.0), ..options("3") };
         let mut run = ImpactRun::new(&scene.frame(), &near).unwrap();
         assert_eq!(run.next_state(&scene.frame()).ejecta.len(), 2);
     }
@@ -822,7 +822,7 @@ mod tests {
         assert_eq!(fault(&moving, &options("126")), Some(ImpactError::PeriodicBody));
         moving.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
         assert_eq!(fault(&moving, &options("126")), None);
-        let within = ImpactOptions { within: Some(1.0), ..options("126") };
+        let within = ImpactOptions { target_radius: Some(1.0), ..options("126") };
         assert_eq!(fault(&moving, &within), Some(ImpactError::BedOption("within")));
         moving.snapshot.meta.parameters.fields =
             vec![cd_formats::compute::ExternalField::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] }];
