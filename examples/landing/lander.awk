@@ -2,6 +2,7 @@
 #
 #   awk -f lander.awk
 #
+# Reads: nothing
 # Writes: lander.obj, the closed surface of both; body.obj and deck.obj, its convex pieces.
 
 BEGIN {

@@ -4,6 +4,7 @@
 #   awk -v x=40 -v y=30 -v radius=45 -f patch.awk ../shape-model/asteroid.obj
 #
 # x, y: site on the upper side, m; radius: distance from it, m.
+# Reads: an OBJ file: vertices and faces
 # Writes: patch/piece-NNN.obj, and their names as a list of RON on stdout.
 
 $1 == "v" { n++; for (k = 1; k <= 3; k++) v[n, k] = $(k + 1) }
