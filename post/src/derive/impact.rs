@@ -776,7 +776,7 @@ mod tests {
         let recoil = 5.0 * scene.snapshot.bodies.body_mass[grain] / (mass * arrival);
         assert_near(beta.along_normal, 1.5 + recoil, 1e-12);
         assert_near(beta.vector.x, -recoil, 1e-12);
-        // What has fallen back keeps its record; below an escape speed it carries nothing away.
+        // Ejecta that have fallen back keep their record; below the escape speed they carry no momentum away.
         scene.snapshot.bodies.body_x[grain][2] = 0.0;
         assert_eq!(run.next_state(&scene.frame()).ejecta, state.ejecta);
         let (mut scene, shot) = bed();
