@@ -35,6 +35,21 @@ struct Arguments {
 /// Name of `accuracy-study` in earlier versions.
 const FORMER_ACCURACY_STUDY: &str = "trade";
 
+/// Case, snapshots and measures of a page about a run.
+#[derive(Debug, Clone, clap::Args)]
+struct PageOptions {
+    /// Case folder
+    #[arg(default_value = ".")]
+    dir: PathBuf,
+    /// Use every Nth snapshot, counted from the first, and the last
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+    #[command(flatten)]
+    measures: MeasurementFlags,
+    #[command(flatten)]
+    threads: ThreadCount,
+}
+
 #[derive(Debug, Clone, clap::Subcommand)]
 enum Command {
     /// Analyses one snapshot in detail: profiles, forces, fabric, fragments with orbits, ejecta, surface.
@@ -162,18 +177,7 @@ enum Command {
     /// Writes one HTML page of a run: figures, numbers, options, and the grains in an interactive view.
     ///
     /// Writes DIR/POSTPRO/report.html.
-    Report {
-        /// Case folder
-        #[arg(default_value = ".")]
-        dir: PathBuf,
-        /// Use every Nth snapshot, counted from the first, and the last
-        #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-        every: u32,
-        #[command(flatten)]
-        measures: MeasurementFlags,
-        #[command(flatten)]
-        threads: ThreadCount,
-    },
+    Report(PageOptions),
     /// Makes a film of a run: the grains and walls of one snapshot after the other, seen from one position.
     ///
     /// Writes DIR/POSTPRO/movie.gif, which browsers, mail and office programs play.
@@ -182,19 +186,11 @@ enum Command {
     ///
     /// Writes DIR/POSTPRO/report.html anew when there are new snapshots; the page in the browser loads them itself.
     Watch {
-        /// Case folder
-        #[arg(default_value = ".")]
-        dir: PathBuf,
         /// Least time between two reports, s; they take a fifth of the time at most
         #[arg(long, default_value_t = 10.0, value_name = "S", value_parser = parse_interval)]
         interval: f64,
-        /// Use every Nth snapshot, counted from the first, and the last
-        #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-        every: u32,
         #[command(flatten)]
-        measures: MeasurementFlags,
-        #[command(flatten)]
-        threads: ThreadCount,
+        page: PageOptions,
     },
 }
 
@@ -211,11 +207,11 @@ impl Command {
             }
             Command::Track { dir, body, threads: _ } => track::write(dir, *body).map(print_path),
             Command::Impact { dir, flags, threads: _ } => impact::write(dir, &flags.impact_options()).map(print_path),
-            Command::Report { dir, every, measures, threads: _ } => {
+            Command::Report(PageOptions { dir, every, measures, threads: _ }) => {
                 report::write(dir, *every, measures, None).map(print_path)
             }
             Command::Movie(options) => movie::write(options).map(print_path),
-            Command::Watch { dir, interval, every, measures, threads: _ } => {
+            Command::Watch { interval, page: PageOptions { dir, every, measures, threads: _ } } => {
                 watch::write(dir, *interval, *every, measures).map(print_path)
             }
             Command::Compare { dirs, output, labels, table, columns, against } => {
@@ -251,10 +247,10 @@ impl Arguments {
                 Command::State { dir, .. }
                 | Command::Track { dir, .. }
                 | Command::Impact { dir, .. }
-                | Command::Report { dir, .. },
+                | Command::Report(PageOptions { dir, .. })
+                | Command::Watch { page: PageOptions { dir, .. }, .. },
             ) => Some(dir),
             Some(Command::Movie(options)) => Some(&options.dir),
-            Some(Command::Watch { dir, .. }) => Some(dir),
             Some(Command::Compare { .. } | Command::Study { .. } | Command::AccuracyStudy { .. }) => None,
         }
     }
@@ -267,8 +263,8 @@ impl Arguments {
                 Command::State { threads, .. }
                 | Command::Track { threads, .. }
                 | Command::Impact { threads, .. }
-                | Command::Report { threads, .. }
-                | Command::Watch { threads, .. },
+                | Command::Report(PageOptions { threads, .. })
+                | Command::Watch { page: PageOptions { threads, .. }, .. },
             ) => threads.threads,
             Some(Command::Movie(options)) => options.threads.threads,
             Some(Command::Compare { .. } | Command::Study { .. } | Command::AccuracyStudy { .. }) => 0,
