@@ -24,7 +24,7 @@ use crate::math::Vec3;
 use crate::plan::{StepBound, roundoff_warning, step_bounds};
 use crate::probe::Probes;
 use crate::progress::ProgressDisplay;
-use crate::ranks::lists::{any_rank, count_of_ranks, rank_values};
+use crate::ranks::lists::{all_gather_values, any_rank, sum_over_ranks};
 use crate::ranks::{self, Communicator, RankTraffic};
 use crate::scene::{BodyId, Scene};
 use crate::sinks_and_sources::{exchange_bodies, presence_text};
@@ -209,12 +209,14 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     if communicator.size() > 1 {
         statistics.traffic = RankTraffic::gather_all(communicator);
         if let Some(parts) = &mut statistics.contact_parts {
-            rank_values(parts.largest_part as u64).into_iter().for_each(|contacts| parts.add_part(contacts as usize));
+            all_gather_values(parts.largest_part as u64)
+                .into_iter()
+                .for_each(|contacts| parts.add_part(contacts as usize));
         }
     }
     // The last warning has taken the cache.
     if is_divided {
-        (state.contacts, state.interval.exchanges) = detect::gather_contacts_to_first(&state);
+        (state.contacts, state.interval.pair_virials) = detect::gather_contacts_to_first(&state);
     }
     if communicator.rank() > 0 {
         return Ok(String::new());
@@ -441,7 +443,7 @@ fn initial_overlap_warning(scene: &Scene, state: &State, cache: &mut DetectionCa
     });
     let mut pairs: Vec<[BodyId; 2]> = deep_contacts.map(|contact| [contact.candidate, contact.antagonist]).collect();
     pairs.dedup();
-    let pairs = if cache.is_divided() { count_of_ranks(pairs.len()) } else { pairs.len() };
+    let pairs = if cache.is_divided() { sum_over_ranks(pairs.len()) } else { pairs.len() };
     let count = match pairs {
         1 => "1 pair of bodies overlaps".to_string(),
         count => format!("{count} pairs of bodies overlap"),
@@ -540,11 +542,11 @@ fn with_all_contacts<T>(state: &mut State, write: impl FnOnce(&State) -> T) -> T
     if !state.detection_cache.is_divided() {
         return write(state);
     }
-    let (contacts, exchanges) = detect::gather_contacts_to_first(state);
+    let (contacts, virials) = detect::gather_contacts_to_first(state);
     let own_contacts = std::mem::replace(&mut state.contacts, contacts);
-    let own_exchanges = std::mem::replace(&mut state.interval.exchanges, exchanges);
+    let own_virials = std::mem::replace(&mut state.interval.pair_virials, virials);
     let result = write(state);
-    (state.contacts, state.interval.exchanges) = (own_contacts, own_exchanges);
+    (state.contacts, state.interval.pair_virials) = (own_contacts, own_virials);
     result
 }
 

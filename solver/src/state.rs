@@ -1,7 +1,7 @@
 //! Data: `State`, which each step changes: motion, contacts with their impulses, settings and sums. Snapshots hold it, and
 //! `scene` has the data that are constant.
 
-pub mod numbers;
+pub mod messages;
 mod presence;
 
 use std::cmp::Ordering;
@@ -82,9 +82,9 @@ pub struct CandidateDivision {
     /// First sphere of each rank, and the number of spheres.
     pub cuts: Vec<u32>,
     /// Whether detection may move the cuts, so that ranks have about as many pairs.
-    pub may_move: bool,
+    pub can_move_cuts: bool,
     /// Whether cuts have moved, and contacts of the last step are still with the rank that had them.
-    pub has_moved: bool,
+    pub has_moved_cuts: bool,
 }
 
 impl CandidateDivision {
@@ -92,7 +92,7 @@ impl CandidateDivision {
     pub fn of_equal_runs(spheres: usize) -> Self {
         let size = ranks::communicator().size();
         let cuts = (0..=size).map(|rank| (rank * spheres / size) as u32).collect();
-        CandidateDivision { cuts, may_move: true, has_moved: false }
+        CandidateDivision { cuts, can_move_cuts: true, has_moved_cuts: false }
     }
 
     /// Spheres of this rank.
@@ -273,18 +273,18 @@ pub struct LawMemory {
     pub sliding: Vec3,
 }
 
-/// Sums over contacts since the last step after which a snapshot was due.
+/// Virials of contacts, summed since the last step after which a snapshot was due.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OutputInterval {
-    /// Time at the end of that step, s.
+    /// Time at the end of the last step after which a snapshot was due, s.
     pub start: f64,
-    /// Sums per pair of bodies, ordered by bodies.
-    pub exchanges: Vec<ContactExchange>,
+    /// Pairs of bodies with their virials, ordered by bodies.
+    pub pair_virials: Vec<PairVirial>,
 }
 
-/// Sum over the contacts of two bodies.
+/// Virial of the contacts of two bodies, summed over a step or an output interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ContactExchange {
+pub struct PairVirial {
     /// Bodies: candidate and antagonist.
     pub bodies: [BodyId; 2],
     /// Σ r·l, impulses and branches, J s.
@@ -292,29 +292,29 @@ pub struct ContactExchange {
 }
 
 impl OutputInterval {
-    /// Adds the sums of a step, which follow each other in `lists`, ordered by bodies; two bodies may have several contacts.
-    pub fn add_exchanges(&mut self, lists: &[Vec<ContactExchange>]) {
-        let lists: Vec<&[ContactExchange]> = lists.iter().filter(|list| !list.is_empty()).map(Vec::as_slice).collect();
+    /// Adds the virials of a step: `lists`, one after the other, ordered by bodies; a pair of bodies may occur several times.
+    pub fn add_pair_virials(&mut self, lists: &[Vec<PairVirial>]) {
+        let lists: Vec<&[PairVirial]> = lists.iter().filter(|list| !list.is_empty()).map(Vec::as_slice).collect();
         // A task adds to one chunk of the known pairs; its bodies end before the bodies of the next chunk.
         let mut chunk_ends: Vec<[BodyId; 2]> =
-            self.exchanges.chunks(PAIRS_PER_TASK).skip(1).map(|chunk| chunk[0].bodies).collect();
+            self.pair_virials.chunks(PAIRS_PER_TASK).skip(1).map(|chunk| chunk[0].bodies).collect();
         chunk_ends.push([BodyId(u32::MAX); 2]);
-        let add_to_chunk = |(task, chunk): (usize, &mut [ContactExchange])| {
+        let add_to_chunk = |(task, chunk): (usize, &mut [PairVirial])| {
             let start = task.checked_sub(1).map(|previous| chunk_ends[previous]);
             let first = start.map_or(0, |start| lists.partition_point(|list| list[list.len() - 1].bodies < start));
-            let exchanges = lists[first..].iter().flat_map(|list| *list);
-            let exchanges = exchanges.skip_while(|exchange| start.is_some_and(|start| exchange.bodies < start));
-            add_to_pairs(chunk, exchanges.take_while(|exchange| exchange.bodies < chunk_ends[task]))
+            let step_pairs = lists[first..].iter().flat_map(|list| *list);
+            let step_pairs = step_pairs.skip_while(|pair| start.is_some_and(|start| pair.bodies < start));
+            add_to_pairs(chunk, step_pairs.take_while(|pair| pair.bodies < chunk_ends[task]))
         };
-        let new_pairs: Vec<Vec<ContactExchange>> = if self.exchanges.is_empty() {
+        let new_pairs: Vec<Vec<PairVirial>> = if self.pair_virials.is_empty() {
             vec![add_to_pairs(&mut [], lists.iter().flat_map(|list| *list))]
         } else {
-            self.exchanges.par_chunks_mut(PAIRS_PER_TASK).enumerate().map(add_to_chunk).collect()
+            self.pair_virials.par_chunks_mut(PAIRS_PER_TASK).enumerate().map(add_to_chunk).collect()
         };
-        let known_count = self.exchanges.len();
-        new_pairs.into_iter().for_each(|mut pairs| self.exchanges.append(&mut pairs));
-        if self.exchanges.len() > known_count {
-            sort_runs_by_key(&mut self.exchanges, |exchange| exchange.bodies);
+        let known_count = self.pair_virials.len();
+        new_pairs.into_iter().for_each(|mut pairs| self.pair_virials.append(&mut pairs));
+        if self.pair_virials.len() > known_count {
+            sort_runs_by_key(&mut self.pair_virials, |pair| pair.bodies);
         }
     }
 }
@@ -322,20 +322,20 @@ impl OutputInterval {
 /// Pairs of bodies per task.
 const PAIRS_PER_TASK: usize = 1024;
 
-/// Adds `exchanges` to the exchanges of known pairs, both ordered by bodies; returns the sums of other pairs.
+/// Adds the virials of a step to those of known pairs, both ordered by bodies; returns the sums of pairs that are not known.
 fn add_to_pairs<'a>(
-    pairs: &mut [ContactExchange],
-    exchanges: impl Iterator<Item = &'a ContactExchange>,
-) -> Vec<ContactExchange> {
-    let (mut k, mut new) = (0, Vec::<ContactExchange>::new());
-    for exchange in exchanges {
-        while pairs.get(k).is_some_and(|pair| pair.bodies < exchange.bodies) {
+    known_pairs: &mut [PairVirial],
+    step_pairs: impl Iterator<Item = &'a PairVirial>,
+) -> Vec<PairVirial> {
+    let (mut k, mut new) = (0, Vec::<PairVirial>::new());
+    for step_pair in step_pairs {
+        while known_pairs.get(k).is_some_and(|pair| pair.bodies < step_pair.bodies) {
             k += 1;
         }
-        let pair = pairs.get_mut(k).filter(|pair| pair.bodies == exchange.bodies);
-        match pair.or(new.last_mut().filter(|last| last.bodies == exchange.bodies)) {
-            Some(pair) => pair.virial += exchange.virial,
-            None => new.push(*exchange),
+        let known_pair = known_pairs.get_mut(k).filter(|pair| pair.bodies == step_pair.bodies);
+        match known_pair.or(new.last_mut().filter(|last| last.bodies == step_pair.bodies)) {
+            Some(pair) => pair.virial += step_pair.virial,
+            None => new.push(*step_pair),
         }
     }
     new
@@ -579,35 +579,35 @@ mod tests {
 
     #[test]
     fn an_interval_has_each_pair_of_its_steps_once() {
-        let of = |rows: &[([u32; 2], f64)]| -> Vec<ContactExchange> {
-            rows.iter().map(|&(bodies, virial)| ContactExchange { bodies: bodies.map(BodyId), virial }).collect()
+        let of = |rows: &[([u32; 2], f64)]| -> Vec<PairVirial> {
+            rows.iter().map(|&(bodies, virial)| PairVirial { bodies: bodies.map(BodyId), virial }).collect()
         };
         let mut interval = OutputInterval::default();
-        interval.add_exchanges(&[of(&[([0, 2], 1.0), ([1, 2], 2.0)]), of(&[]), of(&[([1, 2], 4.0)])]);
-        interval.add_exchanges(&[of(&[])]);
-        interval.add_exchanges(&[of(&[([0, 1], 8.0)]), of(&[([1, 2], 16.0), ([3, 4], 32.0)])]);
+        interval.add_pair_virials(&[of(&[([0, 2], 1.0), ([1, 2], 2.0)]), of(&[]), of(&[([1, 2], 4.0)])]);
+        interval.add_pair_virials(&[of(&[])]);
+        interval.add_pair_virials(&[of(&[([0, 1], 8.0)]), of(&[([1, 2], 16.0), ([3, 4], 32.0)])]);
         let expected = of(&[([0, 1], 8.0), ([0, 2], 1.0), ([1, 2], 22.0), ([3, 4], 32.0)]);
-        assert_eq!(interval.exchanges, expected);
+        assert_eq!(interval.pair_virials, expected);
     }
 
     #[test]
     fn tasks_add_to_the_pairs_of_an_interval_alike() {
         // Pairs of bodies by number; two contacts a pair, in lists that end between them.
-        let exchange =
-            |pair: u32| ContactExchange { bodies: [BodyId(pair / 100), BodyId(pair)], virial: f64::from(pair) };
-        let step = |pairs: &[u32]| -> Vec<Vec<ContactExchange>> {
-            let all: Vec<ContactExchange> = pairs.iter().flat_map(|&pair| [exchange(pair); 2]).collect();
+        let pair_virial =
+            |pair: u32| PairVirial { bodies: [BodyId(pair / 100), BodyId(pair)], virial: f64::from(pair) };
+        let step = |pairs: &[u32]| -> Vec<Vec<PairVirial>> {
+            let all: Vec<PairVirial> = pairs.iter().flat_map(|&pair| [pair_virial(pair); 2]).collect();
             all.chunks(3).map(<[_]>::to_vec).collect()
         };
         let (even, thirds): (Vec<u32>, Vec<u32>) =
             ((0..5000).map(|k| 2 * k).collect(), (0..5000).map(|k| 3 * k).collect());
         let mut interval = OutputInterval::default();
-        interval.add_exchanges(&step(&even));
-        interval.add_exchanges(&step(&thirds));
+        interval.add_pair_virials(&step(&even));
+        interval.add_pair_virials(&step(&thirds));
         let pairs = (0..15_000).filter(|k| k % 3 == 0 || k % 2 == 0 && *k < 10_000);
         let count =
             |k: u32| 2.0 * f64::from(u32::from(k.is_multiple_of(3)) + u32::from(k.is_multiple_of(2) && k < 10_000));
-        let expected = pairs.map(|k| ContactExchange { virial: count(k) * f64::from(k), ..exchange(k) });
-        assert_eq!(interval.exchanges, expected.collect::<Vec<_>>());
+        let expected = pairs.map(|k| PairVirial { virial: count(k) * f64::from(k), ..pair_virial(k) });
+        assert_eq!(interval.pair_virials, expected.collect::<Vec<_>>());
     }
 }

@@ -5,7 +5,7 @@
 //! therefore listed, however short the alert distance. Common or separating motion lists no pair. Contact impulses may
 //! turn bodies towards others: `late` detects the pairs that the solved velocities close.
 
-mod divided;
+mod candidate_division;
 mod joints;
 mod late;
 mod links;
@@ -19,7 +19,7 @@ mod spheres;
 pub mod swept;
 mod travel;
 
-pub use divided::{divide_contacts, gather_contacts_to_first, migrate_contacts};
+pub use candidate_division::{divide_contacts, gather_contacts_to_first, migrate_contacts};
 pub use late::late_contacts;
 
 use std::collections::BTreeMap;

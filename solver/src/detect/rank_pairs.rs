@@ -10,7 +10,7 @@ use crate::geometry::CachedFeature;
 use crate::ranks::{all_gather_unsized, as_bytes, communicator, from_bytes, part_range};
 use crate::scene::Scene;
 use crate::state::Contact;
-use crate::state::numbers::ContactNumbers;
+use crate::state::messages::ContactMessage;
 
 /// Smallest number of pairs that are divided among ranks. Chosen: at 0.6 to 1 µs a pair they take some 0.2 ms, and their
 /// contacts have some 0.1 MB.
@@ -36,15 +36,15 @@ pub fn gather_contacts<'a>(
     let (count, size) = (memories.len(), communicator.size());
     let own_memories = &memories[part_range(count, communicator.rank(), size)];
     let words: Vec<[u64; 2]> = own_memories.iter().map(CachedFeature::to_words).collect();
-    let numbers: Vec<ContactNumbers> = contacts.map(ContactNumbers::from).collect();
-    let all = all_gather_unsized(communicator, &[as_bytes(&words), as_bytes(&numbers)].concat());
+    let messages: Vec<ContactMessage> = contacts.map(ContactMessage::from).collect();
+    let all = all_gather_unsized(communicator, &[as_bytes(&words), as_bytes(&messages)].concat());
     let mut contacts_of = |(rank, bytes): (usize, &Vec<u8>)| {
         let pairs = part_range(count, rank, size);
-        let (words, numbers) = bytes.split_at(size_of::<[u64; 2]>() * pairs.len());
+        let (words, messages) = bytes.split_at(size_of::<[u64; 2]>() * pairs.len());
         for (memory, words) in memories[pairs].iter_mut().zip(from_bytes(words)) {
             *memory = CachedFeature::from_words(words);
         }
-        from_bytes::<ContactNumbers>(numbers).into_iter().map(Contact::from).collect()
+        from_bytes::<ContactMessage>(messages).into_iter().map(Contact::from).collect()
     };
     all.iter().enumerate().map(&mut contacts_of).collect()
 }

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::neighbours::BoundingBalls;
 use super::travel::{LISTING_MARGIN, TravelBounds};
-use super::{divided, narrow, swept};
+use super::{candidate_division, narrow, swept};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::{BodyId, BodyShape, ContactSides, InteractionRule, LawId, Scene, SphereId};
@@ -30,7 +30,7 @@ pub fn sphere_sphere_pairs(
     let balls = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
     let periods = scene.periods();
     if cache.neighbours.rebuild_if_stale(&balls, periods, scene.mean_radius, cache.own_spheres(scene)) {
-        if divided::cuts_move(cache) {
+        if candidate_division::rebalance_cuts(cache) {
             cache.neighbours.search_pairs(periods, cache.own_spheres(scene));
         }
         let near = std::mem::take(&mut cache.neighbours.pairs);

@@ -20,7 +20,7 @@ use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
 use crate::math::Vec3;
-use crate::ranks::lists::smallest_of_ranks;
+use crate::ranks::lists::min_over_ranks;
 use crate::scene::{EVENT_SLACK, RigidBody, Scene};
 use crate::state::{SolvedContact, State};
 
@@ -47,7 +47,7 @@ pub fn choose_step_multiple(scene: &Scene, state: &State, velocities_changed: bo
     let largest = (MAX_STEP_GROWTH as f64 * last_multiple).min(adaptive.max_multiple as f64);
     let time_limit = |contact: &SolvedContact| contact_time_limit(scene, state, contact);
     let own_limit = state.contacts.par_iter().with_min_len(1024).map(time_limit).reduce(|| f64::INFINITY, f64::min);
-    let contact_limit = if state.detection_cache.is_divided() { smallest_of_ranks(own_limit) } else { own_limit };
+    let contact_limit = if state.detection_cache.is_divided() { min_over_ranks(own_limit) } else { own_limit };
     let turn_limit = adaptive.travel / fastest_spin(scene, state);
     let orbit_limit = shortest_orbit(scene, state) / STEPS_PER_ORBIT;
     let multiple = contact_limit.min(turn_limit).min(orbit_limit).min(constant_time) / dt;

@@ -14,7 +14,7 @@ use crate::integrate::{fastest_spin, shortest_orbit};
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, ImposedVelocity, RigidBody, Scene};
 use crate::solve::gauss_seidel::diagonal::batches::ContactBatch;
-use crate::state::{Contact, ContactExchange, SolvedContact, State};
+use crate::state::{Contact, PairVirial, SolvedContact, State};
 use crate::step::{StageTimes, StepReport, step};
 use crate::write;
 
@@ -274,7 +274,7 @@ fn memory_estimate() -> String {
     format!(
         "{until_now}about {:.1} kB for each further contact and {} bytes for each pair that touches between two snapshots",
         contact_size() as f64 / 1e3,
-        size_of::<ContactExchange>()
+        size_of::<PairVirial>()
     )
 }
 

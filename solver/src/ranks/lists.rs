@@ -1,42 +1,42 @@
 //! Lists of which each rank has a part: agreement on flags and numbers, exchange of items, and results of chunks that do not
 //! depend on the parts.
 //!
-//! All functions are called by all ranks, and are exact: numbers are compared, counted or handed on, never added in another
-//! order.
+//! All functions but `whole_chunks` are collective: all ranks call them. They are exact: numbers are compared, counted or
+//! passed on, and floating-point numbers are never added in another order.
 
 use bytemuck::Pod;
 
 use super::{RankMessage, all_gather_counted, as_bytes, communicator, count_list_bytes, from_bytes};
 
-/// Whether the flag of any rank is set.
+/// Returns on every rank whether the flag of any rank is set.
 pub fn any_rank(flag: bool) -> bool {
-    rank_values(u8::from(flag)).contains(&1)
+    all_gather_values(u8::from(flag)).contains(&1)
 }
 
-/// Sum of the counts of all ranks.
-pub fn count_of_ranks(own: usize) -> usize {
-    rank_values(own as u64).iter().sum::<u64>() as usize
+/// Returns the sum of the counts of all ranks on every rank.
+pub fn sum_over_ranks(own: usize) -> usize {
+    all_gather_values(own as u64).iter().sum::<u64>() as usize
 }
 
-/// Largest number of all ranks; numbers are not NaN.
-pub fn largest_of_ranks(own: f64) -> f64 {
-    rank_values(own).into_iter().fold(own, f64::max)
+/// Returns the largest number of all ranks on every rank; numbers are not NaN.
+pub fn max_over_ranks(own: f64) -> f64 {
+    all_gather_values(own).into_iter().fold(own, f64::max)
 }
 
-/// Smallest number of all ranks; numbers are not NaN.
-pub fn smallest_of_ranks(own: f64) -> f64 {
-    rank_values(own).into_iter().fold(own, f64::min)
+/// Returns the smallest number of all ranks on every rank; numbers are not NaN.
+pub fn min_over_ranks(own: f64) -> f64 {
+    all_gather_values(own).into_iter().fold(own, f64::min)
 }
 
-/// Values of all ranks, by rank.
-pub fn rank_values<T: Pod>(own: T) -> Vec<T> {
+/// Returns the values of all ranks, by rank, on every rank.
+pub fn all_gather_values<T: Pod>(own: T) -> Vec<T> {
     let communicator = communicator();
     from_bytes(&all_gather_counted(communicator, as_bytes(&[own]), &vec![size_of::<T>(); communicator.size()]))
 }
 
-/// Lists of all ranks, by rank.
-pub fn rank_lists<T: Pod>(own: &[T]) -> Vec<Vec<T>> {
-    let counts = rank_values(own.len() as u64);
+/// Returns the lists of all ranks, by rank, on every rank; their lengths may differ.
+pub fn all_gather_lists<T: Pod>(own: &[T]) -> Vec<Vec<T>> {
+    let counts = all_gather_values(own.len() as u64);
     let lengths: Vec<usize> = counts.iter().map(|&count| count as usize * size_of::<T>()).collect();
     let all = all_gather_counted(communicator(), as_bytes(own), &lengths);
     let mut rest = &all[..];
@@ -48,7 +48,7 @@ pub fn rank_lists<T: Pod>(own: &[T]) -> Vec<Vec<T>> {
     lengths.iter().map(&mut take_list).collect()
 }
 
-/// Sends each rank the list with its number, and returns the lists from all ranks.
+/// All-to-all exchange: sends each rank the list at its index, and returns the lists from all ranks, by rank.
 pub fn exchange_lists<T: Pod>(outgoing: Vec<Vec<T>>) -> Vec<Vec<T>> {
     let communicator = communicator();
     let (rank, size) = (communicator.rank(), communicator.size());
@@ -91,13 +91,13 @@ pub fn chunk_results<T: Pod + Sync, R: Pod + Send>(
     evaluate: impl Fn(&[T]) -> R + Sync,
 ) -> Vec<R> {
     use rayon::prelude::*;
-    let counts: Vec<usize> = rank_values(part.len() as u64).into_iter().map(|count| count as usize).collect();
+    let counts: Vec<usize> = all_gather_values(part.len() as u64).into_iter().map(|count| count as usize).collect();
     let rank = communicator().rank();
     let start: usize = counts[..rank].iter().sum();
     let [head, whole] = whole_chunks(start, part.len(), chunk_length);
     let own: Vec<R> = part[head..head + whole].par_chunks_exact(chunk_length).map(&evaluate).collect();
-    let mut results = rank_lists(&own).into_iter();
-    let mut ends = rank_lists(&[&part[..head], &part[head + whole..]].concat()).into_iter();
+    let mut results = all_gather_lists(&own).into_iter();
+    let mut ends = all_gather_lists(&[&part[..head], &part[head + whole..]].concat()).into_iter();
     // Items of the chunk that is not complete yet.
     let (mut all, mut open, mut start) = (Vec::new(), Vec::<T>::new(), 0);
     for count in counts {
@@ -140,7 +140,7 @@ mod tests {
             let rank = communicator.rank();
             let flags = [any_rank(rank == 2), any_rank(rank > 5)];
             let own = rank as f64;
-            (flags, count_of_ranks(rank + 1), largest_of_ranks(own), smallest_of_ranks(own))
+            (flags, sum_over_ranks(rank + 1), max_over_ranks(own), min_over_ranks(own))
         });
         assert!(found.iter().all(|found| *found == ([true, false], 6, 2.0, 0.0)), "{found:?}");
     }

@@ -18,8 +18,8 @@ use crate::laws::ContactLaw;
 use crate::math::{Vec3, to_local, to_world};
 use crate::scene::{BodyId, BodyPresence, EVENT_SLACK, LawId, Scene, StepTime};
 use crate::state::{
-    BondingMode, CachedPair, Contact, ContactExchange, ContactStatus, DetectionCache, GravityHistory, LawMemory,
-    OutputInterval, SolvedContact, State, UNKNOWN_FEATURE,
+    BondingMode, CachedPair, Contact, ContactStatus, DetectionCache, GravityHistory, LawMemory, OutputInterval,
+    PairVirial, SolvedContact, State, UNKNOWN_FEATURE,
 };
 
 /// Restores the last snapshot of `outbox` into `state`, if there is one, and sets the step and time in `scene` from which
@@ -462,10 +462,10 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     state.primary_response = state.primary_response.map(|initial| meta.primary_response.unwrap_or(initial));
     state.bodies_entered = meta.bodies_entered;
     state.fallback = meta.fallback;
-    let exchanges = interval.interval_body.into_iter().zip(interval.interval_virial);
+    let pair_virials = interval.interval_body.into_iter().zip(interval.interval_virial);
     state.interval = OutputInterval {
         start: meta.interval_start.unwrap_or(meta.time),
-        exchanges: exchanges.map(|(bodies, virial)| ContactExchange { bodies: bodies.map(BodyId), virial }).collect(),
+        pair_virials: pair_virials.map(|(bodies, virial)| PairVirial { bodies: bodies.map(BodyId), virial }).collect(),
     };
     state.contacts = (0..contacts.contact_body.len())
         .map(|k| SolvedContact {

@@ -9,7 +9,7 @@ use crate::activity;
 use crate::assemble::{ContactProblem, StoredProblem};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
-use crate::ranks::lists::{any_rank, count_of_ranks};
+use crate::ranks::lists::{any_rank, sum_over_ranks};
 use crate::solve::bond_gradients::{GradientLimits, corrected_reactions};
 use crate::solve::cost_model::{COSTS, TOO_LARGE_REASON};
 use crate::solve::gauss_seidel::associated::{associated_law_applies, solve_associated};
@@ -121,7 +121,7 @@ pub fn solve_contact_problem(
 pub fn solve_in_parts(contact_problem: &mut ContactProblem, request: SolveRequest) -> Option<ContactSolution> {
     let max_sweeps = request.criteria.max_sweeps;
     let can_close = contact_problem.rows.par_iter().with_min_len(PAR_MIN_LEN).filter(|row| row.can_close);
-    let contacts = count_of_ranks(can_close.count());
+    let contacts = sum_over_ranks(can_close.count());
     let sweeps_alone = request.solver == ContactSolver::Nlgs || request.skips_fallback();
     let sweeps = match request.solver {
         ContactSolver::Nlgs => max_sweeps,

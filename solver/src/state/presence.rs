@@ -36,7 +36,7 @@ impl State {
         retain(&mut self.contacts, &kept);
         retain(&mut self.memories, &kept);
         retain(&mut self.pair_attractions, &kept);
-        self.interval.exchanges.retain(|exchange| exchange.bodies.into_iter().all(is_present));
+        self.interval.pair_virials.retain(|pair| pair.bodies.into_iter().all(is_present));
         // Its rows belong to the free bodies before.
         self.attraction = None;
     }

@@ -5,8 +5,8 @@
 //! with restitution through one. Then the problem is changed and solved again.
 
 use super::clock::StageClock;
+use super::collectives::solve_divided_problem;
 use super::context::{PredictedStep, SolvedProblem};
-use super::divided::solve_divided_problem;
 use super::ends::solved_velocities;
 use super::overturning::{approach, overturned_bodies, pushed_bodies};
 use crate::activity::{self, StepStage};

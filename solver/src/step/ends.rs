@@ -4,8 +4,8 @@ use std::ops::Add;
 
 use rayon::prelude::*;
 
+use super::collectives::finish_divided_contacts;
 use super::context::{SolvedProblem, StepContext};
-use super::divided::finish_divided_contacts;
 use super::totals::{ContactTotals, ITEMS_PER_TASK, OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
 use super::velocity_errors::VelocityErrors;
 use crate::assemble::{ContactProblem, FreeMotion, RegularisedRow, SolverBody, contact_arms, velocity_at_arms};
@@ -14,7 +14,7 @@ use crate::laws::{ContactMotion, MAX_TOUCHING_GAP};
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::{BodyId, Scene};
 use crate::solve::ContactSolution;
-use crate::state::{Contact, ContactExchange, ContactId, ContactStatus, LawMemory, SolvedContact, State, Velocities};
+use crate::state::{Contact, ContactId, ContactStatus, LawMemory, PairVirial, SolvedContact, State, Velocities};
 
 /// Velocities and contacts at the step's end, and the totals of the contacts.
 pub struct StepOutcome {
@@ -24,8 +24,8 @@ pub struct StepOutcome {
     pub w: Vec<Vec3>,
     pub contacts: Vec<SolvedContact>,
     pub totals: ContactTotals,
-    /// Contacts with force and their virials, by chunk of [`ITEMS_PER_TASK`] contacts.
-    pub exchanges: Vec<Vec<ContactExchange>>,
+    /// Virial of each contact with force, by chunk of [`ITEMS_PER_TASK`] contacts.
+    pub pair_virials: Vec<Vec<PairVirial>>,
 }
 
 impl StepOutcome {
@@ -83,22 +83,22 @@ pub fn finish_contacts(
         let finish_chunk = |first: usize, contacts: &[Contact], solved: &mut [SolvedContact], totals: ContactTotals| {
             post_solve.finish_chunk(first, contacts, solved, totals)
         };
-        let (totals, exchanges) = finish_divided_contacts(contacts, &mut solved_contacts, finish_chunk);
+        let (totals, pair_virials) = finish_divided_contacts(contacts, &mut solved_contacts, finish_chunk);
         let totals = totals.into_iter().fold(ContactTotals::default(), ContactTotals::add);
         drop(w_without_rotation); // which borrows `w`
-        return StepOutcome { v, w, contacts: solved_contacts, totals, exchanges };
+        return StepOutcome { v, w, contacts: solved_contacts, totals, pair_virials };
     }
     // The division into parts depends only on the number of rows.
     let chunks = solved_contacts.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
-    let parts: Vec<(ContactTotals, Vec<ContactExchange>)> = chunks
+    let parts: Vec<(ContactTotals, Vec<PairVirial>)> = chunks
         .map(|(chunk, (solved, contacts))| {
             post_solve.finish_chunk(chunk * ITEMS_PER_TASK, contacts, solved, ContactTotals::default())
         })
         .collect();
     let totals = parts.iter().fold(ContactTotals::default(), |sum, (totals, _)| sum + *totals);
-    let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
+    let pair_virials = parts.into_iter().map(|(_, pair_virials)| pair_virials).collect();
     drop(w_without_rotation); // which borrows `w`
-    StepOutcome { v, w, contacts: solved_contacts, totals, exchanges }
+    StepOutcome { v, w, contacts: solved_contacts, totals, pair_virials }
 }
 
 /// Returns the memories of the laws at the step's end, with the soundness and the sliding of interfaces.
@@ -137,17 +137,17 @@ struct PostSolve<'a> {
 const YIELD_ROUNDING: f64 = 1e-9;
 
 impl PostSolve<'_> {
-    /// Writes the contacts from index `first` on, at the step's end, to `solved_contacts`; returns `totals` with theirs in the
-    /// step.
+    /// Writes the contacts from index `first` on, at the step's end, to `solved_contacts`. Returns `totals` plus the totals of
+    /// these contacts in the step, and the virials of those with force.
     fn finish_chunk(
         &self,
         first: usize,
         contacts: &[Contact],
         solved_contacts: &mut [SolvedContact],
         mut totals: ContactTotals,
-    ) -> (ContactTotals, Vec<ContactExchange>) {
+    ) -> (ContactTotals, Vec<PairVirial>) {
         let PostSolve { q_c, contact_problem, solution, .. } = self;
-        let mut exchanges = Vec::with_capacity(contacts.len());
+        let mut pair_virials = Vec::with_capacity(contacts.len());
         let roll = contact_problem.rolling_constraints.partition_point(|roll| roll.row.index() < first);
         let mut rolls = contact_problem.rolling_constraints[roll..].iter().zip(&solution.moments[roll..]).peekable();
         for ((k, contact), solved) in (first..).zip(contacts).zip(solved_contacts) {
@@ -185,13 +185,13 @@ impl PostSolve<'_> {
                 }
                 let virial = self.accumulate_totals(k, r, solved, &mut totals);
                 totals.virial += virial;
-                exchanges.push(ContactExchange { bodies: row.bodies, virial });
+                pair_virials.push(PairVirial { bodies: row.bodies, virial });
             } else if solved.moment != Vec3::zeros() {
                 // The net impulse is zero, as the repulsion equals the cohesion; only the rolling moment acts.
                 self.accumulate_totals(k, r, solved, &mut totals);
             }
         }
-        (totals, exchanges)
+        (totals, pair_virials)
     }
 
     /// Smallest radius of the two bodies of a contact that are not walls, m; 0 if both are.
@@ -340,7 +340,7 @@ impl PostSolve<'_> {
         totals.friction_work += impulse.y * mean_velocity.y + impulse.z * mean_velocity.z + turning_work;
         if !bodies[antagonist].driven {
             // The impulse on the antagonist acts at its own position, not at the position of the image.
-            totals.angular_momentum += contact.image.cross(&force);
+            totals.angular_momentum_change += contact.image.cross(&force);
         }
         let sides = [(candidate, antagonist, 1.0), (antagonist, candidate, -1.0)].into_iter().zip(arms);
         for ((body, other, sign), arm) in sides.filter(|((body, ..), _)| bodies[*body].driven) {
@@ -359,8 +359,8 @@ impl PostSolve<'_> {
                         + couple.dot(&doubled_mean_spin(body)));
             }
             if !bodies[other].driven {
-                totals.momentum += force;
-                totals.angular_momentum += (contact.point + offset).cross(&force) - moment * sign;
+                totals.driven_impulse += force;
+                totals.angular_momentum_change += (contact.point + offset).cross(&force) - moment * sign;
             }
         }
         force.dot(&branch)

@@ -58,7 +58,7 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
     let start = ContactConfiguration { lookahead: h + time_before, ..start };
     let mut cache = state.detection_cache.clone();
     // Contacts of the last step are compared: they stay with their ranks.
-    cache.division.iter_mut().for_each(|division| division.may_move = false);
+    cache.division.iter_mut().for_each(|division| division.can_move_cuts = false);
     let contacts = detect::listed_contacts(scene, &start, state.velocities(), &mut cache);
     let file = FileStep::new(scene, state);
     let is_closing = |contact: &Contact| {

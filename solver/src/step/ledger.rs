@@ -4,9 +4,9 @@ use std::ops::Add;
 
 use rayon::prelude::*;
 
+use super::collectives::{conflicting_bodies_of_ranks, contact_of_ranks};
 use super::conflict::conflicting_bodies;
 use super::context::{SolvedProblem, StepContext};
-use super::divided::{conflicting_bodies_of_ranks, contact_of_ranks};
 use super::ends::StepOutcome;
 use super::implicit_step::implicit_step_work;
 use super::totals::{ITEMS_PER_TASK, Overlap};
@@ -14,7 +14,7 @@ use crate::assemble::{GravityReport, potential_energy};
 use crate::detect::NarrowPhaseError;
 use crate::integrate::held_rotational_energy;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
-use crate::ranks::lists::count_of_ranks;
+use crate::ranks::lists::sum_over_ranks;
 use crate::scene::{BodyId, Scene};
 use crate::solve::lmgc90_criteria::{Lmgc90Norms, lmgc90_norms};
 use crate::state::{BodyLoad, ContactId, OutputInterval, SolvedContact, State, Velocities};
@@ -119,7 +119,7 @@ pub fn update_ledger(
     if state.step.is_multiple_of(scene.options.output_every) {
         state.interval = OutputInterval { start: state.time, ..OutputInterval::default() };
     }
-    state.interval.add_exchanges(&outcome.exchanges);
+    state.interval.add_pair_virials(&outcome.pair_virials);
     let implicit_work = implicit_step_work(scene, state, q_c, free, &outcome.v);
     let predicted_work =
         held_rotational_energy(scene, &q_c.q, &q_c.w) - held_rotational_energy(scene, &state.q, &state.w);
@@ -133,8 +133,8 @@ pub fn update_ledger(
             0.5 * h * (force.dot(&(outcome.v[i] + state.v[i])) + torque.dot(&(outcome.w[i] + q_c.w[i])));
     }
     for k in 0..3 {
-        ledger.momentum_expected[k] += free.impulse[k] + contact_totals.momentum[k];
-        ledger.angular_momentum_expected[k] += free.angular_impulse[k] + contact_totals.angular_momentum[k];
+        ledger.momentum_expected[k] += free.impulse[k] + contact_totals.driven_impulse[k];
+        ledger.angular_momentum_expected[k] += free.angular_impulse[k] + contact_totals.angular_momentum_change[k];
     }
 
     let flight_error = |&i: &BodyId| {
@@ -172,7 +172,7 @@ pub fn update_ledger(
         .map(|contact| WorstContact { bodies: [contact.candidate, contact.antagonist], point: contact.point });
     StepReport {
         h,
-        contacts_listed: if is_divided { count_of_ranks(outcome.contacts.len()) } else { outcome.contacts.len() },
+        contacts_listed: if is_divided { sum_over_ranks(outcome.contacts.len()) } else { outcome.contacts.len() },
         contacts_solved: solution.active_rows,
         contacts_active: contact_totals.contacts_active,
         sweeps: solution.sweeps,

@@ -3,9 +3,9 @@
 mod admissible;
 mod bond_closing;
 mod clock;
+mod collectives;
 mod conflict;
 mod context;
-mod divided;
 mod ends;
 mod error_loads;
 mod implicit_step;
@@ -15,7 +15,7 @@ mod totals;
 mod velocity_errors;
 
 pub use self::clock::StageTimes;
-pub use self::divided::deepest_overlap_of_ranks;
+pub use self::collectives::deepest_overlap_of_ranks;
 pub use self::ledger::{BalanceErrors, MotionTotals, StepReport, StepStart, WorstContact};
 pub use self::totals::{OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
 
@@ -35,7 +35,7 @@ use crate::integrate::{self, ContactConfiguration};
 use crate::laws::ContactLaw;
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::ranks::lists::largest_of_ranks;
+use crate::ranks::lists::max_over_ranks;
 use crate::scene::{RigidBody, Scene};
 use crate::solve::{self, SolveRequest, StoppingCriteria};
 use crate::state::{BondingMode, Contact, State, StateBackup, Velocities};
@@ -139,7 +139,7 @@ fn travel_tolerance(
     let approaches = contacts.map(|contact| (approach(q_c, span, contact, free), contact.gap));
     let closing = approaches.filter(|(approach, gap)| approach > gap).map(|(approach, _)| approach);
     let largest = closing.reduce(|| 0.0, f64::max);
-    allowed / if is_divided { largest_of_ranks(largest) } else { largest }
+    allowed / if is_divided { max_over_ranks(largest) } else { largest }
 }
 
 /// Largest error of a displacement by unfinished solutions, divided by the smallest radius. The residual is a mean over

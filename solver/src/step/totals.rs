@@ -9,8 +9,8 @@ use crate::state::Contact;
 /// Number of rows, contacts or bodies that one task sums.
 pub const ITEMS_PER_TASK: usize = 1024;
 
-/// Ratio of overlap to smaller radius, above which a run warns: only springs cause it by their law, and volumes are off by
-/// three times as much.
+/// Ratio of overlap to smaller radius above which a run warns. Overlaps of this size are normal only for laws with springs;
+/// they change volumes by about three times the ratio.
 pub const OVERLAP_WARNING_SHARE: f64 = 1e-2;
 
 /// Two bodies that overlap.
@@ -84,10 +84,10 @@ pub struct ContactTotals {
     /// Work by walls, and by the reactions of held grains to contacts, J.
     pub outside_work: f64,
     /// Impulse of driven bodies on free ones, N s.
-    pub momentum: Vec3,
+    pub driven_impulse: Vec3,
     /// Change of the angular momentum of the free bodies about the origin by driven bodies, and by contacts across periodic
     /// boundaries, whose forces act at two images, N m s.
-    pub angular_momentum: Vec3,
+    pub angular_momentum_change: Vec3,
 }
 
 impl Add for ContactTotals {
@@ -108,8 +108,8 @@ impl Add for ContactTotals {
             friction_work: self.friction_work + other.friction_work,
             virial: self.virial + other.virial,
             outside_work: self.outside_work + other.outside_work,
-            momentum: self.momentum + other.momentum,
-            angular_momentum: self.angular_momentum + other.angular_momentum,
+            driven_impulse: self.driven_impulse + other.driven_impulse,
+            angular_momentum_change: self.angular_momentum_change + other.angular_momentum_change,
         }
     }
 }

@@ -163,10 +163,10 @@ fn shape_arrays(scene: &Scene, state: &State) -> ShapeArrays {
 }
 
 fn interval_arrays(state: &State) -> IntervalArrays {
-    let exchanges = &state.interval.exchanges;
+    let pair_virials = &state.interval.pair_virials;
     IntervalArrays {
-        interval_body: exchanges.iter().map(|exchange| exchange.bodies.map(|body| body.0)).collect(),
-        interval_virial: exchanges.iter().map(|exchange| exchange.virial).collect(),
+        interval_body: pair_virials.iter().map(|pair| pair.bodies.map(|body| body.0)).collect(),
+        interval_virial: pair_virials.iter().map(|pair| pair.virial).collect(),
     }
 }
 

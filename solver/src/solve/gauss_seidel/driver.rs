@@ -12,7 +12,7 @@ use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::ranks::communicator;
-use crate::ranks::lists::{any_rank, count_of_ranks, largest_of_ranks, rank_values, smallest_of_ranks};
+use crate::ranks::lists::{all_gather_values, any_rank, max_over_ranks, min_over_ranks, sum_over_ranks};
 use crate::solve::gauss_seidel::layout::{pack_divided_rows, pack_problem, smallest_block};
 use crate::solve::gauss_seidel::momentum::{MOMENTUM_CYCLE, SweepMomentum};
 use crate::solve::gauss_seidel::packed::PackSource;
@@ -97,13 +97,13 @@ pub fn solve_divided_nlgs(
     width: SimdWidth,
 ) -> ContactSolution {
     let StoppingCriteria { tol, max_sweeps, .. } = criteria;
-    let first_row = rank_values(contact_problem.rows.len() as u64)[..communicator().rank()].iter().sum::<u64>();
+    let first_row = all_gather_values(contact_problem.rows.len() as u64)[..communicator().rank()].iter().sum::<u64>();
     let rows = (0..contact_problem.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN).map(ContactId);
     let mut active: Vec<ContactId> = rows.filter(|k| contact_problem.rows[k.index()].can_close).collect();
     let ContactReactions { mut impulses, .. } = ContactReactions::warm_start(contact_problem);
     let mut sweeps = 0;
     loop {
-        let active_rows = count_of_ranks(active.len());
+        let active_rows = sum_over_ranks(active.len());
         let single = sweeps_in_f32(contact_problem, &active, criteria, true);
         let (residual, solver_bodies) = if active_rows == 0 {
             let evaluator = ResidualEvaluator::new(contact_problem, &[], width);
@@ -127,10 +127,10 @@ pub fn solve_divided_nlgs(
             (residual, solver_bodies)
         };
         let missed = closing_inactive_rows(contact_problem, &active, &solver_bodies);
-        let left_out = count_of_ranks(missed.len());
+        let left_out = sum_over_ranks(missed.len());
         if left_out == 0 || sweeps >= max_sweeps || activity::is_stopped() {
             let first_missed = missed.first().map_or(u64::MAX, |row| first_row + u64::from(row.0));
-            let first_missed = rank_values(first_missed).into_iter().min().filter(|row| *row < u64::MAX);
+            let first_missed = all_gather_values(first_missed).into_iter().min().filter(|row| *row < u64::MAX);
             return ContactSolution {
                 impulses,
                 moments: Vec::new(),
@@ -290,7 +290,7 @@ fn sweeps_in_f32(
     criteria: StoppingCriteria,
     is_divided: bool,
 ) -> bool {
-    let count = if is_divided { count_of_ranks(active.len()) } else { active.len() };
+    let count = if is_divided { sum_over_ranks(active.len()) } else { active.len() };
     let is_requested = match criteria.precision {
         SweepPrecision::Auto => count >= MIN_F32_CONTACTS && criteria.target_residual >= MIN_F32_RESIDUAL,
         SweepPrecision::Single => true,
@@ -302,7 +302,7 @@ fn sweeps_in_f32(
         let [mut smallest, mut largest] =
             ranges.reduce(|| [f64::INFINITY, 0.0], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         if is_divided {
-            (smallest, largest) = (smallest_of_ranks(smallest), largest_of_ranks(largest));
+            (smallest, largest) = (min_over_ranks(smallest), max_over_ranks(largest));
         }
         largest <= smallest * MAX_MASS_RATIO
     }

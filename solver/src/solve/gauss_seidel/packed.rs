@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
 use crate::math::simd::{Arithmetic, F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::ranks::lists::largest_of_ranks;
+use crate::ranks::lists::max_over_ranks;
 use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, triple};
 use crate::solve::types::ContactReactions;
 use crate::state::ContactId;
@@ -141,7 +141,7 @@ impl SweepUnits {
         let (mut w, mut u) =
             active.par_iter().with_min_len(PAR_MIN_LEN).map(magnitudes).reduce(|| (0.0, 0.0), larger_of_each);
         if is_divided {
-            (w, u) = (largest_of_ranks(w), largest_of_ranks(u));
+            (w, u) = (max_over_ranks(w), max_over_ranks(u));
         }
         let velocity = power_of_two(u);
         SweepUnits { velocity, impulse: velocity / power_of_two(w) }

@@ -1,10 +1,14 @@
 //! Division of the rows of a contact problem of spheres and plates among ranks that each have a part of the list of contacts.
 //!
-//! The ranks hold the list one after the other (*list*: the rows of this rank). For the sweeps each row is sent to the ranks
-//! that sweep it: the rank of its block, or all ranks with a block of its border task. They sweep and evaluate the rows as one
-//! rank would, in the order of the list, and the first of them reports a row to the rank that lists it. Blocks, borders
-//! and colours are those of all rows: ranks gather which bodies are touched, which blocks the bodies at borders reach, and
-//! the number of constraints of each border.
+//! A row is a contact of the problem; packed for sweeps it is a constraint. [`partition`](super::partition) describes blocks
+//! (runs of moving bodies along Morton's curve), borders (constraints between two blocks), colours, and curve indices of
+//! bodies.
+//!
+//! The parts of the ranks, one after the other, are the list of one rank; a rank *lists* the rows of its part. For the sweeps
+//! each row is sent to the ranks that sweep it: the rank of its block, or all ranks with a block of its border task. They
+//! sweep and evaluate the rows as one rank would, in the order of the list, and the first of them returns the result of a row
+//! to the rank that lists it. Blocks, borders and colours are those of all rows: ranks gather which bodies are touched, which
+//! blocks the bodies at borders reach, and the number of constraints of each border.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -12,9 +16,9 @@ use std::sync::atomic::Ordering;
 
 use bytemuck::Pod;
 
-use crate::assemble::{ConstraintNumbers, ContactConstraint, ContactProblem};
+use crate::assemble::{ConstraintMessage, ContactConstraint, ContactProblem};
 use crate::math::Vec3;
-use crate::ranks::lists::{any_rank, exchange_known_lists, exchange_lists, rank_lists, rank_values};
+use crate::ranks::lists::{all_gather_lists, all_gather_values, any_rank, exchange_known_lists, exchange_lists};
 use crate::ranks::{all_gather_counted, as_bytes, communicator, from_bytes};
 use crate::scene::BodyId;
 use crate::solve::gauss_seidel::packed::NO_INDEX;
@@ -28,7 +32,7 @@ use crate::state::ContactId;
 pub struct RowDivision {
     /// Blocks of the bodies of all ranks, with the curve indices of the rows that this rank sweeps.
     pub partition: BodyPartition,
-    /// Indices of these rows in the order in which they are constraints.
+    /// Indices of the rows that this rank sweeps, in the order of their constraints in the packed problem.
     pub order: Vec<u32>,
     /// Tasks of all ranks, of which this rank has the constraints of its own.
     pub tasks: SweepTasks,
@@ -44,13 +48,13 @@ pub struct RowDivision {
     blocks: Vec<Range<usize>>,
     /// Ranks that sweep each border task, ascending.
     participants: Vec<Vec<u32>>,
-    /// Rows that this rank sweeps and reports, by the rank that lists them.
-    reported: Vec<Vec<u32>>,
-    /// Positions of the active rows that this rank lists, by the rank that reports them.
+    /// Rows that this rank sweeps and whose results it returns, by the rank that lists them.
+    returned: Vec<Vec<u32>>,
+    /// Positions of the active rows that this rank lists, by the rank that returns their results.
     list_positions: Vec<Vec<u32>>,
 }
 
-/// Task of a row.
+/// Task that sweeps a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum RowTask {
     /// No body of it moves: it is evaluated, and has no solution to find.
@@ -64,7 +68,7 @@ enum RowTask {
 }
 
 impl RowTask {
-    /// Four numbers, the last of them `count`.
+    /// Kind of the task, its two blocks, and `count`, as ranks exchange them.
     fn to_words(self, count: u32) -> [u32; 4] {
         match self {
             RowTask::Fixed => [0, 0, 0, count],
@@ -106,6 +110,11 @@ impl TaskRanks {
             RowTask::Large(_) => &self.participants[self.participants.len() - 1],
         }
     }
+
+    /// Whether `rank` sweeps each border task.
+    fn swept_border_tasks(&self, rank: usize) -> Vec<bool> {
+        self.participants.iter().map(|ranks| ranks.contains(&(rank as u32))).collect()
+    }
 }
 
 impl RowDivision {
@@ -122,16 +131,16 @@ impl RowDivision {
         min_bodies: usize,
     ) -> (Self, Vec<ContactConstraint>) {
         let (rank, size) = (communicator().rank(), communicator().size());
-        let count_before = |own: usize| rank_values(own as u64)[..rank].iter().sum::<u64>() as u32;
+        let count_before = |own: usize| all_gather_values(own as u64)[..rank].iter().sum::<u64>() as u32;
         let (first_row, first_active) = (count_before(problem.rows.len()), count_before(active.len()));
         let mut partition = common_partition(problem, active, min_bodies);
-        let row_tasks = row_tasks(&partition);
+        let classify_row = row_classifier(&partition);
         let tasks_of_rows = |partition: &BodyPartition| -> Vec<RowTask> {
             let blocks = partition.block_pairs(&partition.pairs);
-            partition.pairs.iter().zip(&blocks).map(|(pair, blocks)| row_tasks(pair, *blocks)).collect()
+            partition.pairs.iter().zip(&blocks).map(|(pair, blocks)| classify_row(pair, *blocks)).collect()
         };
-        let own_tasks = tasks_of_rows(&partition);
-        let counts = task_counts(&own_tasks);
+        let listed_tasks = tasks_of_rows(&partition);
+        let counts = task_counts(&listed_tasks);
         let borders: Vec<BorderSize> = counts
             .iter()
             .filter_map(|(task, &count)| match *task {
@@ -148,32 +157,33 @@ impl RowDivision {
         let ranks = task_ranks(&plan, &borders, &counts, block_owners(&blocks));
 
         let (mut outgoing, mut list_positions) = (vec![Vec::new(); size], vec![Vec::new(); size]);
-        for ((position, &k), &task) in (0u32..).zip(active).zip(&own_tasks) {
+        for ((position, &k), &task) in (0u32..).zip(active).zip(&listed_tasks) {
             let row = ContactConstraint { warm_start: impulses[k.index()], ..problem.rows[k.index()] };
-            let numbers = ConstraintNumbers::new(&row, first_active + position);
+            let message = ConstraintMessage::new(&row, first_active + position);
             let sweeping = ranks.of_row(task);
-            sweeping.iter().for_each(|&to| outgoing[to as usize].push(numbers));
+            sweeping.iter().for_each(|&to| outgoing[to as usize].push(message));
             list_positions[sweeping[0] as usize].push(position);
         }
         let incoming = exchange_lists(outgoing);
         let source_ranks: Vec<usize> =
             incoming.iter().enumerate().flat_map(|(from, list)| std::iter::repeat_n(from, list.len())).collect();
-        let active_indices: Vec<u32> = incoming.iter().flatten().map(|numbers| numbers.index).collect();
+        let active_indices: Vec<u32> = incoming.iter().flatten().map(|message| message.index).collect();
         let rows: Vec<ContactConstraint> = incoming.into_iter().flatten().map(ContactConstraint::from).collect();
 
-        partition.pairs = rows.iter().map(|row| row.bodies.map(|body| body.0)).collect();
-        set_curve_indices(&partition.bodies, problem.bodies.len(), &mut partition.pairs);
+        let mut pairs: Vec<[u32; 2]> = rows.iter().map(|row| row.bodies.map(|body| body.0)).collect();
+        set_curve_indices(&partition.bodies, problem.bodies.len(), &mut pairs);
+        partition.pairs = pairs;
         let swept_tasks = tasks_of_rows(&partition);
-        let mut reported = vec![Vec::new(); size];
+        let mut returned = vec![Vec::new(); size];
         for (row, (&task, &from)) in (0..).zip(swept_tasks.iter().zip(&source_ranks)) {
             if ranks.of_row(task)[0] as usize == rank {
-                reported[from].push(row);
+                returned[from].push(row);
             }
         }
         let order = partition.spatial_order();
-        let tasks = sweep_tasks(&partition, &order, &swept_tasks, (plan, &borders), &ranks, rank);
+        let tasks = sweep_tasks(&partition, &order, &swept_tasks, plan, &borders, ranks.swept_border_tasks(rank));
         let has_friction = any_rank(active.iter().any(|&k| problem.rows[k.index()].friction > 0.0));
-        let active_count = rank_values(active.len() as u64).iter().sum::<u64>() as usize;
+        let active_count = all_gather_values(active.len() as u64).iter().sum::<u64>() as usize;
         let listed_rows = active.iter().map(|k| first_row + k.0).collect();
         let participants = ranks.participants;
         let division = RowDivision {
@@ -186,13 +196,13 @@ impl RowDivision {
             listed_rows,
             blocks,
             participants,
-            reported,
+            returned,
             list_positions,
         };
         (division, rows)
     }
 
-    /// Tasks of this rank and their messages, for a problem packed anew.
+    /// Tasks of this rank and the messages between them, for a problem that has been packed again.
     pub fn sweep_share(&self) -> SweepShare {
         SweepShare::of_own_tasks(&self.partition, &self.tasks, self.blocks.clone(), self.participants.clone())
     }
@@ -201,7 +211,7 @@ impl RowDivision {
     pub fn listed_values<T: Pod>(&self, value: impl Fn(usize) -> T) -> Vec<T> {
         let values = |rows: &Vec<u32>| rows.iter().map(|&row| value(row as usize)).collect();
         let counts: Vec<usize> = self.list_positions.iter().map(Vec::len).collect();
-        let lists = exchange_known_lists(self.reported.iter().map(values).collect(), &counts);
+        let lists = exchange_known_lists(self.returned.iter().map(values).collect(), &counts);
         let mut listed_values = vec![T::zeroed(); self.listed_rows.len()];
         for (positions, list) in self.list_positions.iter().zip(lists) {
             positions.iter().zip(list).for_each(|(&position, value)| listed_values[position as usize] = value);
@@ -229,37 +239,37 @@ impl RowDivision {
 fn common_partition(problem: &ContactProblem, active: &[ContactId], min_bodies: usize) -> BodyPartition {
     let pairs: Vec<[u32; 2]> = active.iter().map(|k| problem.rows[k.index()].bodies.map(|body| body.0)).collect();
     let mut own_bits = vec![0u64; problem.bodies.len().div_ceil(u64::BITS as usize)];
-    let position = |body: u32| ((body / u64::BITS) as usize, 1u64 << (body % u64::BITS));
+    let bit_position = |body: u32| ((body / u64::BITS) as usize, 1u64 << (body % u64::BITS));
     for &body in pairs.as_flattened() {
-        let (word, bit) = position(body);
+        let (word, bit) = bit_position(body);
         own_bits[word] |= bit;
     }
     let mut bits = vec![0u64; own_bits.len()];
-    for list in rank_lists(&own_bits) {
+    for list in all_gather_lists(&own_bits) {
         bits.iter_mut().zip(list).for_each(|(bits, others)| *bits |= others);
     }
     let is_touched = |body: &BodyId| {
-        let (word, bit) = position(body.0);
+        let (word, bit) = bit_position(body.0);
         bits[word] & bit != 0
     };
     BodyPartition::of_touched_bodies(problem, pairs, is_touched, min_bodies)
 }
 
-/// Returns the function that gives the task of a row from the curve indices of its bodies and their blocks; gathers the
+/// Returns a function that returns the task of a row, from the curve indices of its bodies and their blocks. Gathers the
 /// blocks that the bodies reach by the rows of all ranks.
-fn row_tasks(partition: &BodyPartition) -> impl Fn(&[u32; 2], [u32; 2]) -> RowTask + use<> {
+fn row_classifier(partition: &BodyPartition) -> impl Fn(&[u32; 2], [u32; 2]) -> RowTask + use<> {
     let blocks = partition.block_pairs(&partition.pairs);
     let own_reached = partition.reached_blocks(&partition.pairs, &blocks);
     let mut reached: Vec<u64> = own_reached.into_iter().map(|blocks| blocks.load(Ordering::Relaxed)).collect();
     let at_borders: Vec<[u64; 2]> =
         (0..).zip(&reached).filter(|(_, blocks)| **blocks > 0).map(|(body, blocks)| [body, *blocks]).collect();
-    for [body, blocks] in rank_lists(&at_borders).into_iter().flatten() {
+    for [body, blocks] in all_gather_lists(&at_borders).into_iter().flatten() {
         reached[body as usize] |= blocks;
     }
-    move |pair: &[u32; 2], [a, b]: [u32; 2]| match a.min(b) {
+    move |curve_indices: &[u32; 2], [a, b]: [u32; 2]| match a.min(b) {
         NO_INDEX => RowTask::Fixed,
         block if a == b => RowTask::Inside(block),
-        _ if pair.iter().any(|&body| reaches_many_blocks(reached[body as usize])) => {
+        _ if curve_indices.iter().any(|&body| reaches_many_blocks(reached[body as usize])) => {
             RowTask::Large([a.min(b), a.max(b)])
         }
         _ => RowTask::Border([a.min(b), a.max(b)]),
@@ -272,7 +282,7 @@ fn task_counts(own_tasks: &[RowTask]) -> BTreeMap<RowTask, u32> {
     own_tasks.iter().for_each(|&task| *own_counts.entry(task).or_insert(0) += 1);
     let words: Vec<[u32; 4]> = own_counts.into_iter().map(|(task, count)| task.to_words(count)).collect();
     let mut counts = BTreeMap::new();
-    for (task, count) in rank_lists(&words).into_iter().flatten().map(RowTask::from_words) {
+    for (task, count) in all_gather_lists(&words).into_iter().flatten().map(RowTask::from_words) {
         *counts.entry(task).or_insert(0) += count;
     }
     counts
@@ -318,32 +328,35 @@ fn task_ranks(
     TaskRanks { owners, task_of_border, participants }
 }
 
-/// Tasks of all ranks, with the constraints of those that this rank sweeps; `swept_tasks`: task of each of its rows.
+/// Tasks of all ranks, with the constraints of those that this rank sweeps.
+///
+/// * `order`: rows that this rank sweeps, in the order of their constraints; `swept_tasks`: task of each of these rows.
+/// * `sweeps_border`: whether this rank sweeps each border task of `plan`.
 fn sweep_tasks(
     partition: &BodyPartition,
     order: &[u32],
     swept_tasks: &[RowTask],
-    (plan, borders): (BorderPlan, &[BorderSize]),
-    ranks: &TaskRanks,
-    rank: usize,
+    plan: BorderPlan,
+    borders: &[BorderSize],
+    sweeps_border: Vec<bool>,
 ) -> SweepTasks {
     let pairs: Vec<[u32; 2]> = order.iter().map(|&row| partition.pairs[row as usize]).collect();
     let mut blocks = vec![Vec::new(); partition.block_count()];
-    let (mut of_borders, mut large) = (BTreeMap::<[u32; 2], Vec<u32>>::new(), Vec::new());
+    let (mut border_constraints, mut large) = (BTreeMap::<[u32; 2], Vec<u32>>::new(), Vec::new());
     for (constraint, &row) in (0..).zip(order) {
         match swept_tasks[row as usize] {
             RowTask::Fixed => {}
             RowTask::Inside(block) => blocks[block as usize].push(constraint),
-            RowTask::Border(blocks) => of_borders.entry(blocks).or_default().push(constraint),
+            RowTask::Border(blocks) => border_constraints.entry(blocks).or_default().push(constraint),
             RowTask::Large(_) => large.push(constraint),
         }
     }
     let last = plan.tasks.len();
     let border_task = |(task, borders_of_task): (usize, &Vec<u32>)| {
-        if !ranks.participants[task].contains(&(rank as u32)) {
+        if !sweeps_border[task] {
             return BorderTask { constraints: Vec::new(), curve_indices: Vec::new() };
         }
-        let constraints_of = |&border: &u32| of_borders.get(&borders[border as usize].blocks);
+        let constraints_of = |&border: &u32| border_constraints.get(&borders[border as usize].blocks);
         let mut constraints: Vec<u32> = borders_of_task.iter().filter_map(constraints_of).flatten().copied().collect();
         if task + 1 == last {
             constraints.extend_from_slice(&large);

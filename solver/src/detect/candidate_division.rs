@@ -1,26 +1,27 @@
-//! Contacts of spheres and plates that are divided among ranks: the runs of candidates, and contacts that change their rank.
+//! Division of the contacts of spheres and plates among ranks by their candidates, see [`CandidateDivision`]: its cuts, and
+//! contacts that change their rank when cuts move.
 
 use bytemuck::Pod;
 
 use crate::ranks::communicator;
-use crate::ranks::lists::{exchange_known_lists, exchange_lists, rank_lists, rank_values};
+use crate::ranks::lists::{all_gather_lists, all_gather_values, exchange_known_lists, exchange_lists};
 use crate::scene::Scene;
-use crate::state::numbers::SolvedContactNumbers;
-use crate::state::{CandidateDivision, ContactExchange, DetectionCache, SolvedContact, State};
+use crate::state::messages::SolvedContactMessage;
+use crate::state::{CandidateDivision, DetectionCache, PairVirial, SolvedContact, State};
 
 /// Number of groups of consecutive spheres whose pairs are counted, and between which runs are cut. Chosen: a thousandth of
 /// the pairs is a small part of those of a rank.
 const COUNTED_GROUPS: usize = 1024;
 
-/// Largest ratio of the pairs of a rank to the mean with which the cuts stay. Chosen: to move them costs a search, and an
-/// exchange of contacts.
+/// Largest ratio of the pairs of a rank to the mean with which the cuts stay. Chosen: to move them costs a search, and
+/// contacts are sent.
 const MAX_UNEVENNESS: f64 = 1.1;
 
-/// Moves the cuts between the candidates of the ranks if these have uneven numbers of neighbour pairs, and returns whether it
-/// has; the pairs are then still those of the earlier cuts.
-pub fn cuts_move(cache: &mut DetectionCache) -> bool {
+/// Moves the cuts between the candidates of the ranks if these have uneven numbers of neighbour pairs. Returns whether cuts
+/// have moved; the pairs are then still those of the earlier cuts.
+pub fn rebalance_cuts(cache: &mut DetectionCache) -> bool {
     let DetectionCache { division: Some(division), neighbours, .. } = cache else { return false };
-    if !division.may_move || neighbours.centres.is_empty() {
+    if !division.can_move_cuts || neighbours.centres.is_empty() {
         return false;
     }
     let spheres = neighbours.centres.len();
@@ -28,11 +29,11 @@ pub fn cuts_move(cache: &mut DetectionCache) -> bool {
     let mut own_counts = vec![0u64; COUNTED_GROUPS];
     neighbours.pairs.iter().for_each(|[first, _]| own_counts[group(*first)] += 1);
     let mut counts = vec![0u64; COUNTED_GROUPS];
-    for list in rank_lists(&own_counts) {
+    for list in all_gather_lists(&own_counts) {
         counts.iter_mut().zip(list).for_each(|(sum, count)| *sum += count);
     }
     let Some(cuts) = even_cuts(&counts, spheres, &division.cuts) else { return false };
-    (division.cuts, division.has_moved) = (cuts, true);
+    (division.cuts, division.has_moved_cuts) = (cuts, true);
     true
 }
 
@@ -54,33 +55,37 @@ fn even_cuts(counts: &[u64], spheres: usize, earlier: &[u32]) -> Option<Vec<u32>
         rank => first_sphere(before.partition_point(|&pairs| pairs * (size as u64) < total * rank as u64)),
     };
     let cuts: Vec<u32> = (0..=size).map(cut).collect();
-    let fullest = |cuts: &[u32]| {
+    let largest_pair_count = |cuts: &[u32]| {
         let pairs_before = |&cut: &u32| before[(cut as usize * counts.len() / spheres.max(1)).min(counts.len())];
         cuts.windows(2).map(|run| pairs_before(&run[1]) - pairs_before(&run[0])).max().unwrap_or(0)
     };
     let mean = total as f64 / size as f64;
-    (fullest(earlier) as f64 > MAX_UNEVENNESS * mean && fullest(&cuts) < fullest(earlier)).then_some(cuts)
+    (largest_pair_count(earlier) as f64 > MAX_UNEVENNESS * mean
+        && largest_pair_count(&cuts) < largest_pair_count(earlier))
+    .then_some(cuts)
 }
 
-/// Sends the contacts of the last step, and the sums of the interval, to the ranks that have their candidates, if cuts have
-/// moved.
+/// Sends the contacts of the last step, and the virials of the output interval, to the ranks that have their candidates, if
+/// cuts have moved.
 pub fn migrate_contacts(scene: &Scene, state: &mut State) {
-    let Some(division) = state.detection_cache.division.as_mut().filter(|division| division.has_moved) else { return };
-    division.has_moved = false;
+    let Some(division) = state.detection_cache.division.as_mut().filter(|division| division.has_moved_cuts) else {
+        return;
+    };
+    division.has_moved_cuts = false;
     let division = &*division;
     let mut contacts = vec![Vec::new(); communicator().size()];
     let candidates = state.contacts.iter().map(|solved| solved.contact.candidate);
     for (solved, owner) in state.contacts.iter().zip(division.owners(scene, candidates)) {
-        contacts[owner].push(SolvedContactNumbers::from(solved));
+        contacts[owner].push(SolvedContactMessage::from(solved));
     }
     state.contacts = exchange_lists(contacts).into_iter().flatten().map(SolvedContact::from).collect();
-    let mut exchanges = vec![Vec::new(); communicator().size()];
-    let candidates = state.interval.exchanges.iter().map(|exchange| exchange.bodies[0]);
-    for (exchange, owner) in state.interval.exchanges.iter().zip(division.owners(scene, candidates)) {
-        exchanges[owner].push(exchange.to_words());
+    let mut pair_virials = vec![Vec::new(); communicator().size()];
+    let candidates = state.interval.pair_virials.iter().map(|pair| pair.bodies[0]);
+    for (pair, owner) in state.interval.pair_virials.iter().zip(division.owners(scene, candidates)) {
+        pair_virials[owner].push(pair.to_words());
     }
-    let exchanges = exchange_lists(exchanges).into_iter().flatten();
-    state.interval.exchanges = exchanges.map(ContactExchange::from_words).collect();
+    let pair_virials = exchange_lists(pair_virials).into_iter().flatten();
+    state.interval.pair_virials = pair_virials.map(PairVirial::from_words).collect();
 }
 
 /// Removes the contacts of other ranks from a state that has all, and divides its contacts from now on.
@@ -90,32 +95,32 @@ pub fn divide_contacts(scene: &Scene, state: &mut State) {
     let candidates = state.contacts.iter().map(|solved| solved.contact.candidate);
     let contacts = state.contacts.iter().zip(division.owners(scene, candidates)).filter(|(_, owner)| *owner == rank);
     let contacts = contacts.map(|(solved, _)| *solved).collect();
-    let candidates = state.interval.exchanges.iter().map(|exchange| exchange.bodies[0]);
-    let exchanges = state.interval.exchanges.iter().zip(division.owners(scene, candidates));
-    let exchanges = exchanges.filter(|(_, owner)| *owner == rank).map(|(exchange, _)| *exchange).collect();
-    (state.contacts, state.interval.exchanges) = (contacts, exchanges);
+    let candidates = state.interval.pair_virials.iter().map(|pair| pair.bodies[0]);
+    let pair_virials = state.interval.pair_virials.iter().zip(division.owners(scene, candidates));
+    let pair_virials = pair_virials.filter(|(_, owner)| *owner == rank).map(|(pair, _)| *pair).collect();
+    (state.contacts, state.interval.pair_virials) = (contacts, pair_virials);
     state.detection_cache.division = Some(division);
 }
 
-/// Contacts and sums of the interval of all ranks, on rank 0, which gets them rank by rank; on the others empty lists.
-pub fn gather_contacts_to_first(state: &State) -> (Vec<SolvedContact>, Vec<ContactExchange>) {
-    let numbers = |solved: &SolvedContact| SolvedContactNumbers::from(solved);
-    let (mut contacts, mut exchanges) = (Vec::new(), Vec::new());
+/// Returns the contacts of all ranks and their virials of the output interval on rank 0, which receives them rank by rank;
+/// empty lists on the others.
+pub fn gather_contacts_to_first(state: &State) -> (Vec<SolvedContact>, Vec<PairVirial>) {
+    let message = |solved: &SolvedContact| SolvedContactMessage::from(solved);
+    let (mut contacts, mut pair_virials) = (Vec::new(), Vec::new());
     for from in 0..communicator().size() {
-        let list = list_for_first(from, || state.contacts.iter().map(numbers).collect());
+        let list = list_for_first(from, || state.contacts.iter().map(message).collect());
         contacts.extend(list.into_iter().map(SolvedContact::from));
-        let list =
-            list_for_first(from, || state.interval.exchanges.iter().map(|exchange| exchange.to_words()).collect());
-        exchanges.extend(list.into_iter().map(ContactExchange::from_words));
+        let list = list_for_first(from, || state.interval.pair_virials.iter().map(|pair| pair.to_words()).collect());
+        pair_virials.extend(list.into_iter().map(PairVirial::from_words));
     }
-    (contacts, exchanges)
+    (contacts, pair_virials)
 }
 
-/// List of the rank `from`, on rank 0; on the others an empty list.
+/// Returns the list of the rank `from` on rank 0, an empty list on the others.
 fn list_for_first<T: Pod>(from: usize, list: impl FnOnce() -> Vec<T>) -> Vec<T> {
     let (rank, size) = (communicator().rank(), communicator().size());
     let own = if rank == from { list() } else { Vec::new() };
-    let counts = rank_values(own.len() as u64);
+    let counts = all_gather_values(own.len() as u64);
     let mut outgoing = vec![Vec::new(); size];
     outgoing[0] = own;
     let count = |other: usize| if rank == 0 && other == from { counts[other] as usize } else { 0 };
