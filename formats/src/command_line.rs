@@ -33,13 +33,13 @@ pub fn parse_arguments<T: Parser>(args: &[OsString]) -> Result<T, i32> {
             .or_else(|| misplaced_word_message(&program, args))
             .or_else(|| unknown_option_message(&program, &error, args, "-"))
             .or_else(|| surplus_word_message(&program, &error, args))
-            .or_else(|| missing_argument_message(&program, &error));
+            .or_else(|| missing_argument_message(&program, &error, args));
         match mistake.filter(|_| error.use_stderr()) {
             Some(mistake) => {
                 print_error(format_args!("{}: {mistake}", program.get_name()));
                 error.exit_code()
             }
-            None => print_usage(program.get_name(), &error),
+            None => print_usage(program.get_name(), &title_in_use(&program, args), &error),
         }
     })
 }
@@ -53,17 +53,13 @@ fn unknown_option_message(program: &Command, error: &clap::Error, args: &[OsStri
         let options: Vec<&str> = command.get_arguments().filter_map(|option| option.get_long()).collect();
         nearest_name(bare, &options).filter(|_| bare.len() > 1).map(|near| format!("did you mean --{near}"))
     };
-    let name = program.get_name();
-    let title = |command: &Command| {
-        if command.get_name() == name { name.to_string() } else { format!("{name} {}", command.get_name()) }
-    };
     let command = command_in_use(program, args).unwrap_or(program);
     let own_advice = question(command).map(|question| format!("{question}?"));
     let other_advice = || {
         let others = std::iter::once(program).chain(program.get_subcommands());
-        others.filter_map(|other| Some(format!("{} of {}?", question(other)?, title(other)))).next()
+        others.filter_map(|other| Some(format!("{} of {}?", question(other)?, command_title(program, other)))).next()
     };
-    let title = title(command);
+    let title = command_title(program, command);
     let advice =
         own_advice.or_else(other_advice).unwrap_or_else(|| format!("expected one of those that {title} --help lists"));
     Some(format!("{word}: is no option of {title}; {advice}"))
@@ -81,6 +77,17 @@ fn unknown_word(error: &clap::Error) -> Option<&str> {
 fn command_in_use<'a>(program: &'a Command, args: &[OsString]) -> Option<&'a Command> {
     let first = args.get(1)?.to_str()?;
     program.get_subcommands().find(|command| command.get_name() == first)
+}
+
+/// Words with which a command begins, as `cd-post movie`: the program, and the command unless it is the program itself.
+fn command_title(program: &Command, command: &Command) -> String {
+    let name = program.get_name();
+    if command.get_name() == name { name.to_string() } else { format!("{name} {}", command.get_name()) }
+}
+
+/// Title of the command of a command line, whose `--help` lists its options.
+fn title_in_use(program: &Command, args: &[OsString]) -> String {
+    command_title(program, command_in_use(program, args).unwrap_or(program))
 }
 
 /// Name of an argument in the help.
@@ -118,7 +125,7 @@ fn option_before(program: &Command, args: &[OsString], word: &str) -> Option<Str
 }
 
 /// Message about arguments that a command line lacks.
-fn missing_argument_message(program: &Command, error: &clap::Error) -> Option<String> {
+fn missing_argument_message(program: &Command, error: &clap::Error, args: &[OsString]) -> Option<String> {
     let Some(ContextValue::Strings(missing)) = error.get(ContextKind::InvalidArg) else { return None };
     if error.kind() != ErrorKind::MissingRequiredArgument {
         return None;
@@ -126,8 +133,7 @@ fn missing_argument_message(program: &Command, error: &clap::Error) -> Option<St
     let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return None };
     let usage = usage.to_string();
     let usage = usage.trim().trim_start_matches("Usage:").trim();
-    let name = program.get_name();
-    Some(format!("no {}; expected {usage} (see {name} --help)", missing.join(" ")))
+    Some(format!("no {}; expected {usage} (see {} --help)", missing.join(" "), title_in_use(program, args)))
 }
 
 /// Message about the likely mistake in a command line that `program` has rejected: a command after its arguments, an option
@@ -218,6 +224,12 @@ mod tests {
         let expected = "b: is not expected here; expected one DIR, or before it a command: state";
         let message = surplus_word_message(&one, &error, &["cd-x", "a", "b"].map(OsString::from));
         assert_eq!(message.as_deref(), Some(expected));
+        // A missing argument of a command.
+        let needs_body =
+            Command::new("cd-x").subcommand(Command::new("track").arg(Arg::new("body").long("body").required(true)));
+        let error = needs_body.clone().try_get_matches_from(["cd-x", "track"]).unwrap_err();
+        let message = missing_argument_message(&needs_body, &error, &["cd-x", "track"].map(OsString::from)).unwrap();
+        assert!(message.ends_with("(see cd-x track --help)"), "{message}");
         let output = Arg::new("output").short('o').long("output").value_name("DIR");
         let study = Command::new("study").args([Arg::new("study"), output.clone(), Arg::new("set").long("set")]);
         let program = Command::new("cd-x").args([Arg::new("scene"), output]).subcommand(study);

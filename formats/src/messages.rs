@@ -68,12 +68,13 @@ pub fn parse_number(text: &str) -> Result<f64, Box<dyn Error + Send + Sync>> {
     if is_beyond_range(text, number) { Err(NumberRangeError.into()) } else { Ok(number) }
 }
 
-/// Prints the error in the arguments of a program, or its help or version, and returns the exit code.
-pub fn print_usage(program: &str, error: &clap::Error) -> i32 {
+/// Prints the error in the arguments of a program, or its help or version, and returns the exit code. `command`: words of the
+/// command line whose `--help` lists the options, as `cd-post movie`.
+pub fn print_usage(program: &str, command: &str, error: &clap::Error) -> i32 {
     match wrong_number_message(error) {
         Some(message) => print_error(format_args!("{program}: {message}")),
         None if error.use_stderr() => {
-            print_error(format_args!("{program}: {}; see {program} --help", first_sentence(error)))
+            print_error(format_args!("{program}: {}; see {command} --help", first_sentence(error)))
         }
         // Help and version also arrive here; they go to stdout.
         None if is_silent() => {}
