@@ -135,7 +135,7 @@ impl Drop for PendingFile {
 
 /// Turns writes beyond the size limit (`ulimit -f`) into write errors, as on a full disk. By default the system ends the
 /// program, and no temporary file is removed. To be called at the start of a program.
-pub fn outlive_size_limit() {
+pub fn turn_size_limit_into_error() {
     // If the signal cannot be caught, it ends the program as by default.
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());

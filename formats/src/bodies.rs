@@ -104,9 +104,9 @@ impl ShapeRecord {
     /// ```
     /// use cd_formats::bodies::ShapeRecord;
     /// let drum = ShapeRecord::Cylinder { half_height: 1.0, radius: 0.5, hollow: true };
-    /// assert_eq!([[0.0, 0.4, -0.9], [0.4, 0.4, 0.0], [0.0, 0.0, 1.1]].map(|point| drum.leaves_out(point)), [false, true, true]);
+    /// assert_eq!([[0.0, 0.4, -0.9], [0.4, 0.4, 0.0], [0.0, 0.0, 1.1]].map(|point| drum.is_outside_hollow(point)), [false, true, true]);
     /// ```
-    pub fn leaves_out(&self, [x, y, z]: [f64; 3]) -> bool {
+    pub fn is_outside_hollow(&self, [x, y, z]: [f64; 3]) -> bool {
         let ShapeRecord::Cylinder { half_height, radius, hollow: true } = self else { return false };
         z.abs() > *half_height || libm::hypot(x, y) > *radius
     }
@@ -463,8 +463,8 @@ fn read_mesh(scan: &mut LineScanner, vertex_count: u64, lines: &[TextLine]) -> M
     (vertices, triangles)
 }
 
-/// Appends the record of a body with its number, from 1; numbers are formatted by `real`, or with all digits if the body has
-/// a polyhedron.
+/// Appends the record of a body with its number, from 1; numbers are formatted by `real`, or by [`format_long14`] if the body
+/// has a polyhedron.
 fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> RealText) {
     let coordinate_labels = ["coo1=", "coo2=", "coo3="];
     let is_polyhedron = |contactor: &Contactor| matches!(contactor.shape, ShapeRecord::Polyhedron { .. });

@@ -89,9 +89,9 @@ impl Evolution {
         }
     }
 
-    /// Upper bound of the difference from `value` between the times `from` and `to`, s. For a harmonic it is that at any time
-    /// after its ramp; during the ramp the difference may be larger.
-    pub fn farthest_from(&self, value: f64, [from, to]: [f64; 2]) -> f64 {
+    /// Largest difference from `value`, in its unit, between the times `from` and `to`, s: exact for a table; for a harmonic an
+    /// upper bound for any time after its ramp, which does not hold during the ramp.
+    pub fn max_difference(&self, value: f64, [from, to]: [f64; 2]) -> f64 {
         match self {
             Evolution::Harmonic { constant, amplitude, .. } => (constant - value).abs() + amplitude.abs(),
             Evolution::Table { points, .. } => {
@@ -367,7 +367,7 @@ mod tests {
         assert!((e.value_at(2.0) - 3.0).abs() < 1e-15); // the ramp has reached 1
         assert!((e.value_at(4.0) - 3.0).abs() < 1e-14); // and stays there
         assert_eq!(Evolution::constant(0.7).value_at(12.0), 0.7);
-        assert_eq!((e.farthest_from(0.0, [0.0, 1.0]), e.farthest_from(4.0, [0.0, 1.0])), (3.0, 5.0));
+        assert_eq!((e.max_difference(0.0, [0.0, 1.0]), e.max_difference(4.0, [0.0, 1.0])), (3.0, 5.0));
     }
 
     #[test]
@@ -397,7 +397,7 @@ mod tests {
             assert_eq!(e.value_at(t), value, "t = {t}");
         }
         assert!(e.value_at(f64::NAN).is_nan());
-        let farthest = [[1.0, 4.0], [0.0, 1.5], [3.0, 7.0]].map(|times| e.farthest_from(0.0, times));
+        let farthest = [[1.0, 4.0], [0.0, 1.5], [3.0, 7.0]].map(|times| e.max_difference(0.0, times));
         assert_eq!(farthest, [20.0, 15.0, 30.0]);
     }
 }

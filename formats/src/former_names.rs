@@ -52,18 +52,19 @@ fn matches_holder(holder: &str, path: &str) -> bool {
         && keys.zip(patterns).all(|(key, pattern)| key == pattern || pattern == "N" && is_position(key))
 }
 
-fn current_name(table: &'static [FormerName], holder: &str, name: &str) -> Option<&'static FormerName> {
+/// Row of a table with this former name.
+fn find_row(table: &'static [FormerName], holder: &str, name: &str) -> Option<&'static FormerName> {
     table.iter().find(|row| row.former == name && matches_holder(row.holder, holder))
 }
 
 /// Row of a former name of a field; `holder` is the path of the value that has the field.
 pub fn former_field(holder: &str, name: &str) -> Option<&'static FormerName> {
-    current_name(&FORMER_FIELDS, holder, name)
+    find_row(&FORMER_FIELDS, holder, name)
 }
 
 /// Row of a former name of a value; `path` is the path of the value.
 pub fn former_value(path: &str, name: &str) -> Option<&'static FormerName> {
-    current_name(&FORMER_VALUES, path, name)
+    find_row(&FORMER_VALUES, path, name)
 }
 
 /// Former name in a text.

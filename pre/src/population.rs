@@ -112,7 +112,7 @@ fn check_drums(scene: &Scene, population: &Population, report: &mut FaultReport)
         let outside = population.grains.iter().enumerate().find(|(_, grain)| {
             let local = drum.axes * (grain.position - drum.centre);
             let group = &scene.grains[grain.group];
-            drum.shape.leaves_out(local.into()) && group.driven.is_none() && has_law(&group.colour)
+            drum.shape.is_outside_hollow(local.into()) && group.driven.is_none() && has_law(&group.colour)
         });
         if let Some((k, grain)) = outside {
             let found = format!("body {} is outside of wall {}, a hollow cylinder", k + 1, drum.wall + 1);

@@ -11,7 +11,7 @@ pub(crate) fn ron_options() -> ron::Options {
     ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
 }
 
-/// Byte of a position of the library, and the next byte that is neither blank nor comment.
+/// Byte offset of a line and column that the library gives, and that of the next byte that is neither blank nor comment.
 fn byte_offsets(text: &str, line: usize, column: usize) -> (usize, usize) {
     let before: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
     let within: usize = text[before..].chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
@@ -219,8 +219,8 @@ impl FaultyText<'_> {
         Some(self.fault_at(Some(node), kind, format!("expected {fields}")))
     }
 
-    /// Names and fields that the library expects, which it lists only for an unknown name; digits that are no decimal
-    /// number; another value if there is none.
+    /// Fault that a second reading reveals: the value is replaced by an unknown name, and the error of the library then lists
+    /// the names or fields that it expects there. Also the fault of a number whose digits are not decimal, and of no value.
     fn fault_by_probe<T: DeserializeOwned>(&self) -> Option<TextFault> {
         let ErrorSite { raw, value, .. } = self.site;
         let Some(node) = value else { return Some(self.wrong_value("another value")) };
@@ -302,7 +302,7 @@ impl FaultyText<'_> {
 /// Name that no type has.
 pub const UNKNOWN_NAME: &str = "Unknown_name";
 
-/// Error of the library after a value is replaced by another text, if the error concerns that value.
+/// Error of the library after a value is replaced by another text; `None` if there is none, or if it concerns another value.
 fn probe_error<T: DeserializeOwned>(text: &str, node: &ValueNode, other: &str) -> Option<Error> {
     let text = format!("{}{other}{}", &text[..node.span.start], &text[node.span.end..]);
     match ron_options().from_str::<T>(&text).err()?.code {

@@ -419,7 +419,7 @@ pub fn check_drums(
                 let mut touching = records.0[k].contactors.iter().filter(|contactor| can_touch(contactor, drum));
                 touching.any(|contactor| {
                     let centre = contactor_centre(&records.0[k], contactor, &poses[k]);
-                    wall.shape.leaves_out((wall.axes * (centre - wall.centre)).into())
+                    wall.shape.is_outside_hollow((wall.axes * (centre - wall.centre)).into())
                 })
             });
             if let Some(k) = outside {

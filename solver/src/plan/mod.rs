@@ -148,7 +148,7 @@ fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, mean_velocity: &Vec3,
         }
     };
     let imposed =
-        |k: usize, from: f64| drive.velocity[k].as_ref().map_or(0.0, |value| value.farthest_from(from, times));
+        |k: usize, from: f64| drive.velocity[k].as_ref().map_or(0.0, |value| value.max_difference(from, times));
     let speed = Vec3::from_fn(|k, _| imposed(k, mean_velocity[k])).norm();
     let spin = Vec3::from_fn(|k, _| imposed(3 + k, 0.0)).norm();
     speed + spin * reach

@@ -462,7 +462,7 @@ pub fn check_bodies_are_inside_drums(
         let stands_outside = |part: &&BodyPart| {
             let local = axes.inverse_transform_vector(&(pose(part).0 - centre));
             let meets = part.body != drum.body && scene.visibility.interaction_rule(part.class, drum.class).is_some();
-            meets && !scene.bodies[part.body.index()].driven && shape.leaves_out(local.into())
+            meets && !scene.bodies[part.body.index()].driven && shape.is_outside_hollow(local.into())
         };
         let mut outside: Vec<BodyId> = scene.parts.iter().filter(stands_outside).map(|part| part.body).collect();
         outside.dedup();
