@@ -41,12 +41,12 @@ pub struct SnapshotInterval {
     /// Time since the snapshot before, s; NaN if the snapshot does not contain it.
     pub length: f64,
     /// Pairs of bodies of which a contact has carried force in a step of the interval, except pairs of walls.
-    pub exchanges: Vec<ImpulseExchange>,
+    pub touched_pairs: Vec<TouchedPair>,
 }
 
-/// Sum over the contacts of two bodies.
+/// Two bodies of which a contact has carried force in the interval, with the sum over their contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ImpulseExchange {
+pub struct TouchedPair {
     /// Bodies, the candidate first.
     pub bodies: [ContactBody; 2],
     /// Sum of impulses times branches, J s; at a wall the branch of a grain ends at the point of contact.
@@ -334,14 +334,14 @@ impl Frame {
             })
             .collect();
         let interval = interval.unwrap_or_default();
-        let exchanges = interval.interval_body.iter().zip(&interval.interval_virial);
-        let exchanges = exchanges.filter_map(|(pair, &virial)| {
+        let touched_pairs = interval.interval_body.iter().zip(&interval.interval_virial);
+        let touched_pairs = touched_pairs.filter_map(|(pair, &virial)| {
             let bodies = pair.map(|body| contact_bodies[BodyId(body).index()]);
-            bodies.into_iter().any(|body| body.grain_id().is_some()).then_some(ImpulseExchange { bodies, virial })
+            bodies.into_iter().any(|body| body.grain_id().is_some()).then_some(TouchedPair { bodies, virial })
         });
         let interval = SnapshotInterval {
             length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
-            exchanges: exchanges.collect(),
+            touched_pairs: touched_pairs.collect(),
         };
         let field_shapes = FieldShapes::default();
         Frame { meta, laws, grains, walls, absent, contacts, interval, field_shapes }

@@ -8,7 +8,7 @@ use clap::builder::RangedU64ValueParser;
 
 use crate::derive::MeasurementOptions;
 use crate::derive::energy::PairSummation;
-use crate::derive::free_surface::REACH;
+use crate::derive::free_surface::DEFAULT_SLOPE_REACH;
 use crate::derive::impact::{BodyList, ImpactOptions};
 use crate::derive::probe::Probe;
 use crate::math::Vec3;
@@ -210,6 +210,6 @@ impl SeriesOptions {
     pub fn measurement_options(&self) -> MeasurementOptions {
         let summation = if self.direct_gravity { PairSummation::Direct } else { PairSummation::Fast };
         let MeasurementFlags { region, slope } = self.measures.clone();
-        MeasurementOptions { summation, region, slope_reach: slope.slope_reach.unwrap_or(REACH) }
+        MeasurementOptions { summation, region, slope_reach: slope.slope_reach.unwrap_or(DEFAULT_SLOPE_REACH) }
     }
 }

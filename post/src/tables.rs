@@ -47,7 +47,7 @@ pub fn nearest_time(times: impl IntoIterator<Item = f64>, time: f64) -> Option<f
     same.min_by(|a, b| (a - time).abs().total_cmp(&(b - time).abs()))
 }
 
-/// Faults of the names given by `option`: as fields of a table a name is blank, equal to that of the axis, or repeated.
+/// Faults of names; `option`: flag or argument that gives them: as fields of a table a name is blank, equal to that of the axis, or repeated.
 pub fn name_faults(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fault> {
     let names: Vec<String> = names.iter().map(|name| name_field(name)).collect();
     let fault = |(k, name): (usize, &String)| {
@@ -67,7 +67,9 @@ pub fn name_faults(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fa
 pub fn blank_group_faults(groups: &[String]) -> Vec<Fault> {
     let blank = groups.iter().enumerate().filter(|(_, name)| name.trim().is_empty());
     let position_text = |k: usize| format!("'{}' is given as number {}", name_field(&groups[k]), k + 1);
-    blank.map(|(k, _)| Fault::new(Path::new("options"), None, "groups", position_text(k), "expected a name")).collect()
+    blank
+        .map(|(k, _)| Fault::new(Path::new("options"), None, "--groups", position_text(k), "expected a name"))
+        .collect()
 }
 
 /// Reads the columns of a table of numbers; empty fields are NaN.

@@ -589,7 +589,7 @@ fn runs_are_compared_in_one_figure() {
     ] {
         let printed = compare(&[&format!("--{option}"), wrong]);
         assert_eq!(printed.status.code(), Some(2));
-        assert!(String::from_utf8_lossy(&printed.stderr).contains(&format!("options: {option}: ")), "{printed:?}");
+        assert!(String::from_utf8_lossy(&printed.stderr).contains(&format!("options: --{option}: ")), "{printed:?}");
     }
     // A table that has lost a column, and one that has it twice.
     let series = one.path().join("POSTPRO/series.csv");
@@ -867,9 +867,12 @@ fn many_runs_are_points_of_one_study() {
     let (status, printed) = study(&["--from", "2"]);
     assert!(status == 2 && printed.contains("series.csv: time: ends at 1 s; expected"), "{printed}");
     let (status, printed) = study(&["--groups", "one"]);
-    assert!(status == 2 && printed.contains("options: groups: 1 names; expected 2"), "{printed}");
+    assert!(status == 2 && printed.contains("options: --groups: 1 names; expected 2"), "{printed}");
     let (status, printed) = study(&["--groups", "one,"]);
-    assert!(status == 2 && printed.contains("options: groups: '' is given as number 2; expected a name"), "{printed}");
+    assert!(
+        status == 2 && printed.contains("options: --groups: '' is given as number 2; expected a name"),
+        "{printed}"
+    );
     let (status, printed) = study(&[cases[0].path().to_str().unwrap()]);
     assert!(status == 2 && printed.contains("' is given again as number 3; expected each name once"), "{printed}");
     // A name is one field of one line.
@@ -957,7 +960,10 @@ fn a_film_has_a_picture_of_each_snapshot_for_any_number_of_threads() {
 fn films_that_cannot_be_made_are_rejected() {
     let case = case(&[0]);
     for (flags, expected) in [
-        (&["-o", "film.avi"][..], "options: --output: film.avi is no format of films; expected a name in .gif or .mp4"),
+        (
+            &["-o", "film.avi"][..],
+            "options: --output: film.avi has no known ending; expected a name that ends in .gif or .mp4",
+        ),
         (&["--range", "2,1"], "expected two numbers LOW,HIGH"),
         (
             &["--range", "1,2"],
@@ -1217,19 +1223,19 @@ fn an_impact_has_its_tables_and_says_what_is_missing() {
     for (flags, expected) in [
         (
             &["--projectile", "9"][..],
-            "options: projectile: 9 is not in the first snapshot; expected a free body that is in the run from the start",
+            "options: --projectile: 9 is not in the first snapshot; expected a free body that is in the run from the start",
         ),
         (
             &["--projectile", "2-5"],
-            "options: target: has no grain in the first snapshot; expected free bodies besides the projectile",
+            "options: --target: has no grain in the first snapshot; expected free bodies besides the projectile",
         ),
         (
             &["--projectile", "3"],
-            "options: projectile: 3 is at rest relative to the target in the first snapshot; expected an approaching body",
+            "options: --projectile: 3 is at rest relative to the target in the first snapshot; expected an approaching body",
         ),
         (
             &["--projectile", "5", "--target", "colour:GREEN"],
-            "options: target: colour:GREEN has no grain in the first snapshot; expected free bodies besides the projectile",
+            "options: --target: colour:GREEN has no grain in the first snapshot; expected free bodies besides the projectile",
         ),
     ] {
         let target_at_rest = flags == ["--projectile", "3"];

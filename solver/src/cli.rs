@@ -175,7 +175,7 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
     if arguments.step_loop && communicator.size() > 1 {
         let (found, expected) =
             (format!("runs on {} ranks", communicator.size()), "expected one process, without mpirun");
-        return Err(RunFailure::Files(Fault::new("options".as_ref(), None, "step-loop", found, expected).into()));
+        return Err(RunFailure::Files(Fault::new("options".as_ref(), None, "--step-loop", found, expected).into()));
     }
     let driver = match &arguments.lmgc90 {
         Some(script) => read::driver::read_driver(script, case, &arguments.flags)?,
@@ -191,7 +191,7 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
     }
     if arguments.step_loop && scene.roster.is_some() {
         let (found, expected) = ("with sinks or sources", "expected none of these options: each answer has all bodies");
-        return Err(RunFailure::Files(Fault::new("options".as_ref(), None, "step-loop", found, expected).into()));
+        return Err(RunFailure::Files(Fault::new("options".as_ref(), None, "--step-loop", found, expected).into()));
     }
     if let Some(gravity) = driver.gravity {
         read::replace_gravity(gravity, &scene, &mut state);

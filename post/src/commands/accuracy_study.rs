@@ -236,7 +236,7 @@ fn existing_table(folder: &Path) -> PathBuf {
 fn compare_runs(cases: &[PathBuf], selection: &AccuracyStudyOptions) -> Result<(Vec<RunErrors>, String), Faults> {
     let &AccuracyStudyOptions { groups, values, from, early } = selection;
     let mut faults = Faults::default();
-    for (name, count) in [("groups", groups.len()), ("values", values.len())] {
+    for (name, count) in [("--groups", groups.len()), ("--values", values.len())] {
         if count != 0 && count != cases.len() {
             let expected = format!("expected {}, one for each case", cases.len());
             faults.push(Fault::new(Path::new("options"), None, name, format!("{count} of them"), expected));

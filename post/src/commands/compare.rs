@@ -100,7 +100,7 @@ pub fn write(
         |name: &str, found: String, expected: String| Fault::new(Path::new("options"), None, name, found, expected);
     if !labels.is_empty() && labels.len() != cases.len() {
         faults.push(option(
-            "labels",
+            "--labels",
             format!("{} names", labels.len()),
             format!("expected {}, one a case", cases.len()),
         ));
@@ -108,7 +108,7 @@ pub fn write(
     let Some(kind) = TableKind::from_path(table) else {
         let expected = "expected series.csv, a table of cd-post state, such as state/profile.csv, of cd-post track, such as \
                         track-1/track.csv, of cd-post impact, such as impact/beta.csv, or of a probe, such as probe-lid.csv";
-        faults.push(option("table", table.display().to_string(), expected.into()));
+        faults.push(option("--table", table.display().to_string(), expected.into()));
         return Err(faults);
     };
     let are_default_columns = columns.is_empty();
@@ -120,7 +120,7 @@ pub fn write(
     // Plots of columns that no run has, such as the bed of aggregates, are left out.
     let omits_empty_columns = are_default_columns && table == Path::new("series.csv");
     let x_column = x_column.unwrap_or(kind.find_column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
-    let requested = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", x_column)]);
+    let requested = columns.iter().map(|name| ("--columns", name.as_str())).chain([("--against", x_column)]);
     let has_column = |name: &str| {
         let is_of_quantity = |columns: &Vec<String>| {
             ["step", "time", "h"].contains(&name) || columns.iter().any(|column| column == name)
@@ -139,7 +139,7 @@ pub fn write(
     let known: Vec<&str> = requested.map(|(_, name)| name).filter(|name| has_column(name)).collect();
     let mut names = case_names(cases);
     names.iter_mut().zip(labels).for_each(|(name, label)| name.clone_from(label));
-    faults.0.extend(name_faults(if labels.is_empty() { "runs" } else { "labels" }, &names, Some(x_column)));
+    faults.0.extend(name_faults(if labels.is_empty() { "runs" } else { "--labels" }, &names, Some(x_column)));
     // A table with a row for each snapshot has one at least; others may be empty, such as forces of grains that do not touch.
     let by_snapshot = kind.find_column("time").is_some();
     let read_table = |case: &PathBuf| {

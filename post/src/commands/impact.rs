@@ -123,15 +123,15 @@ pub fn write(dir: &Path, options: &ImpactOptions) -> Result<(PathBuf, Vec<String
     Ok((folder, notes))
 }
 
-/// Fault of an option, with the bodies that it names.
+/// Fault of an option, with the bodies that it lists.
 fn impact_fault(error: ImpactError, options: &ImpactOptions) -> Faults {
-    let (option, found, expected) = error.message();
-    let bodies = match option {
-        "projectile" => format!("{} ", options.projectile),
-        "target" => options.target.as_ref().map_or(String::new(), |target| format!("{target} ")),
+    let bodies = match error {
+        ImpactError::NoProjectile | ImpactError::NoApproach => format!("{} ", options.projectile),
+        ImpactError::NoTarget => options.target.as_ref().map_or(String::new(), |target| format!("{target} ")),
         _ => String::new(),
     };
-    Fault::new(Path::new("options"), None, option, format!("{bodies}{found}"), expected).into()
+    let found = format!("{bodies}{}", error.found());
+    Fault::new(Path::new("options"), None, error.option(), found, error.expectation()).into()
 }
 
 /// Names and texts of the tables and figures.

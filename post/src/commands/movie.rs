@@ -36,7 +36,8 @@ pub struct MovieOptions {
     /// Quantity that colours the grains
     #[arg(long, value_enum, default_value_t = GrainQuantity::Neighbours, value_name = "QUANTITY")]
     pub colour: GrainQuantity,
-    /// Values at which the colours begin and end, in SI units; default: the range of the grains in all states
+    /// Values at which the colours begin and end, in SI units; default: the range of the grains, without the lowest and the
+    /// highest hundredth of each state; of kinetic-energy, powers of ten below the largest
     #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true, value_parser = parse_range)]
     pub range: Option<[f64; 2]>,
     /// Use every Nth snapshot, counted from the first, and the last
@@ -51,7 +52,7 @@ pub struct MovieOptions {
     /// Height, pixels; the scale of colours makes the picture wider
     #[arg(long, default_value_t = 600, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(MIN_HEIGHT..=MAX_HEIGHT))]
     pub size: u32,
-    /// Direction from which it is seen, degrees: azimuth from the front (against y) towards x, elevation above the horizontal;
+    /// Position of the viewer, degrees: azimuth from the front (-y) towards +x, elevation above the horizontal;
     /// default: 28.6,20.1
     #[arg(long, value_name = "AZIMUTH,ELEVATION", allow_hyphen_values = true, value_parser = parse_angles)]
     pub view: Option<[f64; 2]>,
@@ -66,7 +67,7 @@ fn parse_pair(text: &str) -> Option<[f64; 2]> {
     Some([number(first)?, number(second)?])
 }
 
-/// Reads two rising numbers.
+/// Reads two ascending numbers.
 fn parse_range(text: &str) -> Result<[f64; 2], String> {
     let range = parse_pair(text).filter(|[low, high]| low < high);
     range.ok_or("expected two numbers LOW,HIGH, the second above the first".into())
@@ -78,7 +79,7 @@ fn parse_angles(text: &str) -> Result<[f64; 2], String> {
     angles.ok_or("expected two numbers AZIMUTH,ELEVATION in degrees, the second from -90 to 90".into())
 }
 
-/// Kind of the file.
+/// Format of the movie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum FilmFormat {
     Gif,
@@ -93,8 +94,15 @@ impl FilmFormat {
             "gif" => Ok(FilmFormat::Gif),
             "mp4" => Ok(FilmFormat::Mp4),
             _ => {
-                let found = format!("{} is no format of films", path.display());
-                Err(Fault::new("options".as_ref(), None, "--output", found, "expected a name in .gif or .mp4").into())
+                let found = format!("{} has no known ending", path.display());
+                Err(Fault::new(
+                    "options".as_ref(),
+                    None,
+                    "--output",
+                    found,
+                    "expected a name that ends in .gif or .mp4",
+                )
+                .into())
             }
         }
     }
@@ -181,7 +189,7 @@ pub fn write(options: &MovieOptions) -> Result<(PathBuf, Vec<String>), Faults> {
     match format {
         FilmFormat::Gif => {
             let palette = FilmPalette::new(&settings.scale);
-            let mut film = GifFilm::new(size, &palette, f64::from(options.fps), paths.len())?;
+            let mut film = GifFilm::new(&output, size, &palette, f64::from(options.fps), paths.len())?;
             for_each_picture(&mut |pictures| {
                 let indices: Vec<Vec<u8>> = pictures.par_iter().map(|picture| palette.indices(picture)).collect();
                 indices.into_iter().try_for_each(|indices| film.append(indices))

@@ -166,7 +166,7 @@ impl StudyCases {
                 Some(column) => columns.push(column),
                 None => {
                     let found = format!("{name} is not a parameter of the study");
-                    faults.push(Fault::new(Path::new("options"), None, "by", found, known_names(name, &known)));
+                    faults.push(Fault::new(Path::new("options"), None, "--by", found, known_names(name, &known)));
                 }
             }
         }
@@ -236,7 +236,7 @@ pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result
     let mut faults = Faults::default();
     if !groups.is_empty() && groups.len() != cases.len() {
         let expected = format!("expected {}, one for each case", cases.len());
-        faults.push(Fault::new(Path::new("options"), None, "groups", format!("{} names", groups.len()), expected));
+        faults.push(Fault::new(Path::new("options"), None, "--groups", format!("{} names", groups.len()), expected));
     }
     let names = case_names(cases);
     faults.0.extend(name_faults("runs", &names, None));
@@ -549,7 +549,7 @@ mod tests {
         assert_eq!(all.column_names(), ["mu", "shape", "study_step"]);
         assert_eq!(all.groups_by(&["mu".into(), "step".into()]).unwrap(), ["mu 0.2, step 1", "mu 0.4, step"]);
         let unknown = all.groups_by(&["mU".into()]).unwrap_err().to_string();
-        assert_eq!(unknown, "options: by: mU is not a parameter of the study; did you mean mu?");
+        assert_eq!(unknown, "options: --by: mU is not a parameter of the study; did you mean mu?");
         // A folder by itself, and folders with their row of a table.
         assert_eq!(StudyCases::new(&[path("z")], None).unwrap().values, [[""; 0]]);
         let one = StudyCases::new(&[path("a/../a/x")], Some(&path("study.csv"))).unwrap();

@@ -94,11 +94,11 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
             if frame.absent.contains(&body) {
                 let found = format!("{body} is not in the run at step {}", frame.meta.step);
                 let expected = "expected a body that is in the run in all snapshots";
-                return Fault::new(Path::new("options"), None, "body", found, expected).into();
+                return Fault::new(Path::new("options"), None, "--body", found, expected).into();
             }
             let count = frame.grains.len() + frame.walls.len() + frame.absent.len();
             let expected = format!("expected the number of a body in BODIES.DAT, 1 to {count}");
-            Fault::new(Path::new("options"), None, "body", format!("{body}"), expected).into()
+            Fault::new(Path::new("options"), None, "--body", format!("{body}"), expected).into()
         })
     };
     for (k, (step, path)) in paths.iter().enumerate() {
@@ -235,7 +235,7 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
     // Walls are excluded: a wall with a force does not fall freely.
     let free_fall = tracked.grain_id().and_then(|grain| free_fall(frame, grain));
     let record_start = frame.meta.time - frame.interval.length;
-    let touched_since = frame.interval.exchanges.iter().any(|exchange| exchange.bodies.contains(&tracked));
+    let touched_since = frame.interval.touched_pairs.iter().any(|pair| pair.bodies.contains(&tracked));
     Some(TrackedBody { time: frame.meta.time, x, v, reach, force, contacts, record_start, touched_since, free_fall })
 }
 

@@ -178,9 +178,9 @@ impl Bed {
 
 /// (1/3) sum r.l / T of the contacts of some grains in the time T since the snapshot before, J; NaN without one.
 fn interval_moment(frame: &Frame, grains: &[GrainId]) -> f64 {
-    let SnapshotInterval { length, exchanges } = &frame.interval;
+    let SnapshotInterval { length, touched_pairs } = &frame.interval;
     let is_member = |body: &ContactBody| body.grain_id().is_some_and(|grain| grains.binary_search(&grain).is_ok());
-    let virial: f64 = exchanges.iter().filter(|e| e.bodies.iter().any(is_member)).map(|e| e.virial).sum();
+    let virial: f64 = touched_pairs.iter().filter(|e| e.bodies.iter().any(is_member)).map(|e| e.virial).sum();
     if *length > 0.0 { virial / length / 3.0 } else { f64::NAN }
 }
 

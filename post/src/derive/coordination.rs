@@ -6,7 +6,7 @@ use cd_formats::groups::DisjointSets;
 use cd_formats::snapshot::STATUS_NO_CONTACT;
 
 use crate::derive::fragments::TOUCHING_GAP;
-use crate::frame::{Contact, ContactBody, Frame, GrainId, ImpulseExchange};
+use crate::frame::{Contact, ContactBody, Frame, GrainId, TouchedPair};
 use crate::math::Vec3;
 
 /// Means over some grains.
@@ -218,12 +218,12 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
 /// snapshot has the contacts with them. NaN without an interval.
 pub fn interval_coordination(frame: &Frame, members: &[GrainId]) -> f64 {
     let touching: HashSet<[ContactBody; 2]> = touching_contacts(frame).map(sorted_bodies).collect();
-    let sorted_pair = |exchange: &ImpulseExchange| {
-        let [a, b] = exchange.bodies;
+    let sorted_pair = |pair: &TouchedPair| {
+        let [a, b] = pair.bodies;
         [a.min(b), a.max(b)]
     };
-    let exchanges = frame.interval.exchanges.iter();
-    let touched = exchanges.filter(|exchange| exchange.virial > 0.0 || touching.contains(&sorted_pair(exchange)));
+    let touched_pairs = frame.interval.touched_pairs.iter();
+    let touched = touched_pairs.filter(|pair| pair.virial > 0.0 || touching.contains(&sorted_pair(pair)));
     let flush = flush_pairs(frame);
     let surface = |pair: [ContactBody; 2]| flush.get(&pair).copied().unwrap_or(pair);
     let pairs: HashSet<[ContactBody; 2]> = touched.map(sorted_pair).map(surface).collect();

@@ -12,8 +12,9 @@ use crate::math::{Mat3, Vec3};
 const COLUMN_WIDTH: f64 = 0.5;
 
 /// Depth of the edge of a crater below the old surface, and least height of a rim above it, in mean radii: half the roughness
-/// of grains. On a slope of 30° the edge is 0.9 radii inside the level; where whole grains are removed down a steep wall, it
-/// is up to a radius outside of their centres.
+/// of a surface of grains. On a slope of 30° the edge is 0.9 mean radii nearer to the axis than the line at which the slope
+/// meets the old surface; at a steep wall it is up to a mean radius farther from the axis than the centres of the removed
+/// grains.
 const EDGE_DEPTH: f64 = 0.5;
 
 /// Range of the search for the rim, in radii of the edge.
@@ -32,14 +33,14 @@ pub struct CraterAxis {
 }
 
 impl CraterAxis {
-    /// Axis through the plane of least squares through the surface of some grains about `axis`, along its normal if `is_free`,
-    /// else along that of `axis`. The plane reaches over [`DEFAULT_FIT_REACH`] mean radii ([`PlaneFit`]). Returns `axis`
-    /// where the columns define no plane.
-    pub fn fitted_axis(grains: &[Grain], axis: CraterAxis, is_free: bool) -> CraterAxis {
+    /// Returns the axis through the least-squares plane of the surface of `grains` around `axis`: along the normal of the plane
+    /// if `fits_normal`, else along that of `axis`. The plane reaches over [`DEFAULT_FIT_REACH`] mean radii ([`PlaneFit`]).
+    /// Returns `axis` where the columns define no plane.
+    pub fn fitted_axis(grains: &[Grain], axis: CraterAxis, fits_normal: bool) -> CraterAxis {
         let mean_radius = mean_radius(grains);
         let (reach, references) = (DEFAULT_FIT_REACH * mean_radius, grains.iter().collect::<Vec<&Grain>>());
         let mut fitted = axis;
-        for _ in 0..if is_free { NORMAL_ITERATIONS } else { 1 } {
+        for _ in 0..if fits_normal { NORMAL_ITERATIONS } else { 1 } {
             let CraterAxis { point, normal } = fitted;
             let grid = ColumnGrid::about_axis(point, normal, reach, COLUMN_WIDTH * mean_radius);
             let (heights, mut fit) = (grid.column_heights(&references), PlaneFit::new(reach));
@@ -53,7 +54,7 @@ impl CraterAxis {
             let [first, second] = grid.axes();
             let tilted = normal - plane.gradient[0] * first - plane.gradient[1] * second;
             fitted.point = point + plane.height * normal;
-            if is_free {
+            if fits_normal {
                 fitted.normal = tilted.normalize();
             }
         }
@@ -116,8 +117,9 @@ pub struct OldSurface {
 }
 
 impl OldSurface {
-    /// Returns the surface of the grains of a target before the impact, in rings a mean radius wide, up to `reach` (m) from
-    /// the axis or up to the first ring with grains under less than half of its columns. None without grains on the axis.
+    /// Returns the surface of the grains of a target before the impact, in rings a mean radius wide, or two columns if that is
+    /// more, up to `reach` (m) from the axis or up to the first ring with grains under less than half of its columns. None
+    /// without grains on the axis.
     ///
     /// The height of a column is that of the highest point of a grain on it, seen along the normal of the axis: spheres are
     /// exact, other grains have their faces.
@@ -153,17 +155,18 @@ impl OldSurface {
     /// Crater in the surface of the grains after the impact, which have been moved back with the target ([`BackMotion`]).
     ///
     /// With d(r) = after - before, the mean over a ring at the distance r from the axis, the crater is the range of rings
-    /// with d < -0.5 mean radii that contains the largest volume. Its edge is where d rises beyond that value, by linear
+    /// with d < -0.5 mean radii that contains the largest volume. Its edge is where d mean_changes beyond that value, by linear
     /// interpolation. The rim is the highest d up to twice the radius of the edge, if above 0.5 mean radii. The volume is
     /// the sum of before - after over the columns within the edge. Columns without grains afterwards count down to the
     /// lowest point of the grains before. On a curved surface diameters are chords, and depths are from the old surface.
     pub fn crater(&self, grains: &[Grain]) -> CraterShape {
         let after = self.grid.column_heights(&grains.iter().collect::<Vec<_>>());
-        let change = |k: usize| if after[k].is_finite() { after[k] } else { self.lowest_height } - self.heights[k];
+        let height_change =
+            |k: usize| if after[k].is_finite() { after[k] } else { self.lowest_height } - self.heights[k];
         let (mut sums, level) = (vec![[0.0; 3]; self.ring_count], self.axis.point.dot(&self.axis.normal));
         for (k, height) in self.heights.iter().enumerate().filter(|(_, height)| height.is_finite()) {
             if let Some(sum) = sums.get_mut((self.distances[k] / self.ring_width) as usize) {
-                *sum = [sum[0] + 1.0, sum[1] + height - level, sum[2] + change(k)];
+                *sum = [sum[0] + 1.0, sum[1] + height - level, sum[2] + height_change(k)];
             }
         }
         let ring = |(k, [count, before, change]): (usize, &[f64; 3])| {
@@ -175,20 +178,27 @@ impl OldSurface {
             }
         };
         let rings: Vec<CraterRing> = sums.iter().enumerate().map(ring).collect();
-        let rises: Vec<f64> = sums.iter().map(|[count, _, change]| change / count).collect();
-        let size = self.crater_size(&rings, &rises, change);
+        let mean_changes: Vec<f64> = sums.iter().map(|[count, _, change]| change / count).collect();
+        let size = self.crater_size(&rings, &mean_changes, height_change);
         CraterShape { rings, size }
     }
 
-    fn crater_size(&self, rings: &[CraterRing], rises: &[f64], change: impl Fn(usize) -> f64) -> CraterSize {
-        let edge_rise = -EDGE_DEPTH * self.mean_radius;
+    /// Size of the crater, see [`Self::crater`]. `mean_changes`: d of each ring, m; `height_change`: that of a column, m.
+    fn crater_size(
+        &self,
+        rings: &[CraterRing],
+        mean_changes: &[f64],
+        height_change: impl Fn(usize) -> f64,
+    ) -> CraterSize {
+        let edge_change = -EDGE_DEPTH * self.mean_radius;
         // Volume of a range of rings over 2 pi times their width.
         let removed_volume =
-            |range: &std::ops::Range<usize>| -range.clone().map(|k| rises[k] * rings[k].radius).sum::<f64>();
+            |range: &std::ops::Range<usize>| -range.clone().map(|k| mean_changes[k] * rings[k].radius).sum::<f64>();
         let mut deepest: Option<std::ops::Range<usize>> = None;
         let mut start = 0;
-        while let Some(first) = (start..rises.len()).find(|&k| rises[k] < edge_rise) {
-            let end = (first..rises.len()).find(|&k| rises[k] >= edge_rise).unwrap_or(rises.len());
+        while let Some(first) = (start..mean_changes.len()).find(|&k| mean_changes[k] < edge_change) {
+            let end =
+                (first..mean_changes.len()).find(|&k| mean_changes[k] >= edge_change).unwrap_or(mean_changes.len());
             let range = first..end;
             if deepest.as_ref().is_none_or(|best| removed_volume(&range) > removed_volume(best)) {
                 deepest = Some(range);
@@ -196,23 +206,25 @@ impl OldSurface {
             start = end;
         }
         let Some(range) = deepest else { return CraterSize::NONE };
-        let depth = -rises[range.clone()].iter().copied().fold(0.0, f64::min);
+        let depth = -mean_changes[range.clone()].iter().copied().fold(0.0, f64::min);
         let (inner, outer) = (range.end - 1, range.end);
-        if outer == rises.len() {
+        if outer == mean_changes.len() {
             return CraterSize { diameter: f64::NAN, volume: f64::NAN, depth, ..CraterSize::NONE };
         }
-        let share = (edge_rise - rises[inner]) / (rises[outer] - rises[inner]);
+        let share = (edge_change - mean_changes[inner]) / (mean_changes[outer] - mean_changes[inner]);
         let edge = rings[inner].radius + share * self.ring_width;
         let is_within_edge = |k: &usize| self.heights[*k].is_finite() && self.distances[*k] < edge;
-        let fall: f64 = (0..self.heights.len()).filter(is_within_edge).map(&change).sum();
-        let outside = (outer..rises.len()).take_while(|&k| rings[k].radius <= RIM_RANGE * edge);
-        let rim = outside.filter(|&k| rises[k] > -edge_rise).max_by(|&a, &b| rises[a].total_cmp(&rises[b]));
+        let change_sum: f64 = (0..self.heights.len()).filter(is_within_edge).map(height_change).sum();
+        let outside = (outer..mean_changes.len()).take_while(|&k| rings[k].radius <= RIM_RANGE * edge);
+        let rim = outside
+            .filter(|&k| mean_changes[k] > -edge_change)
+            .max_by(|&a, &b| mean_changes[a].total_cmp(&mean_changes[b]));
         CraterSize {
             diameter: 2.0 * edge,
             rim_diameter: rim.map_or(f64::NAN, |k| 2.0 * rings[k].radius),
             depth,
-            rim_height: rim.map_or(f64::NAN, |k| rises[k]),
-            volume: -fall * self.grid.column_area(),
+            rim_height: rim.map_or(f64::NAN, |k| mean_changes[k]),
+            volume: -change_sum * self.grid.column_area(),
         }
     }
 }
@@ -268,7 +280,7 @@ impl BackMotion {
         let (Some(u), Some(v_t)) = (decomposition.u, decomposition.v_t) else { unreachable!("both are requested") };
         let mut values: Vec<(f64, usize)> = decomposition.singular_values.iter().copied().zip(0..).collect();
         values.sort_by(|a, b| b.0.total_cmp(&a.0));
-        // The second value of points on a line is that of rounding.
+        // For points on a line the second singular value is rounding error.
         if values[1].0 <= 1e-9 * values[0].0 {
             return BackMotion { rotation: UnitQuaternion::identity(), new_centre, old_centre };
         }

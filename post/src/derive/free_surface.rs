@@ -17,7 +17,7 @@ const MAX_COLUMNS: f64 = 500.0;
 ///
 /// Surfaces of settled beds undulate over several grains: planes over 12 radii have slopes of 1.6 to 3.5 degrees (root mean
 /// square) on eight level beds of 1000 and 3000 grains, over 10 radii of 2.1 to 4.1.
-pub const REACH: f64 = 12.0;
+pub const DEFAULT_SLOPE_REACH: f64 = 12.0;
 
 /// Diameters of the patches over which noise is correlated, in mean diameters: least, largest, and as a share of the reach.
 /// Residuals from planes do not contain long waves. On a curved surface they contain its curvature; the least patch is used
@@ -597,7 +597,7 @@ mod tests {
 
     #[test]
     fn a_rough_bed_of_a_thousand_grains_is_level_and_a_tilted_one_is_not() {
-        let reach = REACH;
+        let reach = DEFAULT_SLOPE_REACH;
         let surface = |scene: &Scene| {
             let frame = scene.frame();
             FreeSurface::from_frame(&frame, &find_fragments(&frame), reach).unwrap()
@@ -626,7 +626,7 @@ mod tests {
             };
             let surface = |half: i32, shape: &dyn Fn(f64, f64) -> f64| {
                 let frame = lattice(half, |x, y| shape(x, y) + swell(x, y)).frame();
-                FreeSurface::from_frame(&frame, &find_fragments(&frame), REACH).unwrap()
+                FreeSurface::from_frame(&frame, &find_fragments(&frame), DEFAULT_SLOPE_REACH).unwrap()
             };
             let level = surface(16, &|_, _| 0.0);
             let slope = level.slope.to_degrees();
@@ -668,7 +668,7 @@ mod tests {
                 }
             }
             let frame = scene.frame();
-            let surface = FreeSurface::from_frame(&frame, &find_fragments(&frame), REACH).unwrap();
+            let surface = FreeSurface::from_frame(&frame, &find_fragments(&frame), DEFAULT_SLOPE_REACH).unwrap();
             let [found, error] = [surface.slope, surface.slope_error].map(f64::to_degrees);
             // The deviation is 0.42 degrees over sixteen such beds (root mean square), at most 0.8.
             assert!((found - angle).abs() < 1.0 && error < 2.5, "{found} {error}");
@@ -696,7 +696,7 @@ mod tests {
                 }
             }
             let frame = scene.frame();
-            let surface = FreeSurface::from_frame(&frame, &find_fragments(&frame), REACH).unwrap();
+            let surface = FreeSurface::from_frame(&frame, &find_fragments(&frame), DEFAULT_SLOPE_REACH).unwrap();
             let [found, error] = [surface.slope, surface.slope_error].map(f64::to_degrees);
             assert!((found - angle).abs() < 1f64.max(2.0 * error) && error < 2.0, "{angle} {about}: {found} {error}");
         }

@@ -18,11 +18,11 @@ use crate::math::Vec3;
 /// some thousandths of the radius, and ejecta are farther from the surface than a tenth after a few radii of their flight.
 const REMNANT_GAP: f64 = 0.1;
 
-/// Share of the farthest distance from the axis up to which the surface of a body is measured: beyond, a ball is steeper than
-/// 60° against the axis.
+/// Share of the farthest distance from the axis up to which the surface of a body is measured: farther out, the normal of a
+/// ball is more than 60° from the axis.
 const BODY_REACH: f64 = 0.866;
 
-/// The same of a bed: the farthest grain of a box is in a corner, and 1/√2 of its distance reaches the middle of a side.
+/// Share for a bed: the farthest grain of a box is in a corner, and 1/√2 of its distance reaches the middle of a side.
 const BED_REACH: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Component of the projectile's momentum along an axis, over its length, below which no ratio along this axis is defined.
@@ -102,7 +102,9 @@ pub struct ImpactOptions {
     pub normal: Option<Vec3>,
     /// Point of the impact, m; None: where a straight trajectory meets the target.
     pub point: Option<Vec3>,
-    /// Distance from the remnant's centre of mass up to which grains belong to the target, m; None: what is bound.
+    /// Distance from the remnant's centre of mass up to which grains belong to the target, m. None: the remnant, and fragments
+    /// that gravity binds to it; without self-gravity the remnant, and grains within the farthest point of the target in the
+    /// first snapshot; of a bed, grains that are not in flight.
     pub target_radius: Option<f64>,
     /// Escape speed, m/s; None: that of the target.
     pub escape_speed: Option<f64>,
@@ -113,36 +115,59 @@ pub struct ImpactOptions {
 pub enum ImpactError {
     NoProjectile,
     NoTarget,
+    /// The projectile is at rest relative to the target.
     NoApproach,
     RotatingAxes,
+    /// A target in open space in a periodic cell.
     PeriodicBody,
-    /// Option that has no meaning for a bed.
+    /// Flag that has no meaning for a bed.
     BedOption(&'static str),
 }
 
 impl ImpactError {
-    /// Option, what was found, and what is expected.
-    pub fn message(self) -> (&'static str, &'static str, &'static str) {
+    /// Returns the flag, or the option of the run, that has the fault.
+    pub fn option(self) -> &'static str {
         match self {
-            ImpactError::NoProjectile => {
-                ("projectile", "is not in the first snapshot", "expected a free body that is in the run from the start")
-            }
-            ImpactError::NoTarget => {
-                ("target", "has no grain in the first snapshot", "expected free bodies besides the projectile")
-            }
-            ImpactError::NoApproach => (
-                "projectile",
-                "is at rest relative to the target in the first snapshot",
-                "expected an approaching body",
-            ),
-            ImpactError::RotatingAxes => ("fields", "has a RotatingFrame", "expected a run in fixed axes"),
-            ImpactError::PeriodicBody => {
-                ("xperiode", "is periodic without uniform gravity", "expected a bed, or a target in open space")
-            }
-            ImpactError::BedOption(option) => (option, "is given for a bed", "expected a target in open space"),
+            ImpactError::NoProjectile | ImpactError::NoApproach => "--projectile",
+            ImpactError::NoTarget => "--target",
+            ImpactError::RotatingAxes => "fields",
+            ImpactError::PeriodicBody => "xperiode",
+            ImpactError::BedOption(flag) => flag,
+        }
+    }
+
+    /// Returns the phrase about what was found.
+    pub fn found(self) -> &'static str {
+        match self {
+            ImpactError::NoProjectile => "is not in the first snapshot",
+            ImpactError::NoTarget => "has no grain in the first snapshot",
+            ImpactError::NoApproach => "is at rest relative to the target in the first snapshot",
+            ImpactError::RotatingAxes => "has a RotatingFrame",
+            ImpactError::PeriodicBody => "is periodic without uniform gravity",
+            ImpactError::BedOption(_) => "is given for a bed",
+        }
+    }
+
+    /// Returns the phrase about what is expected.
+    pub fn expectation(self) -> &'static str {
+        match self {
+            ImpactError::NoProjectile => "expected a free body that is in the run from the start",
+            ImpactError::NoTarget => "expected free bodies besides the projectile",
+            ImpactError::NoApproach => "expected an approaching body",
+            ImpactError::RotatingAxes => "expected a run in fixed axes",
+            ImpactError::PeriodicBody => "expected a bed, or a target in open space",
+            ImpactError::BedOption(_) => "expected a target in open space",
         }
     }
 }
+
+impl std::fmt::Display for ImpactError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {}; {}", self.option(), self.found(), self.expectation())
+    }
+}
+
+impl std::error::Error for ImpactError {}
 
 /// Criterion by which a grain belongs to the target after the impact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -153,8 +178,13 @@ enum TargetCriterion {
     Within(f64),
     /// It belongs to the remnant, or its centre is nearer to the remnant's centre of mass than this, m.
     RemnantOrWithin(f64),
-    /// The target is a bed: it is not in flight above the level (m) of the old surface along the normal.
-    Bed { level: f64, gravity: f64 },
+    /// The target is a bed, and the grain is not in flight above the old surface.
+    Bed {
+        /// Level of the old surface along the normal, m.
+        level: f64,
+        /// Uniform gravity, m/s^2.
+        gravity: f64,
+    },
 }
 
 /// Last known state of a body.
@@ -222,9 +252,9 @@ pub struct ImpactRun {
     projectile: BTreeSet<u64>,
     target: BTreeSet<u64>,
     criterion: TargetCriterion,
-    /// Velocity of the target's centre of mass before, m/s.
+    /// Velocity of the target's centre of mass in the first snapshot, m/s; 0 for a bed.
     target_velocity: Vec3,
-    /// Momentum of the projectile before, relative to the target, kg m/s.
+    /// Momentum of the projectile relative to the target in the first snapshot, kg m/s; for a bed, as it reaches the surface.
     pub incident: Vec3,
     /// Mass of the projectile, kg.
     pub projectile_mass: f64,
@@ -239,7 +269,7 @@ pub struct ImpactRun {
     /// G, m^3 kg^-1 s^-2; 0 without self-gravity.
     gravity_constant: f64,
     surface: Option<OldSurface>,
-    /// Positions of the target's grains before, m.
+    /// Positions of the target's grains in the first snapshot, m.
     first_positions: BTreeMap<u64, Vec3>,
     seen: BTreeMap<u64, SeenState>,
     /// Ejecta of a bed so far, which may have fallen back, and the projectile once it rebounds.
@@ -273,30 +303,32 @@ impl ImpactRun {
             return Err(ImpactError::PeriodicBody);
         }
         if against_gravity.is_some() {
-            let given = [("within", options.target_radius.is_some()), ("normal", options.normal.is_some())];
-            if let Some((option, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
-                return Err(ImpactError::BedOption(option));
+            let given = [("--within", options.target_radius.is_some()), ("--normal", options.normal.is_some())];
+            if let Some((flag, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
+                return Err(ImpactError::BedOption(flag));
             }
         }
-        let (sums, shot) =
-            (AggregateSums::from_grains(&target), AggregateSums::from_grains(projectile.iter().copied()));
-        let target_velocity = if against_gravity.is_some() { Vec3::zeros() } else { sums.velocity() };
-        let approach = shot.velocity() - target_velocity;
+        let target_sums = AggregateSums::from_grains(&target);
+        let projectile_sums = AggregateSums::from_grains(projectile.iter().copied());
+        let target_velocity = if against_gravity.is_some() { Vec3::zeros() } else { target_sums.velocity() };
+        let approach = projectile_sums.velocity() - target_velocity;
         let path = approach.try_normalize(0.0).ok_or(ImpactError::NoApproach)?;
         let provisional_normal = |point: Vec3| {
-            let outward = (point - sums.x).try_normalize(0.0).unwrap_or(-path);
+            let outward = (point - target_sums.x).try_normalize(0.0).unwrap_or(-path);
             options.normal.or(against_gravity).unwrap_or(outward)
         };
-        let shot_radius = projectile.iter().map(|grain| grain.radius.powi(3)).sum::<f64>().cbrt();
+        let projectile_radius = projectile.iter().map(|grain| grain.radius.powi(3)).sum::<f64>().cbrt();
         let cell = frame.cell();
         let images_about = |point: Vec3| -> Vec<Grain> {
             target.iter().map(|grain| grain.moved_by(-cell.nearest_period(grain.x - point))).collect()
         };
-        let point = options.point.or_else(|| struck_point(&images_about(shot.x), shot.x, path, shot_radius));
+        let point = options
+            .point
+            .or_else(|| struck_point(&images_about(projectile_sums.x), projectile_sums.x, path, projectile_radius));
         let axis = point.map(|point| {
             let images = images_about(point);
-            let is_free = options.normal.is_none() && against_gravity.is_none();
-            CraterAxis::fitted_axis(&images, CraterAxis { point, normal: provisional_normal(point) }, is_free)
+            let fits_normal = options.normal.is_none() && against_gravity.is_none();
+            CraterAxis::fitted_axis(&images, CraterAxis { point, normal: provisional_normal(point) }, fits_normal)
         });
         let surface = axis.and_then(|axis| {
             let images = images_about(axis.point);
@@ -312,17 +344,18 @@ impl ImpactRun {
             (None, None, Some(constant)) if constant > 0.0 => TargetCriterion::Bound,
             // Nothing binds loose grains: they belong to the target as long as they are where it was.
             (None, None, _) => {
-                let farthest_distance = |grain: &Grain| (grain.x - sums.x).norm() + grain.bounding_radius();
+                let farthest_distance = |grain: &Grain| (grain.x - target_sums.x).norm() + grain.bounding_radius();
                 TargetCriterion::RemnantOrWithin(target.iter().map(farthest_distance).fold(0.0, f64::max))
             }
         };
-        let [a, b, c] = sums.semi_axes();
-        let target_escape = constant.map_or(f64::NAN, |g| (2.0 * g * sums.mass / (a * b * c).cbrt()).sqrt());
+        let [a, b, c] = target_sums.semi_axes();
+        let target_escape = constant.map_or(f64::NAN, |g| (2.0 * g * target_sums.mass / (a * b * c).cbrt()).sqrt());
         // Velocity with which the projectile reaches the surface under uniform gravity.
         let incident_velocity = match (criterion, axis) {
             (TargetCriterion::Bed { level, gravity }, Some(axis)) => {
-                let fall = 2.0 * gravity * (shot.x.dot(&axis.normal) - level).max(0.0);
-                with_component(approach, &axis.normal, -(approach.dot(&axis.normal).powi(2) + fall).sqrt())
+                let speed_square_gain = 2.0 * gravity * (projectile_sums.x.dot(&axis.normal) - level).max(0.0);
+                let normal_speed = (approach.dot(&axis.normal).powi(2) + speed_square_gain).sqrt();
+                with_component(approach, &axis.normal, -normal_speed)
             }
             _ => approach,
         };
@@ -331,13 +364,13 @@ impl ImpactRun {
             target: target.iter().map(|grain| grain.id).collect(),
             criterion,
             target_velocity,
-            incident: shot.mass * incident_velocity,
-            projectile_mass: shot.mass,
+            incident: projectile_sums.mass * incident_velocity,
+            projectile_mass: projectile_sums.mass,
             direction: options.direction.unwrap_or(path),
             axis,
             escape_speed: options.escape_speed.unwrap_or(target_escape),
             gravity_constant: constant.unwrap_or(0.0),
-            launch_distance: axis.map_or(f64::NAN, |axis| (axis.point - sums.x).norm()),
+            launch_distance: axis.map_or(f64::NAN, |axis| (axis.point - target_sums.x).norm()),
             surface,
             first_positions: target.iter().map(|grain| (grain.id, grain.x)).collect(),
             seen: BTreeMap::new(),
@@ -362,11 +395,11 @@ impl ImpactRun {
         matches!(self.criterion, TargetCriterion::Bed { .. })
     }
 
-    /// State in a snapshot; snapshots are given in their order, beginning with the first.
+    /// Returns the state in a snapshot; snapshots are given in their order, beginning with the first.
     pub fn next_state(&mut self, frame: &Frame) -> ImpactState {
         let fragments = fragments_within(frame, REMNANT_GAP);
         let remnant = self.remnant_index(frame, &fragments);
-        let remnant_sums = self.sums_of_own(frame, fragments.get(remnant));
+        let remnant_sums = self.participant_sums(frame, fragments.get(remnant));
         let mut present = BTreeSet::new();
         for grain in &frame.grains {
             if self.is_participant(grain.id) {
@@ -408,7 +441,7 @@ impl ImpactRun {
         ImpactState { time, target_mass, gained: self.incident - carried, carried, ejecta, crater }
     }
 
-    /// Ratios of the momentum that the target has gained to that of the projectile.
+    /// Returns the ratios of the momentum that the target has gained to that of the projectile.
     pub fn enhancement(&self, state: &ImpactState) -> MomentumEnhancement {
         let ratio = |axis: &Vec3| {
             let (gained, incident) = (state.gained.dot(axis), self.incident.dot(axis));
@@ -424,32 +457,33 @@ impl ImpactRun {
     }
 
     /// Mass, centre and motion of those grains of a fragment that belong to the target or the projectile.
-    fn sums_of_own(&self, frame: &Frame, fragment: Option<&Fragment>) -> AggregateSums {
+    fn participant_sums(&self, frame: &Frame, fragment: Option<&Fragment>) -> AggregateSums {
         let grains = fragment.into_iter().flat_map(|fragment| &fragment.grains).map(|&i| &frame.grains[i]);
         AggregateSums::from_grains(grains.filter(|grain| self.is_participant(grain.id)).collect::<Vec<_>>())
     }
 
+    /// Whether a body belongs to the target or to the projectile.
     fn is_participant(&self, body: u64) -> bool {
         self.target.contains(&body) || self.projectile.contains(&body)
     }
 
     /// Index of the fragment with the largest mass of the target.
     fn remnant_index(&self, frame: &Frame, fragments: &[Fragment]) -> usize {
-        let own_mass = |fragment: &Fragment| -> f64 {
-            let own = fragment.grains.iter().map(|&i| &frame.grains[i]).filter(|grain| self.target.contains(&grain.id));
-            own.map(|grain| grain.mass).sum()
+        let target_mass = |fragment: &Fragment| -> f64 {
+            let grains = fragment.grains.iter().map(|&i| &frame.grains[i]);
+            grains.filter(|grain| self.target.contains(&grain.id)).map(|grain| grain.mass).sum()
         };
-        let masses: Vec<f64> = fragments.iter().map(own_mass).collect();
+        let masses: Vec<f64> = fragments.iter().map(target_mass).collect();
         (0..masses.len()).reduce(|best, k| if masses[k] > masses[best] { k } else { best }).unwrap_or(0)
     }
 
     /// Whether another body touches the projectile, or has done so since the snapshot before.
     fn is_projectile_struck(&self, frame: &Frame) -> bool {
-        let is_own =
+        let is_projectile =
             |body: ContactBody| body.grain_id().is_some_and(|grain| self.projectile.contains(&frame.grains[grain].id));
-        let is_blow = |bodies: [ContactBody; 2]| is_own(bodies[0]) != is_own(bodies[1]);
+        let is_blow = |bodies: [ContactBody; 2]| is_projectile(bodies[0]) != is_projectile(bodies[1]);
         let mut touching = frame.active_contacts().map(|contact| [contact.candidate, contact.antagonist]);
-        touching.any(is_blow) || frame.interval.exchanges.iter().any(|exchange| is_blow(exchange.bodies))
+        touching.any(is_blow) || frame.interval.touched_pairs.iter().any(|pair| is_blow(pair.bodies))
     }
 
     /// Bodies that are not in the target, in open space: also those that have left the run.
@@ -462,14 +496,14 @@ impl ImpactRun {
     ) -> BTreeSet<u64> {
         let mut inside = BTreeSet::new();
         for (k, fragment) in fragments.iter().enumerate() {
-            let own: Vec<&Grain> = fragment
+            let participants: Vec<&Grain> = fragment
                 .grains
                 .iter()
                 .map(|&i| &frame.grains[i])
                 .filter(|grain| self.is_participant(grain.id))
                 .collect();
             let is_bound = || {
-                let sums = self.sums_of_own(frame, Some(fragment));
+                let sums = self.participant_sums(frame, Some(fragment));
                 let velocity = sums.velocity() - remnant_sums.velocity();
                 let mu = self.gravity_constant * (remnant_sums.mass + sums.mass);
                 Orbit::new(sums.x - remnant_sums.x, velocity, mu, Vec3::z()).is_bound()
@@ -480,10 +514,10 @@ impl ImpactRun {
                 TargetCriterion::RemnantOrWithin(distance) => k == remnant || is_nearer(grain, distance),
                 TargetCriterion::Bound | TargetCriterion::Bed { .. } => true,
             };
-            let is_candidate =
-                !own.is_empty() && (k == remnant || self.criterion != TargetCriterion::Bound || is_bound());
-            if is_candidate {
-                inside.extend(own.into_iter().filter(|grain| belongs(grain)).map(|grain| grain.id));
+            let can_belong =
+                !participants.is_empty() && (k == remnant || self.criterion != TargetCriterion::Bound || is_bound());
+            if can_belong {
+                inside.extend(participants.into_iter().filter(|grain| belongs(grain)).map(|grain| grain.id));
             }
         }
         self.seen.keys().copied().filter(|body| !inside.contains(body)).collect()
@@ -511,14 +545,18 @@ impl ImpactRun {
         let SeenState { mass, x, v } = self.seen[&body];
         let normal = self.axis.map_or(Vec3::repeat(f64::NAN), |axis| axis.normal);
         let launch_velocity = if let TargetCriterion::Bed { level, gravity } = self.criterion {
-            let fall = 2.0 * gravity * (x.dot(&normal) - level).max(0.0);
-            with_component(v, &normal, (v.dot(&normal).powi(2) + fall).sqrt())
+            let speed_square_gain = 2.0 * gravity * (x.dot(&normal) - level).max(0.0);
+            with_component(v, &normal, (v.dot(&normal).powi(2) + speed_square_gain).sqrt())
         } else {
             let relative = v - remnant.velocity();
-            let rise = 1.0 / self.launch_distance - 1.0 / (x - remnant.x).norm();
-            let fall = if rise > 0.0 { 2.0 * self.gravity_constant * remnant.mass * rise } else { 0.0 };
+            let inverse_distance_difference = 1.0 / self.launch_distance - 1.0 / (x - remnant.x).norm();
+            let speed_square_gain = if inverse_distance_difference > 0.0 {
+                2.0 * self.gravity_constant * remnant.mass * inverse_distance_difference
+            } else {
+                0.0
+            };
             let square = relative.norm_squared();
-            if square > 0.0 { relative * ((square + fall) / square).sqrt() } else { relative }
+            if square > 0.0 { relative * ((square + speed_square_gain) / square).sqrt() } else { relative }
         };
         let share = normal.dot(&launch_velocity) / launch_velocity.norm();
         EjectaGrain { body, mass, launch_velocity, elevation: share.clamp(-1.0, 1.0).asin() }
@@ -715,7 +753,7 @@ mod tests {
             set_velocity(&mut scene, row, [side * factor * escape, 0.0, 0.0]);
         }
         let state = run.next_state(&scene.frame());
-        // The projectile counts as body of its own: twice its speed would leave, too.
+        // The projectile is not counted as ejecta.
         assert_eq!(state.ejecta.iter().map(|grain| grain.body as usize - 1).collect::<Vec<_>>(), [fast]);
         let masses = &scene.snapshot.bodies.body_mass;
         assert_near(state.target_mass, masses[0] + masses[1] + masses[slow], 1e-12 * masses[0]);
@@ -823,7 +861,7 @@ mod tests {
         moving.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
         assert_eq!(fault(&moving, &options("126")), None);
         let within = ImpactOptions { target_radius: Some(1.0), ..options("126") };
-        assert_eq!(fault(&moving, &within), Some(ImpactError::BedOption("within")));
+        assert_eq!(fault(&moving, &within), Some(ImpactError::BedOption("--within")));
         moving.snapshot.meta.parameters.fields =
             vec![cd_formats::compute::ExternalField::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] }];
         assert_eq!(fault(&moving, &options("126")), Some(ImpactError::RotatingAxes));

@@ -213,7 +213,11 @@ pub struct MeasurementOptions {
 
 impl Default for MeasurementOptions {
     fn default() -> MeasurementOptions {
-        MeasurementOptions { summation: PairSummation::default(), region: None, slope_reach: free_surface::REACH }
+        MeasurementOptions {
+            summation: PairSummation::default(),
+            region: None,
+            slope_reach: free_surface::DEFAULT_SLOPE_REACH,
+        }
     }
 }
 

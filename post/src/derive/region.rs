@@ -19,7 +19,7 @@ use crate::derive::hull;
 use crate::derive::motion::RotatingAxes;
 use crate::derive::probe::{Probe, region_kind, share_of_grain};
 use crate::derive::region_kind::RegionKind;
-use crate::frame::{ContactBody, Frame, Grain, GrainId, ImpulseExchange, SnapshotInterval};
+use crate::frame::{ContactBody, Frame, Grain, GrainId, SnapshotInterval, TouchedPair};
 use crate::math::{Mat3, Vec3};
 
 /// Least share of the mass or of the grains of the largest remnant: a smaller fragment is a clump of a
@@ -147,17 +147,17 @@ impl Region {
     /// A third of the trace of [`Region::stress`], Pa, mean over the steps since the snapshot before. NaN without an
     /// interval and in a probe, as snapshots do not contain the positions at which forces acted in an interval.
     pub fn interval_pressure(&self, frame: &Frame) -> f64 {
-        let SnapshotInterval { length, exchanges } = &frame.interval;
+        let SnapshotInterval { length, touched_pairs } = &frame.interval;
         if self.probe.is_some() || *length <= 0.0 {
             return f64::NAN;
         }
-        // Half of the exchange counts for a pair with one grain inside.
-        let virial = |exchange: &ImpulseExchange| {
-            let grains = || exchange.bodies.iter().filter_map(|body| body.grain_id());
+        // Half of the virial counts for a pair with one grain inside.
+        let virial = |pair: &TouchedPair| {
+            let grains = || pair.bodies.iter().filter_map(|body| body.grain_id());
             let inside = grains().filter(|&i| self.is_member(i)).count();
-            exchange.virial * inside as f64 / grains().count() as f64
+            pair.virial * inside as f64 / grains().count() as f64
         };
-        exchanges.iter().map(virial).sum::<f64>() / length / (3.0 * self.volume)
+        touched_pairs.iter().map(virial).sum::<f64>() / length / (3.0 * self.volume)
     }
 
     /// Velocity of the centre of mass of the region's contents, m/s.

@@ -17,8 +17,8 @@ const RIGHT_MARGIN: f64 = 120.0;
 const BOTTOM_MARGIN: f64 = 60.0;
 /// Number of steps of the colour bar.
 const COLOUR_STEPS: usize = 60;
-/// Least length of the colour bar in distances of its marks, which are 1, 2 or 5 times a power of ten apart; the bar has
-/// at most 2.5 times as many, and one.
+/// Smallest ratio of the range of the colour bar to the distance of its marks. This distance is rounded down to 1, 2 or 5 times
+/// a power of ten, so that the ratio is at most 2.5 times as large and the bar has 2 to 7 marks.
 const MIN_BAR_STEPS: f64 = 2.5;
 /// Least height of the colour bar, which fits seven numbers, pixels.
 const MIN_BAR_HEIGHT: f64 = 120.0;

@@ -9,13 +9,13 @@ use crate::write::view::{face_normal, light_intensity, shaded_colour, visible_sp
 const CELLS_PER_PIXEL: usize = 2;
 
 /// Shade of the rim of a ball and of the edges of a face, and their width, pixels.
-const EDGE_SHADE: f64 = 0.55;
+pub const EDGE_SHADE: f64 = 0.55;
 const EDGE_WIDTH: f64 = 0.9;
 /// Least radius of balls and faces with edges, pixels, as edges would cover smaller ones.
 const MIN_EDGED_RADIUS: f64 = 4.0;
 
-/// Advance of a line over the surface on which it lies, pixels: more than the rounding of depths.
-const LINE_ADVANCE: f32 = 0.75;
+/// Depth offset of a line in front of the surface on which it lies, pixels: more than the rounding of depths.
+const LINE_DEPTH_OFFSET: f32 = 0.75;
 
 /// Colour of texts and lines.
 pub const INK: [u8; 3] = [60, 60, 60];
@@ -213,7 +213,7 @@ impl DepthCanvas {
                     continue;
                 }
                 let cell = y as usize * self.width + x as usize;
-                if point[2] as f32 - LINE_ADVANCE < self.depths[cell] {
+                if point[2] as f32 - LINE_DEPTH_OFFSET < self.depths[cell] {
                     self.blend(cell, colour, opacity);
                 }
             }
@@ -221,7 +221,7 @@ impl DepthCanvas {
     }
 
     /// Draws a translucent face that is seen from outside.
-    pub fn draw_glass_face(&mut self, corners: &[CanvasPoint], colour: [f64; 3], opacity: f64) {
+    pub fn draw_translucent_face(&mut self, corners: &[CanvasPoint], colour: [f64; 3], opacity: f64) {
         if view_normal(corners).y < 0.0 {
             self.draw_face(corners, colour, opacity);
         }

@@ -8,7 +8,7 @@ use crate::frame::{Frame, Grain, PeriodicCell, Wall, WallShape};
 use crate::math::Vec3;
 use crate::shapes::SolidShape;
 
-/// Direction towards the light: left, above and before the picture (x right, y away, z up); length 1.
+/// Direction towards the light: left, above and in front of the picture (x right, y away, z up); length 1.
 const LIGHT_DIRECTION: [f64; 3] = [-0.48, -0.64, 0.6];
 
 /// Angles of the usual view, rad: from the front, a little from the right and from above.
@@ -41,8 +41,8 @@ impl Default for ViewCamera {
 }
 
 impl ViewCamera {
-    /// Camera above the horizontal by `elevation`, rad; at `azimuth` 0 it looks along y, from the front, at a quarter turn
-    /// against x, from the right.
+    /// Camera above the horizontal by `elevation`, rad; at `azimuth` 0 it looks along +y, from the front, at a quarter turn
+    /// along -x, from the right.
     pub fn from_angles(azimuth: f64, elevation: f64) -> ViewCamera {
         let rotation = Rotation3::from_axis_angle(&Vec3::x_axis(), elevation)
             * Rotation3::from_axis_angle(&Vec3::z_axis(), -azimuth);
@@ -55,9 +55,13 @@ pub fn light_intensity(normal: &Vec3) -> f64 {
     normal.dot(&Vec3::from(LIGHT_DIRECTION)).max(0.0)
 }
 
-/// Colour of a surface in the light: half in the shade, with some white in full light.
+/// Brightness of a surface without light, as a share of its colour.
+pub const SHADOW_BRIGHTNESS: f64 = 0.45;
+
+/// Colour of a surface with this intensity of the light: its colour times [`SHADOW_BRIGHTNESS`] without light, with some white
+/// in full light.
 pub fn shaded_colour(colour: [f64; 3], light: f64) -> [f64; 3] {
-    let brightness = 0.45 + 0.65 * light;
+    let brightness = SHADOW_BRIGHTNESS + 0.65 * light;
     colour.map(|c| if brightness <= 1.0 { brightness * c } else { c + (brightness - 1.0) * 3.0 * (255.0 - c) })
 }
 
@@ -85,7 +89,7 @@ fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
 pub struct ViewWindow {
     /// Middle of the picture, to the right and upwards in the rotated axes, m.
     pub middle: [f64; 2],
-    /// Half of the width and of the height of what is in it, m; NaN without bodies.
+    /// Half of the width and of the height of the bodies in it, m; NaN without bodies.
     pub halves: [f64; 2],
 }
 
@@ -106,18 +110,20 @@ impl ViewWindow {
     /// Window around most of the grains, and around walls and landers that are not too far from them.
     pub fn around_bodies(frame: &Frame, camera: &ViewCamera) -> ViewWindow {
         let mut window = ViewWindow::around_grains(frame, camera);
-        let mut discs: Vec<(f64, [f64; 2], f64)> = Vec::new();
-        let mut add_disc = |growth: f64, x: Vec3, radius: f64| {
+        // Windows of the parts of landers: of bodies that are alone in their colour, and of driven ones, which are not drawn
+        // translucent.
+        let mut lander_windows: Vec<ViewWindow> = Vec::new();
+        let mut add_lander = |x: Vec3, radius: f64| {
             let at = camera.rotation * x;
-            discs.push((growth, [at.x, at.z], radius));
+            lander_windows.push(ViewWindow::around_disc([at.x, at.z], radius));
         };
         for grain in lone_grains(frame) {
-            add_disc(MAX_LANDER_GROWTH, frame.grains[grain].x, frame.grains[grain].bounding_radius());
+            add_lander(frame.grains[grain].x, frame.grains[grain].bounding_radius());
         }
         let walls: Vec<DrawnWall> = drawn_walls(frame);
         for wall in walls.iter().filter(|wall| !wall.is_translucent) {
-            wall.balls.iter().for_each(|(x, radius)| add_disc(MAX_LANDER_GROWTH, *x, *radius));
-            wall.vertices.iter().for_each(|x| add_disc(MAX_LANDER_GROWTH, *x, 0.0));
+            wall.balls.iter().for_each(|(x, radius)| add_lander(*x, *radius));
+            wall.vertices.iter().for_each(|x| add_lander(*x, 0.0));
         }
         // Without grains the walls are the picture.
         let start = window.half_side();
@@ -127,8 +133,7 @@ impl ViewWindow {
         };
         if start.is_nan() {
             let vertices = walls.iter().flat_map(|wall| &wall.vertices).map(vertex_window);
-            let balls = discs.iter().map(|(_, middle, radius)| ViewWindow::around_disc(*middle, *radius));
-            return vertices.chain(balls).fold(window, |all, body| all.union(&body));
+            return vertices.chain(lander_windows).fold(window, |all, body| all.union(&body));
         }
         for wall in walls.iter().filter(|wall| wall.is_translucent) {
             let extended = wall.vertices.iter().map(vertex_window).fold(window, |all, vertex| all.union(&vertex));
@@ -137,9 +142,9 @@ impl ViewWindow {
                 window = extended;
             }
         }
-        for (growth, middle, radius) in discs {
-            let extended = window.union(&ViewWindow::around_disc(middle, radius));
-            if extended.half_side() <= growth * start {
+        for lander in lander_windows {
+            let extended = window.union(&lander);
+            if extended.half_side() <= MAX_LANDER_GROWTH * start {
                 window = extended;
             }
         }

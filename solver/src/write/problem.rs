@@ -14,7 +14,7 @@ use crate::state::State;
 pub fn check_dump_step(scene: &Scene, state: &State, step: u64) -> Result<(), Faults> {
     let mut faults = Faults::default();
     let mut fault = |found: String, expected: String| {
-        faults.push(Fault::new(Path::new("options"), None, "dump_problem", found, expected));
+        faults.push(Fault::new(Path::new("options"), None, "--dump-problem", found, expected));
     };
     let (first, last) = (state.step, scene.last_step());
     if step <= first || step > last {

@@ -296,7 +296,7 @@ fn ranks_report_faults_once() {
         assert!(code == Some(2) && lines == 1 && errors.contains(expected), "{code:?} {lines} {errors}");
     };
     of_one(failed(&["--theta", "2"]), "theta: 2; expected 0.5 to 1");
-    of_one(failed(&["--step-loop"]), "step-loop: runs on 3 ranks");
+    of_one(failed(&["--step-loop"]), "--step-loop: runs on 3 ranks");
     std::fs::create_dir_all(case.path().join("OUTBOX/steps.csv")).unwrap();
     of_one(failed(&["--steps", "2"]), "steps.csv");
 }

@@ -446,21 +446,21 @@ fn steps_of_which_no_problem_can_be_written() {
     let mut case = sound();
     let made = |first: u64| format!("expected a step that the run makes, after {first} and up to 2");
     for step in ["0", "3", "99"] {
-        written_refused(&case, &["--dump-problem", step], &[&format!("options: dump_problem: {step}; {}", made(0))]);
+        written_refused(&case, &["--dump-problem", step], &[&format!("options: --dump-problem: {step}; {}", made(0))]);
     }
     // A run that has ended makes no step.
     assert_eq!(spawn(&case, &[]).0, 0);
     let flags = ["--resume", "--dump-problem", "2"];
-    refused(&case, &flags, &[&format!("options: dump_problem: 2; {}", made(2))]);
+    refused(&case, &flags, &[&format!("options: --dump-problem: 2; {}", made(2))]);
     // Results of before stay where --force is rejected.
     let flags = ["--force", "--dump-problem", "3"];
-    refused(&case, &flags, &[&format!("options: dump_problem: 3; {}", made(0))]);
+    refused(&case, &flags, &[&format!("options: --dump-problem: 3; {}", made(0))]);
     assert!(case.path().join("OUTBOX/steps.csv").exists());
 
     case.law("IQS_DS_ROLL_CLB", &[0.3, 0.3, 0.1, 0.1]);
     fs::remove_dir_all(case.path().join("OUTBOX")).unwrap();
     let moments = "expected laws without moments, which the format cannot hold";
-    written_refused(&case, &["--dump-problem", "1"], &[&format!("options: dump_problem: 1; {moments}")]);
+    written_refused(&case, &["--dump-problem", "1"], &[&format!("options: --dump-problem: 1; {moments}")]);
     // The last step of a run is one of its steps.
     let case = sound();
     case.write();

@@ -297,8 +297,11 @@ fn page_html(dir: &Path, content: &PageContent, state_files: Vec<state::file::St
     if has_final_state {
         add(&heading("final-state"));
         add("<div class=\"figures\">\n");
-        let default =
-            if self_gravity_constant(last).is_none() { free_surface::REACH } else { plane_fit::DEFAULT_FIT_REACH };
+        let default = if self_gravity_constant(last).is_none() {
+            free_surface::DEFAULT_SLOPE_REACH
+        } else {
+            plane_fit::DEFAULT_FIT_REACH
+        };
         let reach_text = format_six_digits(reach.unwrap_or(default));
         let files: BTreeMap<&str, Vec<u8>> = state_files.into_iter().collect();
         let texts = files.iter().filter(|(file, _)| file.ends_with(".csv"));

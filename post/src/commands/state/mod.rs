@@ -157,7 +157,7 @@ pub fn state_files(frame: &Frame, added_bodies: &HashSet<u64>, slope_reach: Opti
     if !frame.cell().is_periodic() {
         files.extend(profile_files(frame, &fragments[0]));
     }
-    match FreeSurface::from_frame(frame, &fragments, slope_reach.unwrap_or(free_surface::REACH)) {
+    match FreeSurface::from_frame(frame, &fragments, slope_reach.unwrap_or(free_surface::DEFAULT_SLOPE_REACH)) {
         // Under self-gravity verticals have no common direction.
         Some(surface) if self_gravity_constant(frame).is_none() => files.extend(free_surface_files(&surface)),
         _ if !frame.cell().is_periodic() => {

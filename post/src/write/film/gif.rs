@@ -1,12 +1,14 @@
 //! Animated GIF (GIF89a), with one palette for all pictures; pictures after the first have only the pixels that change.
 
 use std::borrow::Cow;
+use std::path::{Path, PathBuf};
 
 use cd_formats::error::{Fault, Faults};
 use gif::{DisposalMethod, Encoder, Frame as GifFrame, Repeat};
 
 use crate::write::colours::{ColourScale, MAX_CLASSES};
-use crate::write::raster::RgbImage;
+use crate::write::raster::{EDGE_SHADE, RgbImage};
+use crate::write::view::SHADOW_BRIGHTNESS;
 
 /// Index of pixels that keep the colour of the picture before.
 const UNCHANGED: u8 = 0;
@@ -22,6 +24,12 @@ const UNITS_PER_SECOND: f64 = 100.0;
 /// Time for which the last picture stays, s, before the film repeats.
 const LAST_SECONDS: f64 = 1.0;
 
+/// Darkest shade of a class, as a share of its colour: [`EDGE_SHADE`] of a surface without light, [`SHADOW_BRIGHTNESS`],
+/// rounded to 1/4.
+const DARKEST_SHADE: f64 = 0.25;
+
+const _: () = assert!((DARKEST_SHADE - EDGE_SHADE * SHADOW_BRIGHTNESS).abs() < 0.01);
+
 /// Colours of a film, with the nearest of them to each colour.
 pub struct FilmPalette {
     colours: Vec<[u8; 3]>,
@@ -35,13 +43,13 @@ impl FilmPalette {
         let mut colours: Vec<[f64; 3]> = vec![[255.0; 3]]; // of unchanged pixels, never shown
         colours.extend((0..GREY_COUNT).map(|k| [255.0 * k as f64 / (GREY_COUNT - 1) as f64; 3]));
         let classes = scale.max_class().min(MAX_CLASSES - 1) + 1;
-        // Three shades of a class in five are darker, from that of an edge to the colour. The others lead from the colour to
-        // white, for the brightest spots of balls and for pixels that are covered in part.
+        // Three fifths of the shades of a class are darker: from the shade of an edge without light to the colour. The others
+        // lead from the colour to white, for the brightest spots of balls and for pixels that are covered in part.
         let shades = (MAX_COLOURS - colours.len()) / classes;
         let (dark, light) = (3 * shades / 5, shades - 3 * shades / 5);
         for colour in (0..classes).map(|class| scale.class_colour(class)) {
             colours.extend((0..dark).map(|k| {
-                let share = 0.25 + 0.75 * k as f64 / (dark - 1) as f64;
+                let share = DARKEST_SHADE + (1.0 - DARKEST_SHADE) * k as f64 / (dark - 1) as f64;
                 colour.map(|c| share * c)
             }));
             colours.extend((1..=light).map(|k| {
@@ -76,19 +84,26 @@ impl FilmPalette {
 
 /// Writer of a GIF into memory.
 pub struct GifFilm {
+    /// File of the film, for messages.
+    path: PathBuf,
     encoder: Encoder<Vec<u8>>,
     width: usize,
     /// Indices of the picture before.
     before: Option<Vec<u8>>,
     frames_per_second: f64,
-    /// Number of pictures written and to write.
+    /// Number of pictures written so far.
     written: usize,
+    /// Number of pictures of the film.
     count: usize,
 }
 
 impl GifFilm {
     /// Starts a film of `count` pictures that repeats without end.
+    ///
+    /// * `path`: file of the film, for messages.
+    /// * `palette`: colours of the pictures.
     pub fn new(
+        path: &Path,
         [width, height]: [usize; 2],
         palette: &FilmPalette,
         frames_per_second: f64,
@@ -100,8 +115,8 @@ impl GifFilm {
             encoder.set_repeat(Repeat::Infinite)?;
             Ok(encoder)
         });
-        let encoder = started.map_err(encoding_fault)?;
-        Ok(GifFilm { encoder, width, before: None, frames_per_second, written: 0, count })
+        let encoder = started.map_err(|error| encoding_fault(path, &error))?;
+        Ok(GifFilm { path: path.to_path_buf(), encoder, width, before: None, frames_per_second, written: 0, count })
     }
 
     /// Appends a picture by its indices.
@@ -136,17 +151,18 @@ impl GifFilm {
             ..GifFrame::default()
         };
         self.before = Some(indices);
-        self.encoder.write_frame(&frame).map_err(encoding_fault)
+        self.encoder.write_frame(&frame).map_err(|error| encoding_fault(&self.path, &error))
     }
 
     /// Returns the bytes of the file.
     pub fn finish(self) -> Result<Vec<u8>, Faults> {
-        self.encoder.into_inner().map_err(encoding_fault)
+        self.encoder.into_inner().map_err(|error| encoding_fault(&self.path, &error))
     }
 }
 
-fn encoding_fault(error: gif::EncodingError) -> Faults {
-    Fault::new("movie.gif".as_ref(), None, "film", error.to_string(), "expected pictures that can be encoded").into()
+/// Fault of pictures that the library does not encode.
+fn encoding_fault(path: &Path, error: &gif::EncodingError) -> Faults {
+    Fault::new(path, None, "movie", error.to_string(), "choose a name that ends in .mp4, or a smaller --size").into()
 }
 
 /// Left, top, width and height of the smallest rectangle with all pixels that differ, one pixel if none does.
@@ -202,7 +218,7 @@ mod tests {
         };
         // The last two are equal.
         let images: Vec<RgbImage> = (0..9).chain([8]).map(image).collect();
-        let mut film = GifFilm::new([30, 20], &palette, 30.0, images.len()).unwrap();
+        let mut film = GifFilm::new(Path::new("film.gif"), [30, 20], &palette, 30.0, images.len()).unwrap();
         for image in &images {
             film.append(palette.indices(image)).unwrap();
         }

@@ -100,7 +100,7 @@ impl FilmSettings {
             for face in &wall.faces {
                 let corners: Vec<CanvasPoint> = face.iter().map(|&k| vertices[k as usize]).collect();
                 if wall.is_translucent {
-                    canvas.draw_glass_face(&corners, WALL_COLOUR, WALL_OPACITY);
+                    canvas.draw_translucent_face(&corners, WALL_COLOUR, WALL_OPACITY);
                 } else {
                     canvas.draw_solid_face(&corners, WALL_COLOUR);
                 }
@@ -117,7 +117,7 @@ impl FilmSettings {
     fn write_texts(&self, frame: &Frame, image: &mut RgbImage) {
         let (font, line) = (self.font(), self.font().line_height());
         let margin = line / 2;
-        // A light ground keeps the texts readable before walls.
+        // A light ground keeps the texts readable in front of walls.
         let texts =
             [format!("t = {:.*} s", self.time_decimals, frame.meta.time), format!("grains: {}", frame.grains.len())];
         let letters = texts.iter().map(|text| text.chars().count()).max().unwrap_or(0);
