@@ -145,15 +145,19 @@ fn ranks_change_no_byte_of_a_periodic_bed() {
     expect_divided_contacts(&bed(), 1.0);
 }
 
-/// Spheres with restitution that are shaken in a tub, with steps of several `dt` and walls that move.
+/// Spheres in a shaken tub whose contacts ranks divide, with steps of several `dt` and walls that move.
+fn divided_tub(law: &str, parameters: &[f64]) -> Case {
+    let mut case = scene(4);
+    case.tact = TactBehav::default();
+    case.law_of_all(law, parameters);
+    case.options.adaptive = Some(Adaptive { max_multiple: 4, ..case.options.adaptive() });
+    case
+}
+
 #[test]
 fn ranks_change_no_byte_of_divided_contacts_in_a_tub() {
     for (law, parameters) in [("IQS_CLB", &[0.3][..]), ("RST_CLB", &[0.5, 0.2, 0.3])] {
-        let mut case = scene(4);
-        case.tact = TactBehav::default();
-        case.law_of_all(law, parameters);
-        case.options.adaptive = Some(Adaptive { max_multiple: 4, ..case.options.adaptive() });
-        expect_divided_contacts(&case, 0.9);
+        expect_divided_contacts(&divided_tub(law, parameters), 0.9);
     }
 }
 
@@ -227,11 +231,29 @@ fn signal_rank(launched: &Child, signal: &str, which: usize) {
     assert!(Command::new("kill").args([signal, &ranks[which]]).status().unwrap().success());
 }
 
-/// Starts a shaken tub on three ranks, sends a signal to rank `which` after snapshot 15 and `delay`, and compares the run
-/// that resumes on `ranks` ranks with an unbroken one. Snapshots are in parts of 20 bodies.
+/// Scene of runs that are broken off.
+#[derive(Debug, Clone, Copy)]
+enum BrokenScene {
+    /// Each rank has all contacts of a shaken tub.
+    Undivided,
+    /// Ranks divide them.
+    Divided,
+}
+
+impl BrokenScene {
+    fn case(self) -> Case {
+        match self {
+            BrokenScene::Undivided => scene(4),
+            BrokenScene::Divided => divided_tub("RST_CLB", &[0.5, 0.2, 0.3]),
+        }
+    }
+}
+
+/// Starts a scene on three ranks, sends a signal to rank `which` after snapshot 15 and `delay`, and compares the run that
+/// resumes on `ranks` ranks with an unbroken one. Snapshots are in parts of 20 bodies.
 #[cfg(unix)]
-fn expect_resumed(signal: &str, which: usize, delay: Duration, ranks: usize) {
-    let case = scene(4);
+fn expect_resumed(scene: BrokenScene, signal: &str, which: usize, delay: Duration, ranks: usize) {
+    let case = scene.case();
     case.write();
     let long = ["--steps", "1000000", "--output-every", "15", "--threads", "1", "--part-bodies", "20"];
     let mut broken = command(&case.path(), 3, &long).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
@@ -245,8 +267,11 @@ fn expect_resumed(signal: &str, which: usize, delay: Duration, ranks: usize) {
     let stopped = case.last().meta.step;
     assert!((15..1_000_000).contains(&stopped), "{stopped}");
     let steps = (stopped + 20).to_string();
-    run(&case.path(), ranks, &["--resume", "--steps", &steps, "--threads", "2", "--part-bodies", "20"]);
-    let whole = scene(4);
+    let summary = run(&case.path(), ranks, &["--resume", "--steps", &steps, "--threads", "2", "--part-bodies", "20"]);
+    let is_divided = matches!(scene, BrokenScene::Divided) && ranks > 1;
+    let says_divided = |line: &str| line.contains("contacts by rank") && line.contains("divided;");
+    assert_eq!(summary.lines().any(says_divided), is_divided, "{summary}");
+    let whole = scene.case();
     whole.write();
     run(&whole.path(), 0, &["--steps", &steps, "--part-bodies", "20"]);
     let [mut resumed, mut whole] = [&case, &whole].map(|case| outbox(&case.path()));
@@ -262,8 +287,8 @@ fn expect_resumed(signal: &str, which: usize, delay: Duration, ranks: usize) {
 #[test]
 #[cfg(unix)]
 fn a_run_resumes_on_another_number_of_ranks() {
-    if has_mpirun() {
-        ["-KILL", "-TERM"].into_iter().for_each(|signal| expect_resumed(signal, 0, Duration::ZERO, 2));
+    for scene in [BrokenScene::Undivided, BrokenScene::Divided].into_iter().filter(|_| has_mpirun()) {
+        ["-KILL", "-TERM"].into_iter().for_each(|signal| expect_resumed(scene, signal, 0, Duration::ZERO, 2));
     }
 }
 
@@ -273,9 +298,12 @@ fn ranks_killed_at_random_instants_lose_nothing() {
     let mut random = uniform(11);
     let mut below = |count: f64| count * random();
     for attempt in 0..if is_long() && has_mpirun() { 20 } else { 0 } {
-        let (which, delay, ranks) = (below(3.0) as usize, Duration::from_secs_f64(below(2.0)), 1 + below(4.0) as usize);
-        println!("{attempt}: rank {which} after {delay:?}, then {ranks} ranks");
-        expect_resumed("-KILL", which, delay, ranks);
+        for scene in [BrokenScene::Undivided, BrokenScene::Divided] {
+            let (which, delay, ranks) =
+                (below(3.0) as usize, Duration::from_secs_f64(below(2.0)), 1 + below(4.0) as usize);
+            println!("{attempt}, {scene:?}: rank {which} after {delay:?}, then {ranks} ranks");
+            expect_resumed(scene, "-KILL", which, delay, ranks);
+        }
     }
 }
 
