@@ -11,8 +11,9 @@ use cd_solve::math::Vec3;
 use cd_solve::math::simd::SimdWidth;
 use cd_solve::ranks::threads::run_as_ranks;
 use cd_solve::ranks::{part_range, traffic};
-use cd_solve::solve::gauss_seidel::layout::{division_counts, pack_in_blocks, pack_problem};
+use cd_solve::solve::gauss_seidel::layout::{division_counts, pack_in_blocks, pack_problem, smallest_block};
 use cd_solve::solve::gauss_seidel::packed::PackSource;
+use cd_solve::solve::gauss_seidel::row_division::RowDivision;
 use cd_solve::solve::residual::ResidualEvaluator;
 use cd_solve::solve::{ContactReactions, ContactSolution, SolveRequest, StoppingCriteria, solve_in_parts, solve_nlgs};
 use cd_solve::state::ContactId;
@@ -153,6 +154,69 @@ fn ranks_send_what_a_plan_counts() {
             let bound = |neighbours: &u64| neighbours * counts.colours as u64;
             assert!(counts.messages.iter().zip(&counts.neighbours).all(|(sent, others)| *sent <= bound(others)));
         }
+    }
+}
+
+/// Ranks that each have a part of the rows send in every sweep what a plan counts, and sweep the rows that it counts, the
+/// fullest at most 1.1 of the mean; several ranks sweep a row of a border between them.
+#[test]
+fn ranks_with_a_part_of_the_rows_send_what_a_plan_counts() {
+    let _alone = ONE_SET_OF_RANKS.lock();
+    let system = packing::packing(22, 0.4);
+    let active: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
+    for (precision, line_bytes) in [(SweepPrecision::Double, 48), (SweepPrecision::Single, 24)] {
+        for size in [2, 4, 8] {
+            let counts = division_counts(&system, &active, size);
+            let before = traffic();
+            let swept_rows = run_as_ranks(size, |communicator| {
+                let rows = part_range(system.rows.len(), communicator.rank(), size);
+                let mut part = ContactProblem { rows: system.rows[rows].to_vec(), ..system.clone() };
+                let own: Vec<ContactId> = (0..part.rows.len()).map(ContactId::new).collect();
+                let impulses = vec![Vec3::zeros(); own.len()];
+                let swept_rows = RowDivision::new(&part, &own, &impulses, smallest_block(false)).1.len();
+                let request = SolveRequest {
+                    solver: ContactSolver::Nlgs,
+                    criteria: StoppingCriteria { precision, ..StoppingCriteria::new(1e-12, 5) },
+                    width: SimdWidth::detect(),
+                    fallback_suppressed: false,
+                };
+                solve_in_parts(&mut part, request).expect("a solution by sweeps");
+                swept_rows
+            });
+            let after = traffic();
+            // Each rank counts each sweep.
+            let sweeps = (after.divided_sweeps - before.divided_sweeps) / size as u64;
+            let (messages, lines): (u64, u64) = (counts.messages.iter().sum(), counts.lines.iter().sum());
+            assert!(sweeps >= 5 && messages > 0, "{sweeps} {messages}");
+            assert_eq!(after.messages - before.messages, sweeps * messages, "{size}");
+            assert_eq!(after.message_bytes - before.message_bytes, sweeps * lines * line_bytes, "{size}");
+            let (largest, sum) = (swept_rows.iter().max().unwrap(), swept_rows.iter().sum::<usize>());
+            assert!((largest * size) as f64 <= 1.1 * sum as f64, "{size} ranks: {swept_rows:?}");
+            assert_eq!(swept_rows, counts.work.iter().map(|&rows| rows as usize).collect::<Vec<_>>());
+        }
+    }
+}
+
+/// Bodies of other ranks with which a rank sweeps borders are a surface: at most 15 % of its own if these are 100 000, and of
+/// n bodies a part that grows as n^(-1/3). With CD_TESTS_LONG=1 each of eight ranks has 100 000.
+#[test]
+fn ghosts_are_a_surface() {
+    let side = if std::env::var_os("CD_TESTS_LONG").is_some() { 93 } else { 40 };
+    let mut system = packing::packing(side, 0.4);
+    // Keys of the curve are those of a box that fits, as in a run.
+    let curve_key = |&body: &u32| {
+        let body = body as usize;
+        let cell = [body / side / side, body / side % side, body % side].map(|k| k * 1024 / side);
+        (0..10).rev().flat_map(|bit| cell.map(|k| k >> bit & 1)).fold(0, |key, bit| key << 1 | bit)
+    };
+    system.order.sort_by_cached_key(curve_key);
+    let active: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
+    for size in [2, 4, 8, 10, 16] {
+        let bodies = (side.pow(3) / size) as f64;
+        let ghosts = *division_counts(&system, &active, size).ghosts.iter().max().unwrap() as f64;
+        println!("{size} ranks of {bodies} bodies: {ghosts} ghosts, {:.1} %", 100.0 * ghosts / bodies);
+        let bound = 0.15 * (1e5 / bodies).cbrt();
+        assert!(ghosts > 0.0 && ghosts <= bound * bodies, "{size} ranks: {ghosts} of {bodies}");
     }
 }
 
