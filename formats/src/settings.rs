@@ -39,7 +39,7 @@ pub fn check_paths_once(settings: &[String]) -> Result<(), Faults> {
 
 /// Fault of a setting.
 pub fn setting_fault(setting: &str, found: impl Into<String>, expected: impl Into<String>) -> Fault {
-    Fault::new(Path::new("options"), None, format!("set {setting}"), found, expected)
+    Fault::new(Path::new("options"), None, format!("--set {setting}"), found, expected)
 }
 
 /// Last of `settings` that sets the value at `path`, if any.
@@ -216,7 +216,7 @@ mod tests {
     #[test]
     fn a_path_is_set_once() {
         let said = check_paths_once(&["a=2", "b.c=3", " a = 4"].map(String::from)).unwrap_err();
-        assert_eq!(said.to_string(), "options: set  a = 4: sets the value of --set a=2 again; expected it once");
+        assert_eq!(said.to_string(), "options: --set  a = 4: sets the value of --set a=2 again; expected it once");
         assert!(check_paths_once(&["b=(c: 1)", "b.c=3", "no pair", "no pair"].map(String::from)).is_ok());
     }
 

@@ -401,7 +401,7 @@ impl Case {
 
     /// Fault of the case; a fault of a setting gets the position of its value in the study.
     fn locate(&self, fault: Fault, report: &FaultReport) -> Fault {
-        let is_at_fault = |setting: &&CaseSetting| fault.object == format!("set {}", setting.text);
+        let is_at_fault = |setting: &&CaseSetting| fault.object == format!("--set {}", setting.text);
         match self.settings.iter().rfind(is_at_fault).filter(|_| fault.file == Path::new("options")) {
             Some(setting) => {
                 let found = format!("{}: {}", setting.text.split_once('=').map_or("", |(path, _)| path), fault.found);

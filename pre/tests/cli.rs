@@ -287,19 +287,22 @@ fn values_are_set_from_the_command_line() {
     let refused = run(&["grains.1.sizes=Single(9.0)", "grains.1.number=-1"]);
     assert_eq!(refused.status.code(), Some(2));
     let said = text(&refused.stderr);
-    assert_eq!(said, "cd-pre: options: set grains.1.number=-1: -1; expected an integer of 0 or more\n");
+    assert_eq!(said, "cd-pre: options: --set grains.1.number=-1: -1; expected an integer of 0 or more\n");
     let refused = run(&["grains.1.sizes=Single(9.0)", "grains.1.colours=REDxx"]);
     let said = text(&refused.stderr);
-    assert_eq!(said, "cd-pre: options: set grains.1.colours=REDxx: unknown field 'colours'; did you mean colour?\n");
+    assert_eq!(said, "cd-pre: options: --set grains.1.colours=REDxx: unknown field 'colours'; did you mean colour?\n");
     let refused = run(&["grains.1.material=NOPE"]);
     let said = text(&refused.stderr);
-    assert!(said.starts_with("cd-pre: options: set grains.1.material=NOPE: "), "{said}");
+    assert!(said.starts_with("cd-pre: options: --set grains.1.material=NOPE: "), "{said}");
     let refused = run(&["grains.1.sizes=Single(-9.0)", "compute.dt=0", "materials.1.name=\"OTHER\""]);
     let said = text(&refused.stderr);
     let lines: Vec<&str> = said.lines().collect();
     assert_eq!(lines.len(), 3, "{said}");
-    assert!(lines.iter().any(|line| line.starts_with("cd-pre: options: set grains.1.sizes=Single(-9.0): ")), "{said}");
-    assert!(lines.iter().any(|line| line.starts_with("cd-pre: options: set compute.dt=0: ")), "{said}");
+    assert!(
+        lines.iter().any(|line| line.starts_with("cd-pre: options: --set grains.1.sizes=Single(-9.0): ")),
+        "{said}"
+    );
+    assert!(lines.iter().any(|line| line.starts_with("cd-pre: options: --set compute.dt=0: ")), "{said}");
     assert!(
         lines.iter().any(|line| line.contains("scene.ron:9:") && line.contains(": grains 1, material: ")),
         "{said}"
@@ -307,9 +310,9 @@ fn values_are_set_from_the_command_line() {
     let refused = run(&["grains.2.number=5", "compute.dt", "seed=1, 2"]);
     assert_eq!(
         text(&refused.stderr),
-        "cd-pre: options: set grains.2.number=5: no 'grains.2' in the file; expected grains.1\n\
-         cd-pre: options: set compute.dt: is no pair; expected PATH=VALUE, such as grains.1.number=2000\n\
-         cd-pre: options: set seed=1, 2: value: ', 2' behind the end; expected nothing more\n"
+        "cd-pre: options: --set grains.2.number=5: no 'grains.2' in the file; expected grains.1\n\
+         cd-pre: options: --set compute.dt: is no pair; expected PATH=VALUE, such as grains.1.number=2000\n\
+         cd-pre: options: --set seed=1, 2: value: ', 2' behind the end; expected nothing more\n"
     );
 }
 

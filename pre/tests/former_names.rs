@@ -102,7 +102,7 @@ fn former_names_are_read_with_a_warning_each() {
 fn former_names_in_settings_are_read_with_a_warning() {
     let rotation = "walls.1.rotation=Constant(0.2)";
     let (code, said, former) = datbox(&current_scene(), &["--set", rotation]);
-    let warning = format!("cd-pre: warning: options: set {rotation}: rotation: renamed; write spin\n");
+    let warning = format!("cd-pre: warning: options: --set {rotation}: rotation: renamed; write spin\n");
     assert_eq!((code, said), (0, warning));
     assert_eq!(former, datbox(&current_scene(), &["--set", "walls.1.spin=Constant(0.2)"]).2);
     // A current name in the setting finds the former one in the file.

@@ -196,9 +196,9 @@ fn settings_are_rejected_by_their_own_text() {
         ("laws.1.kind.friction=-1", "-1; expected a finite number >= 0"),
         ("walls.1.velocity=(0, 0, 1)", "0; expected a function, one of Constant, Harmonic, Table, such as Constant(0)"),
     ] {
-        assert_eq!(said(set), (2, format!("cd-pre: options: set {set}: {message}\n")));
+        assert_eq!(said(set), (2, format!("cd-pre: options: --set {set}: {message}\n")));
     }
-    let twice = "cd-pre: options: set seed=2: sets the value of --set seed=1 again; expected it once\n";
+    let twice = "cd-pre: options: --set seed=2: sets the value of --set seed=1 again; expected it once\n";
     assert_eq!(made(&GOOD, &["--set", "seed=1", "--set", "seed=2"]), (2, twice.into()));
     let folder = "cd-pre: OUT: is not expected here; the folder is given by -o OUT\n";
     assert_eq!(made(&GOOD, &["OUT"]), (2, folder.into()));
@@ -271,7 +271,7 @@ fn doubtful_values_are_asked_about_and_accepted() {
     // A setting is named in place of a line.
     let (code, said) = made(&GOOD, &["--set", "materials.1.density=3.1"]);
     assert!(
-        code == 0 && said.starts_with("cd-pre: warning: options: set materials.1.density=3.1: 3.1; did you"),
+        code == 0 && said.starts_with("cd-pre: warning: options: --set materials.1.density=3.1: 3.1; did you"),
         "{said}"
     );
 }

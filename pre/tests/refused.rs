@@ -419,7 +419,7 @@ fn brackets_without_end() {
     let settings = [format!("seed={deep}")];
     let text = cd_formats::settings::apply_settings(GOOD, &settings).unwrap();
     let faults = cd_pre::read_scene(std::path::Path::new("scene.ron"), &text, &settings).err().unwrap();
-    assert!(faults.to_string().starts_with("options: set seed"), "{faults}");
+    assert!(faults.to_string().starts_with("options: --set seed"), "{faults}");
 }
 
 #[test]

@@ -165,7 +165,10 @@ fn another_folder_and_values_from_the_command_line() {
     // Faults of these values name the flag.
     let (status, said) = study.run(&["--set", "groups.1.parameters.2.values=[-8]"]);
     assert_eq!(status, Some(2));
-    assert!(said.contains("options: set groups.1.parameters.2.values=[-8]: grains.1.number: -8; expected "), "{said}");
+    assert!(
+        said.contains("options: --set groups.1.parameters.2.values=[-8]: grains.1.number: -8; expected "),
+        "{said}"
+    );
 }
 
 #[test]
@@ -299,7 +302,7 @@ fn former_names_are_reported_once_each_at_their_position() {
     // Names in a setting of the command line are reported there.
     let setting = "groups.1.parameters.1.paths=[\"walls.1.rotation.1\"]";
     let (status, said) = study.run(&["--set", setting]);
-    let warning = format!("options: set {setting}: rotation: renamed; write spin\n");
+    let warning = format!("options: --set {setting}: rotation: renamed; write spin\n");
     assert!(status == Some(0) && said.contains(&warning), "{said}");
     assert_eq!(said.matches("rotation").count(), 2, "{said}");
 }
