@@ -14,34 +14,34 @@ pub struct FormerName {
     pub current: &'static str,
 }
 
-const fn renamed(holder: &'static str, former: &'static str, current: &'static str) -> FormerName {
+const fn name_change(holder: &'static str, former: &'static str, current: &'static str) -> FormerName {
     FormerName { holder, former, current }
 }
 
 /// Former names of fields. Holders have current names.
 pub const FORMER_FIELDS: [FormerName; 14] = [
-    renamed("grains.N", "place", "placement"),
-    renamed("grains.N", "standing", "grain_orientation"),
-    renamed("grains.N.shape", "scaled", "scale"),
-    renamed("grains.N.shape", "contact", "contact_shape"),
-    renamed("grains.N.shape.contact_shape", "most", "max_pieces"),
-    renamed("grains.N.shape.contact_shape", "vertices", "max_vertices"),
-    renamed("grains.N.placement.envelope", "scaled", "scale"),
-    renamed("walls.N", "rotation", "spin"),
-    renamed("walls.N", "angular_velocity", "spin"),
-    renamed("bodies.N", "keep", "select"),
-    renamed("bodies.N", "stop", "remove_motion"),
-    renamed("bodies.N", "turn", "rotate"),
-    renamed("compute.adaptive", "most", "max_multiple"),
+    name_change("grains.N", "place", "placement"),
+    name_change("grains.N", "standing", "grain_orientation"),
+    name_change("grains.N.shape", "scaled", "scale"),
+    name_change("grains.N.shape", "contact", "contact_shape"),
+    name_change("grains.N.shape.contact_shape", "most", "max_pieces"),
+    name_change("grains.N.shape.contact_shape", "vertices", "max_vertices"),
+    name_change("grains.N.placement.envelope", "scaled", "scale"),
+    name_change("walls.N", "rotation", "spin"),
+    name_change("walls.N", "angular_velocity", "spin"),
+    name_change("bodies.N", "keep", "select"),
+    name_change("bodies.N", "stop", "remove_motion"),
+    name_change("bodies.N", "turn", "rotate"),
+    name_change("compute.adaptive", "most", "max_multiple"),
     // In COMPUTE.RON and on the command line of cd-solve.
-    renamed("adaptive", "most", "max_multiple"),
+    name_change("adaptive", "most", "max_multiple"),
 ];
 
 /// Former names of values. Holders have current names.
 pub const FORMER_VALUES: [FormerName; 3] = [
-    renamed("grains.N.shape.contact_shape", "Whole", "Surface"),
-    renamed("bodies.N.remove_motion", "Drift", "Translation"),
-    renamed("bodies.N.remove_motion", "Motion", "All"),
+    name_change("grains.N.shape.contact_shape", "Whole", "Surface"),
+    name_change("bodies.N.remove_motion", "Drift", "Translation"),
+    name_change("bodies.N.remove_motion", "Motion", "All"),
 ];
 
 /// Whether a path, with 0-based positions in lists, is one of the holder's.

@@ -257,7 +257,7 @@ pub struct FrictionPair {
 
 impl FrictionPair {
     /// One coefficient for both.
-    fn equal(friction: f64) -> FrictionPair {
+    fn constant_friction(friction: f64) -> FrictionPair {
         FrictionPair { static_friction: friction, dynamic_friction: friction }
     }
 }
@@ -598,7 +598,7 @@ contact_laws! {
         /// inelastic quasi-shock with Coulomb friction
         IqsClb "IQS_CLB" {
             lines: [[friction: Friction]],
-            friction: FrictionPair::equal(friction)
+            friction: FrictionPair::constant_friction(friction)
         }
         /// as `IQS_CLB`, with dynamic and static friction
         IqsDsClb "IQS_DS_CLB" {
@@ -753,7 +753,7 @@ contact_laws! {
                 [normal_restitution: NormalRestitution, tangential_restitution: TangentialRestitution],
                 [friction: Friction]
             ],
-            friction: FrictionPair::equal(friction)
+            friction: FrictionPair::constant_friction(friction)
         }
         /// as `RST_CLB`, with dynamic and static friction
         RstDsClb "RST_DS_CLB" {
@@ -777,69 +777,69 @@ contact_laws! {
         /// as `IQS_CLB`, with overlaps deeper than -`relaxation_gap` pushed out in about `relaxation_steps` steps
         IqsClbRgr "IQS_CLB_RGR" {
             lines: [[relaxation_steps: RelaxationSteps, relaxation_gap: RelaxationGap], [friction: Friction]],
-            friction: FrictionPair::equal(friction)
+            friction: FrictionPair::constant_friction(friction)
         }
         /// Signorini's condition on the gap: removes a penetration in one step
         GapSgrClb "GAP_SGR_CLB" {
             lines: [[friction: Friction]],
-            friction: FrictionPair::equal(friction),
+            friction: FrictionPair::constant_friction(friction),
             internals: Size
         }
         /// as `IQS_CLB`, with gaps counted from those at the start of the run or at an event `Bond`
         IqsClbG0 "IQS_CLB_g0" {
             lines: [[friction: Friction]],
-            friction: FrictionPair::equal(friction),
+            friction: FrictionPair::constant_friction(friction),
             remembers: ReferenceGap,
             internals: ReferenceGap
         }
         /// as `GAP_SGR_CLB`, with gaps counted from those at the start of the run or at an event `Bond`
         GapSgrClbG0 "GAP_SGR_CLB_g0" {
             lines: [[friction: Friction]],
-            friction: FrictionPair::equal(friction),
+            friction: FrictionPair::constant_friction(friction),
             remembers: ReferenceGap,
             internals: SizeAndReferenceGap
         }
         /// linear spring on the overlap at the end of the step
         ElasticRepellClb "ELASTIC_REPELL_CLB" {
             lines: [[stiffness: Stiffness], [friction: Friction]],
-            friction: FrictionPair::equal(friction)
+            friction: FrictionPair::constant_friction(friction)
         }
         /// as `ELASTIC_REPELL_CLB`, with gaps counted from those at the start of the run or at an event `Bond`
         ElasticRepellClbG0 "ELASTIC_REPELL_CLB_g0" {
             lines: [[stiffness: Stiffness], [friction: Friction]],
-            friction: FrictionPair::equal(friction),
+            friction: FrictionPair::constant_friction(friction),
             remembers: ReferenceGap,
             internals: ReferenceGap
         }
         /// linear spring and damper on overlaps
         ViscoElasticRepellClb "VISCO_ELASTIC_REPELL_CLB" {
             lines: [[stiffness: Stiffness, normal_viscosity: NormalViscosity], [friction: Friction]],
-            friction: FrictionPair::equal(friction)
+            friction: FrictionPair::constant_friction(friction)
         }
         /// spring between two points `PT3Dx` that pulls where it is longer than at rest, and is slack where it is shorter
         ElasticWire "ELASTIC_WIRE" {
             lines: [[stiffness: WireStiffness, prestrain: Prestrain]],
-            friction: FrictionPair::equal(0.0)
+            friction: FrictionPair::constant_friction(0.0)
         }
         /// spring between two points `PT3Dx` that pulls and pushes
         ElasticRod "ELASTIC_ROD" {
             lines: [[stiffness: WireStiffness, prestrain: Prestrain]],
-            friction: FrictionPair::equal(0.0)
+            friction: FrictionPair::constant_friction(0.0)
         }
         /// as `ELASTIC_WIRE`, with a damper
         VoigtWire "VOIGT_WIRE" {
             lines: [[stiffness: WireStiffness, prestrain: Prestrain], [viscosity: WireViscosity]],
-            friction: FrictionPair::equal(0.0)
+            friction: FrictionPair::constant_friction(0.0)
         }
         /// as `ELASTIC_ROD`, with a damper
         VoigtRod "VOIGT_ROD" {
             lines: [[stiffness: WireStiffness, prestrain: Prestrain], [viscosity: WireViscosity]],
-            friction: FrictionPair::equal(0.0)
+            friction: FrictionPair::constant_friction(0.0)
         }
         /// no relative velocity within the alert distance, whatever the force
         CoupledDof "COUPLED_DOF" {
             lines: [],
-            friction: FrictionPair::equal(0.0)
+            friction: FrictionPair::constant_friction(0.0)
         }
         /// as `IQS_DS_CLB`, over an elastic interface whose stress falls as a parabola
         IqsMalCzm "IQS_MAL_CZM" {
@@ -913,7 +913,7 @@ contact_laws! {
         /// Signorini's condition on the velocity
         VelSgrClb "VEL_SGR_CLB" {
             lines: [[friction: Friction]],
-            friction: FrictionPair::equal(friction),
+            friction: FrictionPair::constant_friction(friction),
             internals: Size
         }
     }

@@ -182,19 +182,19 @@ fn present_bodies<'a>(scene: &Scene, bodies: &'a [BodyId]) -> Cow<'a, [BodyId]> 
     }
 }
 
-/// Mean force of the contacts with other bodies on `bodies` in the step, N, and its torque, N m, about `about` (m), else about
+/// Mean force of the contacts with other bodies on `bodies` in the step, N, and its torque, N m, about `point` (m), else about
 /// their centre of mass in the configuration of the contacts.
 fn contact_force(
     scene: &Scene,
     state: &State,
     start: &StepStart,
     bodies: &[BodyId],
-    about: Option<[f64; 3]>,
+    point: Option<[f64; 3]>,
 ) -> Vec<f64> {
     let is_selected = |body: BodyId| bodies.binary_search(&body).is_ok();
     let mass: f64 = bodies.iter().map(|body| scene.bodies[body.index()].mass).sum();
     let centre = bodies.iter().map(|body| start.x[body.index()] * scene.bodies[body.index()].mass).sum::<Vec3>() / mass;
-    let about = about.map_or(centre, Vec3::from);
+    let point = point.map_or(centre, Vec3::from);
     let (mut force, mut torque) = (Vec3::zeros(), Vec3::zeros());
     for solved in &state.contacts {
         let [candidate_selected, antagonist_selected] =
@@ -208,7 +208,7 @@ fn contact_force(
             [solved.impulse, solved.moment].map(|local| to_world(&frame, &local) / state.h);
         for (body, arm, sign) in start.arms(solved).into_iter().filter(|(body, ..)| is_selected(*body)) {
             force += contact_force * sign;
-            torque += ((start.x[body.index()] + arm - about).cross(&contact_force) + contact_moment) * sign;
+            torque += ((start.x[body.index()] + arm - point).cross(&contact_force) + contact_moment) * sign;
         }
     }
     [force, torque].iter().flat_map(|v| [v.x, v.y, v.z]).collect()

@@ -254,8 +254,8 @@ fn rate_text(rate: f64) -> String {
 }
 
 /// Solver of a step, which may be sweeps that replaced the chosen solver.
-fn solver_text(solver: ContactSolver, replaced: bool) -> String {
-    if replaced { format!("sweeps in place of {solver}") } else { solver.to_string() }
+fn solver_text(solver: ContactSolver, is_replaced: bool) -> String {
+    if is_replaced { format!("sweeps in place of {solver}") } else { solver.to_string() }
 }
 
 #[cfg(test)]

@@ -99,7 +99,7 @@ pub struct ContactSides<T> {
 
 impl<T> ContactSides<T> {
     /// The same values with the sides exchanged.
-    pub fn swapped(self) -> Self {
+    pub fn swapped_sides(self) -> Self {
         ContactSides { candidate: self.antagonist, antagonist: self.candidate }
     }
 }

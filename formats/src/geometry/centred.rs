@@ -10,8 +10,8 @@ type Vec3 = Vector3<f64>;
 
 impl Bodies {
     /// All bodies as [`Body::centred`] gives them.
-    pub fn centred(&self) -> Result<Bodies, SurfaceFaults> {
-        Ok(Bodies(self.0.iter().map(Body::centred).collect::<Result<_, _>>()?))
+    pub fn centred_bodies(&self) -> Result<Bodies, SurfaceFaults> {
+        Ok(Bodies(self.0.iter().map(Body::centred_body).collect::<Result<_, _>>()?))
     }
 }
 
@@ -29,9 +29,9 @@ impl Body {
     /// let contactors = vec![Contactor { colour: "BLUEx".into(), shape, local_frame: None }];
     /// let material = "ROCKx".into();
     /// let body = Body { line: 0, material, equivalent_radius: 0.0, inertia: None, position: [0.0; 3], contactors };
-    /// assert_eq!(body.centred().unwrap().position, [1.0; 3]);
+    /// assert_eq!(body.centred_body().unwrap().position, [1.0; 3]);
     /// ```
-    pub fn centred(&self) -> Result<Body, SurfaceFaults> {
+    pub fn centred_body(&self) -> Result<Body, SurfaceFaults> {
         let is_single = self.contactors.len() == 1;
         let is_hollow = |c: &Contactor| matches!(c.shape, ShapeRecord::Cylinder { hollow: true, .. });
         if !is_single && self.contactors.iter().any(is_hollow) {
@@ -104,7 +104,7 @@ mod tests {
     fn centred_bodies_are_the_same_bodies() {
         for path in ["tests/lmgc90_axes/BODIES.DAT", "tests/good/two-spheres/DATBOX/BODIES.DAT"] {
             let given = bodies(path);
-            let text = given.centred().unwrap().to_long_text();
+            let text = given.centred_bodies().unwrap().to_long_text();
             let read = Bodies::parse("BODIES.OUT".as_ref(), &AsciiText::new(text.as_bytes())).unwrap();
             for (body, centred) in given.0.iter().zip(&read.0) {
                 let before = body.mass_properties().unwrap();
@@ -140,7 +140,7 @@ mod tests {
             position: [1.0, 2.0, 3.0],
             contactors,
         };
-        let centred = body.centred().unwrap();
+        let centred = body.centred_body().unwrap();
         let ShapeRecord::OffsetSphere { offset, .. } = centred.contactors[1].shape else { panic!("{centred:?}") };
         let placed = centred.contactors[0].local_frame.clone().unwrap();
         // The axes of the file are principal, so that only the origin moves: by the centre, along x.
@@ -152,7 +152,7 @@ mod tests {
         assert_eq!(placed.axes, [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]);
         // A lone plate lends its frame to the body.
         let alone = Body { contactors: vec![body.contactors[0].clone()], ..body };
-        let centred = alone.centred().unwrap();
+        let centred = alone.centred_body().unwrap();
         assert_eq!((centred.position, &centred.contactors[0].local_frame), ([5.0, 2.0, 3.0], &None));
     }
 }

@@ -206,7 +206,7 @@ impl Body {
         let has_own_axes =
             matches!(self.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::Polyhedron { .. }));
         let has_inertia = self.inertia.is_some_and(|inertia| inertia != [0.0; 3]);
-        (!has_own_axes && !has_inertia).then(|| whole.about(self.centre_of_mass_offset(whole)).lmgc90_frame())
+        (!has_own_axes && !has_inertia).then(|| whole.moved_to(self.centre_of_mass_offset(whole)).lmgc90_frame())
     }
 
     /// Mass properties at a density (kg/m^3); `whole` are the mass properties of all contactors together at density 1.
@@ -217,7 +217,7 @@ impl Body {
         let single = if let [single] = self.contactors.as_slice() { Some(single) } else { None };
         let simple = single.filter(|contactor| !matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
         let file_inertia = self.inertia.filter(|inertia| simple.is_none() && *inertia != [0.0; 3]);
-        let frame_moments = || whole.about(self.centre_of_mass_offset(whole)).lmgc90_frame().moments;
+        let frame_moments = || whole.moved_to(self.centre_of_mass_offset(whole)).lmgc90_frame().moments;
         let own_moments = || simple.map_or_else(frame_moments, |contactor| contactor.own_moments(whole));
         let inertia = file_inertia.unwrap_or_else(own_moments);
         let declared_volume = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
@@ -276,7 +276,7 @@ fn convex_meshes(
 
 impl MassProperties {
     /// Mass properties of the same solid with `point`, m, as centre: inertia about that point, by Huygens' theorem.
-    fn about(&self, point: [f64; 3]) -> MassProperties {
+    fn moved_to(&self, point: [f64; 3]) -> MassProperties {
         let d = Vector3::from(self.centre) - Vector3::from(point);
         let inertia = Matrix3::from(self.inertia)
             + (Matrix3::from_diagonal_element(d.norm_squared()) - d * d.transpose()) * self.volume;
@@ -287,7 +287,7 @@ impl MassProperties {
     pub fn composite(parts: &[MassProperties]) -> MassProperties {
         let volume: f64 = parts.iter().map(|part| part.volume).sum();
         let centre = parts.iter().map(|part| Vector3::from(part.centre) * part.volume).sum::<Vector3<f64>>() / volume;
-        let inertia: Matrix3<f64> = parts.iter().map(|part| Matrix3::from(part.about(centre.into()).inertia)).sum();
+        let inertia: Matrix3<f64> = parts.iter().map(|part| Matrix3::from(part.moved_to(centre.into()).inertia)).sum();
         MassProperties { volume, centre: centre.into(), inertia: inertia.into() }
     }
 }
@@ -371,7 +371,7 @@ mod tests {
             assert!(close(found.mass, 3.0 * mass) && close(found.radius, libm::cbrt(mass * 0.75 / PI)), "{found:?}");
             assert!((0..3).all(|k| close(found.inertia[k], 3.0 * moments[k])), "{found:?}, {moments:?}");
             // BODIES.OUT has all of it in the file.
-            let again = body.centred().unwrap();
+            let again = body.centred_body().unwrap();
             let whole = again.mass_properties().unwrap();
             assert_eq!((again.position, again.centre_of_mass_offset(&whole)), ([5.0 + centre, 0.0, 0.0], [0.0; 3]));
             let again = again.inertial_properties(&whole, 3.0);

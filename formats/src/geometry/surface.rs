@@ -138,11 +138,11 @@ impl Surface {
         })
     }
 
-    /// Volume (m^3), centre relative to `about` (m), and ∫ x x' about it (m^5); letters as in
+    /// Volume (m^3), centre relative to `point` (m), and ∫ x x' about it (m^5); letters as in
     /// [`Surface::mass_properties`].
-    fn moments_about(&self, about: &Vec3) -> (f64, Vec3, Matrix3<f64>) {
+    fn moments_about(&self, point: &Vec3) -> (f64, Vec3, Matrix3<f64>) {
         let (mut sum_d, mut sum_t_d, mut sum_x_x) = (0.0, Vec3::zeros(), Matrix3::zeros());
-        for [a, b, c] in self.triangle_corners(about) {
+        for [a, b, c] in self.triangle_corners(point) {
             let (d, t) = (a.dot(&b.cross(&c)), a + b + c);
             sum_d += d;
             sum_t_d += t * d;
@@ -151,9 +151,9 @@ impl Surface {
         (sum_d / 6.0, sum_t_d / (4.0 * sum_d), sum_x_x / 120.0)
     }
 
-    /// Corners of the triangles, relative to `about`.
-    fn triangle_corners(&self, about: &Vec3) -> impl Iterator<Item = [Vec3; 3]> {
-        self.triangles.iter().map(move |triangle| triangle.map(|k| Vec3::from(self.vertices[k as usize]) - about))
+    /// Corners of the triangles, relative to `point`.
+    fn triangle_corners(&self, point: &Vec3) -> impl Iterator<Item = [Vec3; 3]> {
+        self.triangles.iter().map(move |triangle| triangle.map(|k| Vec3::from(self.vertices[k as usize]) - point))
     }
 
     /// Longest side of the box along the axes, m.

@@ -180,7 +180,7 @@ struct DraftText {
 
 impl DraftText {
     /// Text and origins with other bytes in a range.
-    fn replaced(&self, range: Range<usize>, other: &str) -> DraftText {
+    fn replaced_draft(&self, range: Range<usize>, other: &str) -> DraftText {
         let mut text = self.text.clone();
         text.replace_range(range.clone(), other);
         let mut origins = self.origins.clone();
@@ -214,7 +214,7 @@ impl DraftText {
         let comma = rest.len() - rest.trim_start().len();
         let end = node.span.end + if rest[comma..].starts_with(',') { comma + 1 } else { 0 };
         let blank = " ".repeat(end - start);
-        let draft = (self.replaced(start..end, &blank), end);
+        let draft = (self.replaced_draft(start..end, &blank), end);
         self.take_first::<T>(std::iter::once(draft), |site, code, end| {
             site.raw >= end || matches!(code, Error::MissingStructField { .. })
         })
@@ -225,7 +225,7 @@ impl DraftText {
         let start = record.span.start + self.text[record.span.clone()].find('(')? + 1;
         let value_draft = |value: &str| {
             let text = format!("{name}: {value}, ");
-            (self.replaced(start..start, &text), record.span.end + text.len())
+            (self.replaced_draft(start..start, &text), record.span.end + text.len())
         };
         let values_of_kinds = self.kind_values::<T>(|value| value_draft(value).0);
         let drafts: Vec<_> = STAND_INS
@@ -273,16 +273,17 @@ impl DraftText {
         let node = candidates.min_by_key(|node| node.span.len())?;
         let value = &self.text[node.span.clone()];
         let value_draft =
-            |text: &&str| (self.replaced(node.span.clone(), &format!("{text}{PADDING}")), start + text.len());
+            |text: &&str| (self.replaced_draft(node.span.clone(), &format!("{text}{PADDING}")), start + text.len());
         let drafts: Vec<_> = match code {
             Error::NoSuchEnumVariant { expected, found, .. } => {
                 // The fields behind a misspelt name are read, too.
                 let near = nearest_name(found, expected).filter(|_| value.starts_with(&found[..]));
-                let renamed = near.map(|near| (self.replaced(start..start + found.len(), near), start + near.len()));
+                let renamed =
+                    near.map(|near| (self.replaced_draft(start..start + found.len(), near), start + near.len()));
                 renamed.into_iter().chain(expected.iter().map(value_draft)).collect()
             }
             _ => {
-                let values_of_kinds = self.kind_values::<T>(|value| self.replaced(node.span.clone(), value));
+                let values_of_kinds = self.kind_values::<T>(|value| self.replaced_draft(node.span.clone(), value));
                 let values_of_kinds: Vec<&str> = values_of_kinds.iter().map(String::as_str).collect();
                 STAND_INS.iter().chain(&values_of_kinds).map(value_draft).collect()
             }

@@ -79,7 +79,7 @@ fn parse_angles(text: &str) -> Result<[f64; 2], String> {
     angles.ok_or("expected two numbers AZIMUTH,ELEVATION in degrees, the second from -90 to 90".into())
 }
 
-/// Format of the movie.
+/// Format of the film.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum FilmFormat {
     Gif,

@@ -53,7 +53,7 @@ impl Bed {
             return None;
         }
         let members = || grains.iter().map(|&i| &frame.grains[i]);
-        let BedWalls { planes, bores } = GrainEnclosure::around(frame, grains.clone()).into_bed_walls()?;
+        let BedWalls { planes, bores } = GrainEnclosure::from_core(frame, grains.clone()).into_bed_walls()?;
         let mut supported_weight = vec![0.0; frame.walls.len()];
         for contact in frame.active_contacts() {
             for body in contact.bodies() {

@@ -87,11 +87,11 @@ impl<'a> GrainEnclosure<'a> {
             .into_iter()
             .find(|grains| has_half(grains));
         let core = core.map_or_else(|| frame.grain_ids().collect(), <[GrainId]>::to_vec);
-        Some(GrainEnclosure::around(frame, core))
+        Some(GrainEnclosure::from_core(frame, core))
     }
 
     /// Returns the walls and periods around some grains, at least one.
-    pub fn around(frame: &'a Frame, core: Vec<GrainId>) -> GrainEnclosure<'a> {
+    pub fn from_core(frame: &'a Frame, core: Vec<GrainId>) -> GrainEnclosure<'a> {
         let grains = || core.iter().map(|&i| &frame.grains[i]);
         let against_gravity = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0);
         GrainEnclosure {

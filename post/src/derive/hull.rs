@@ -31,8 +31,8 @@ pub fn hull_volume(balls: &[(Vec3, f64)]) -> f64 {
     let largest = balls.iter().map(|ball| ball.1).fold(0.0, f64::max);
     let reduced_balls = || balls.iter().map(|(x, radius)| (x, radius - r));
     // Radii from a file may differ by rounding.
-    let equal = |excess: f64| excess <= 1e-12 * largest;
-    let mut points: Vec<Vec3> = reduced_balls().filter(|(_, excess)| equal(*excess)).map(|(x, _)| *x).collect();
+    let is_rounding = |excess: f64| excess <= 1e-12 * largest;
+    let mut points: Vec<Vec3> = reduced_balls().filter(|(_, excess)| is_rounding(*excess)).map(|(x, _)| *x).collect();
     if points.len() < balls.len() {
         // From the outermost ball inwards, so that a search ends at the first that cannot reach beyond the farthest.
         let centre = balls.iter().map(|ball| ball.0).sum::<Vec3>() / balls.len() as f64;

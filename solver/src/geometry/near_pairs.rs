@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::math::{Vec3, concatenated, group_by_key};
+use crate::math::{Vec3, concatenated_lists, group_by_key};
 
 /// Half of a cell's neighbours, in columns of three along the last axis: together with the cell itself and the next,
 /// they give every pair of neighbouring cells once.
@@ -136,7 +136,7 @@ pub fn near_pairs_from(x: &[Vec3], reach: &[f64], firsts: Range<u32>) -> Vec<[u3
         let chunks = level.order.len().div_ceil(SPHERES_PER_TASK);
         found.extend((0..chunks).into_par_iter().map(pairs_of_chunk).collect::<Vec<_>>());
     }
-    concatenated(found)
+    concatenated_lists(found)
 }
 
 /// Whether two spheres of radius reach overlap.

@@ -34,7 +34,7 @@ pub fn balance_accelerations(positions: &[Vec3], masses: &[f64], acceleration: &
     let mass_times_square = |RigidAcceleration { linear, angular }: RigidAcceleration| {
         mass * linear.norm_squared() + angular.dot(&(inertia * angular)).max(0.0)
     };
-    let first = rigid_acceleration(Wrench { force, torque }.about(&offset));
+    let first = rigid_acceleration(Wrench { force, torque }.moved_by(&offset));
     let second = rigid_acceleration(subtract_rigid(&centre, first, positions, masses, acceleration));
     subtract_rigid(&centre, second, positions, masses, acceleration);
     if acceleration_square > 0.0 {

@@ -49,9 +49,9 @@ impl Wrench {
     /// ```
     /// # use cd_solve::math::{Vec3, Wrench};
     /// let weight = Wrench { force: -Vec3::z(), torque: Vec3::zeros() };
-    /// assert_eq!(weight.about(&Vec3::x()).torque, -Vec3::y());
+    /// assert_eq!(weight.moved_by(&Vec3::x()).torque, -Vec3::y());
     /// ```
-    pub fn about(&self, arm: &Vec3) -> Wrench {
+    pub fn moved_by(&self, arm: &Vec3) -> Wrench {
         Wrench { force: self.force, torque: self.torque - arm.cross(&self.force) }
     }
 
@@ -152,7 +152,7 @@ pub fn run_ranges<T>(list: &[T], length: usize, are_same: impl Fn(&T, &T) -> boo
 }
 
 /// The items of all lists, one list after the other.
-pub fn concatenated<T: Copy + Default + Send + Sync>(lists: Vec<Vec<T>>) -> Vec<T> {
+pub fn concatenated_lists<T: Copy + Default + Send + Sync>(lists: Vec<Vec<T>>) -> Vec<T> {
     if rayon::current_num_threads() <= 2 {
         return lists.concat();
     }
@@ -265,7 +265,7 @@ mod tests {
         let lists: Vec<Vec<u32>> = (0..20u32).map(|k| (0..k % 5).map(|j| 10 * k + j).collect()).collect();
         for threads in [1, 4] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            assert_eq!(pool.install(|| concatenated(lists.clone())), lists.concat());
+            assert_eq!(pool.install(|| concatenated_lists(lists.clone())), lists.concat());
         }
     }
 

@@ -746,7 +746,7 @@ impl ContactReader<'_> {
         let (sign, [candidate, antagonist], kinds) =
             if swapped { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
         let part_numbers = ContactSides { candidate: part_a, antagonist: part_b };
-        let part_numbers = if swapped { part_numbers.swapped() } else { part_numbers };
+        let part_numbers = if swapped { part_numbers.swapped_sides() } else { part_numbers };
         let normal = normal * sign;
         let part = scene.find_part(BodyId::new(antagonist.body), part_numbers.antagonist);
         let axes = orientations[antagonist.body] * part.map_or_else(Quat::identity, |part| part.axes);

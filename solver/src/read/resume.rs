@@ -402,7 +402,7 @@ fn swap_sides(solved: &mut SolvedContact) {
     let old = solved.contact.frame();
     let contact = &mut solved.contact;
     (contact.candidate, contact.antagonist) = (contact.antagonist, contact.candidate);
-    contact.part_numbers = contact.part_numbers.swapped();
+    contact.part_numbers = contact.part_numbers.swapped_sides();
     contact.normal = -contact.normal;
     let new = contact.frame();
     for vector in [&mut solved.impulse, &mut solved.moment, &mut solved.velocity] {

@@ -253,7 +253,7 @@ fn tree_load(
         let Some(Carrier { branch: carrier_branch, pair }) = *carrier else { continue };
         let (pair, load) = (&pairs[pair], carried[k]);
         let centre = position + pair.arms[usize::from(pair.nodes[1] == *body)];
-        largest = largest.max(pair.load_share(contact_problem, solution, load.about(&centre)));
+        largest = largest.max(pair.load_share(contact_problem, solution, load.moved_by(&centre)));
         carried[carrier_branch].force += load.force;
         carried[carrier_branch].torque += load.torque;
     }

@@ -24,7 +24,7 @@ pub const INPUT_COPIES: [&str; 5] = ["BODIES.OUT", "BULK_BEHAV.OUT", "TACT_BEHAV
 pub fn write_input_copies(datbox: &Path, outbox: &Path, options: &Compute) -> Result<(), Faults> {
     let file = datbox.join("BODIES.DAT");
     let bodies = Bodies::read(&file)?
-        .centred()
+        .centred_bodies()
         .map_err(|found| Fault::new(&file, None, "bodies", found.to_string(), "expected closed surfaces"))?;
     let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT"))?;
     // Rows that name laws that are not defined are copied, too; the run has reported them.

@@ -162,7 +162,7 @@ impl GifFilm {
 
 /// Fault of pictures that the library does not encode.
 fn encoding_fault(path: &Path, error: &gif::EncodingError) -> Faults {
-    Fault::new(path, None, "movie", error.to_string(), "choose a name that ends in .mp4, or a smaller --size").into()
+    Fault::new(path, None, "film", error.to_string(), "choose a name that ends in .mp4, or a smaller --size").into()
 }
 
 /// Left, top, width and height of the smallest rectangle with all pixels that differ, one pixel if none does.

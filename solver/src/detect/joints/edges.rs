@@ -14,7 +14,7 @@ use crate::detect::posed::{CandidatePair, PosedContactor, PosedShape};
 use crate::detect::travel::TravelBounds;
 use crate::geometry::{PosedPolyhedron, polyhedra_along, polyhedron_end_along};
 use crate::integrate::ContactConfiguration;
-use crate::math::{Vec3, concatenated, group_by_key, run_ranges};
+use crate::math::{Vec3, concatenated_lists, group_by_key, run_ranges};
 use crate::scene::{BodyId, PartId, Scene};
 use crate::state::Contact;
 
@@ -380,5 +380,5 @@ fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contac
         runs
     };
     let tasks = run_ranges(contacts, CONTACTS_PER_TASK, is_same_pair);
-    concatenated(tasks.into_par_iter().map(task_runs).collect())
+    concatenated_lists(tasks.into_par_iter().map(task_runs).collect())
 }
