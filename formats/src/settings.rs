@@ -8,8 +8,8 @@ use crate::former_names::{FormerNameUse, former_field};
 use crate::ron_text;
 use crate::value_locations::{ValueLocation, ValueLocations};
 
-/// Replaces values in a RON text: each of `settings` is `PATH=VALUE`, as in `grains.1.number=2000`. A field that was left
-/// out is inserted. Lines keep their numbers.
+/// Returns a RON text with other values: each of `settings` is `PATH=VALUE`, as in `grains.1.number=2000`. A field that was
+/// left out is inserted. Lines keep their numbers.
 ///
 /// Errors: settings that are not such pairs, and paths that do not exist.
 pub fn apply_settings(text: &str, settings: &[String]) -> Result<String, Faults> {

@@ -17,7 +17,7 @@ pub struct FittedLine {
 }
 
 impl FittedLine {
-    /// Fits a line to points of which at least two have different x.
+    /// Returns the least-squares line through points of which at least two have different x.
     pub fn least_squares(points: &[(f64, f64)]) -> Option<FittedLine> {
         let points: Vec<(f64, f64)> = points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
         let n = points.len() as f64;

@@ -20,7 +20,7 @@ pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     }
 }
 
-/// Selects every `every`th snapshot, and the last.
+/// Returns step and path of every `every`th snapshot, and of the last.
 pub fn select_snapshots(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let all = list_snapshots(outbox)?;
     let last = all.len() - 1;

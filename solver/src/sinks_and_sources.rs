@@ -47,7 +47,8 @@ pub struct BodyExchange {
 }
 
 /// Removes the free bodies that are in sinks, and adds those whose time has come and whose position is free. Energy and
-/// momentum that they take and bring are entered in the ledger.
+/// momentum that they take and bring are entered in the ledger. Returns the bodies, mass and motion that each sink and source
+/// has removed and added.
 pub fn exchange_bodies(scene: &mut Cow<Scene>, state: &mut State) -> BodyExchange {
     let Some(roster) = scene.roster.clone() else { return BodyExchange::default() };
     let sinks = &scene.options.sinks;

@@ -10,8 +10,8 @@ use rayon::Yield;
 /// other programs.
 pub const MIN_BODIES_TO_BUSY_WAIT: usize = 1024;
 
-/// Runs `work` while the other threads of the pool search for its tasks without sleeping, if each has a processor of its
-/// own.
+/// Runs `work`, and returns its result, while the other threads of the pool search for its tasks without sleeping, if each
+/// has a processor of its own.
 ///
 /// A thread without a task falls asleep, and waking it takes longer than many stages of a step. These threads yield to
 /// other programs while they wait.

@@ -264,7 +264,7 @@ impl<'a> LineScanner<'a> {
         self.forms.add(form, line);
     }
 
-    /// Adds the faults of another file that this one names.
+    /// Returns the value read from another file that this one names; `None` if it has faults, which are added.
     pub fn gather_result<T>(&mut self, result: Result<T, Faults>) -> Option<T> {
         self.faults.gather_result(result)
     }
@@ -307,7 +307,7 @@ impl<'a> LineScanner<'a> {
         if self.peek_line().is_some_and(fits) { self.next_line() } else { None }
     }
 
-    /// Consumes the next line if it fits; otherwise adds a fault, and the line stays.
+    /// Consumes and returns the next line if it fits; otherwise adds a fault, and the line stays.
     pub fn expect_line(&mut self, expected: &str, fits: impl Fn(TextLine<'a>) -> bool) -> Option<TextLine<'a>> {
         self.next_line_if(fits).or_else(|| self.unexpected_line(expected))
     }
@@ -452,7 +452,7 @@ impl<'a> LineScanner<'a> {
         self.read_name(line, (first, first + 4), field_name)
     }
 
-    /// Checks for `RBDY3` in columns `first` to `first + 4`, the only supported kind of body.
+    /// Returns whether `RBDY3`, the only supported kind of body, is in columns `first` to `first + 4`; if not, adds a fault.
     pub fn expect_rigid_body(&mut self, line: TextLine, first: usize) -> bool {
         let word = line.columns(first, first + 4);
         if word != "RBDY3" {

@@ -26,7 +26,7 @@ pub struct ShakeEvent {
     seed: u64,
 }
 
-/// Applies the events that are due at a step's start.
+/// Applies the events that are due at a step's start, and returns their effects.
 pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
     let now = state.time + EVENT_SLACK * scene.options.dt;
     let mut applied = AppliedEvents::default();

@@ -77,7 +77,7 @@ impl DetectionCache {
     }
 }
 
-/// Removes the inner contacts of joints from a list ordered by key.
+/// Returns a list ordered by key without the inner contacts of joints.
 pub fn without_inner_edges(
     scene: &Scene,
     q_c: &ContactConfiguration,

@@ -337,7 +337,7 @@ impl BondCorrections {
     }
 }
 
-/// Solves as [`solve_nlgs`](super::solve_nlgs) does a problem with regularised rows.
+/// Solves a problem with regularised rows, and returns its solution as [`solve_nlgs`](super::solve_nlgs) does.
 pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCriteria) -> ContactSolution {
     let mut active: Vec<ContactId> = (0..contact_problem.rows.len())
         .map(ContactId::new)

@@ -67,7 +67,7 @@ pub fn update_backoff(
     }
 }
 
-/// Solves by sweeps alone: by the sweeps for problems with regularised rows, or by [`solve_nlgs`].
+/// Solves by sweeps alone, and returns the solution: by the sweeps for problems with regularised rows, or by [`solve_nlgs`].
 pub fn solve_by_sweeps(
     contact_problem: &ContactProblem,
     criteria: StoppingCriteria,
@@ -85,7 +85,7 @@ pub fn solve_by_sweeps(
 /// after sweeps stops at `tol`, because a smaller residual is not worth its cost.
 ///
 /// `to_stored` converts the rows that can close to a problem with its Delassus matrix. A result worse than zero impulses is
-/// replaced by that of a round of sweeps from these.
+/// replaced by that of a round of sweeps from these. Returns the impulses of all rows, N s; `converged` says whether E <= `tol`.
 pub fn solve_contact_problem(
     contact_problem: &ContactProblem,
     request: SolveRequest,
@@ -116,8 +116,8 @@ pub fn solve_contact_problem(
 }
 
 /// Solves a contact problem of spheres and plates without attractions of which each rank has a part of the rows, one after the
-/// other, as [`solve_contact_problem`] solves the whole; `None` if that needs other solvers than sweeps by Coulomb's law, for
-/// which ranks must have all rows.
+/// other, as [`solve_contact_problem`] solves the whole. Returns the impulses of the rows of this rank; `None` if the problem
+/// needs other solvers than sweeps by Coulomb's law, for which ranks must have all rows.
 pub fn solve_in_parts(contact_problem: &mut ContactProblem, request: SolveRequest) -> Option<ContactSolution> {
     let max_sweeps = request.criteria.max_sweeps;
     let can_close = contact_problem.rows.par_iter().with_min_len(PAR_MIN_LEN).filter(|row| row.can_close);

@@ -47,7 +47,7 @@ pub fn can_be_in_conflict(contact_problem: &ContactProblem, row: usize) -> bool 
     constraint.can_close && constraint.w_n > 0.0 && contact_problem.regularised_row(row).is_none()
 }
 
-/// Searches for a conflict in these rows, see [`conflicting_bodies`].
+/// Searches for a conflict in these rows, see [`conflicting_bodies`]. Returns the bodies that it names; `None` without one.
 pub fn conflict_among_rows(mut problem: ContactProblem, rows: &[usize], tol: f64) -> Option<[BodyId; 2]> {
     let velocity = |problem: &ContactProblem, k: usize| problem.shifted_normal_velocity(k, &problem.bodies);
     let free: Vec<f64> = rows.iter().map(|&k| velocity(&problem, k)).collect();

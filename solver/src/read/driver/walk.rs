@@ -121,7 +121,7 @@ impl ScriptStatement {
     }
 }
 
-/// Follows the statements of a script.
+/// Follows the statements of a script, and returns its calls and remarks.
 pub fn walk(lines: Vec<LogicalLine>) -> ScriptCalls {
     let mut lines = lines.into_iter().peekable();
     let statements = read_block(&mut lines, 0, 0);

@@ -103,7 +103,7 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
         problem
     }
 
-    /// Sweeps all constraints once. Sums are added block by block, then border by border.
+    /// Sweeps all constraints once, and returns the sums of the sweep, added block by block, then border by border.
     pub fn sweep_once(&mut self, operations: &impl SweepOperations<N, G, T>) -> SweepSums<T> {
         let BlockedProblem { blocks, borders, colours, share, .. } = self;
         let own_blocks = share.as_ref().map_or(0..blocks.len(), SweepShare::own_blocks);

@@ -47,7 +47,8 @@ const MAX_MASS_RATIO: f64 = 1e9;
 /// Solves until E is reached or all sweeps are spent; a solution that reaches `tol` is converged.
 ///
 /// Only rows that can close within the step are swept. A row left out that the solution would close nevertheless - a body may
-/// become faster than its free velocity - is included, and sweeping continues.
+/// become faster than its free velocity - is included, and sweeping continues. Returns the impulses of all rows, N s, with
+/// the residual and the number of sweeps.
 pub fn solve_nlgs(contact_problem: &ContactProblem, criteria: StoppingCriteria, width: SimdWidth) -> ContactSolution {
     let StoppingCriteria { tol, max_sweeps, .. } = criteria;
     let rows = (0..contact_problem.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN).map(ContactId);

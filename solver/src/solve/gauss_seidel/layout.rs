@@ -16,13 +16,13 @@ const MIN_SPHERES_IN_BLOCK: usize = 1024;
 /// Smallest number of bodies of any shape in a block, which have several contacts with each neighbour.
 const MIN_BODIES_IN_BLOCK: usize = 512;
 
-/// Packs a problem for sweeps, in single precision if `single`.
+/// Returns a problem packed for sweeps, in single precision if `single`.
 pub fn pack_problem(source: &PackSource, single: bool) -> Box<dyn PackedProblem> {
     let is_full = source.problem.block_data.is_some();
     pack_in_blocks(source, single, smallest_block(is_full))
 }
 
-/// Packs the rows that this rank has of a problem of spheres and plates, in single precision if `single`.
+/// Returns the packed rows that this rank has of a problem of spheres and plates, in single precision if `single`.
 pub fn pack_divided_rows(source: &PackSource, division: &RowDivision, single: bool) -> Box<dyn PackedProblem> {
     let (min_bodies, division) = (smallest_block(false), Some(division));
     match (division.is_some_and(|division| division.has_friction), single) {
@@ -59,7 +59,7 @@ pub fn division_counts(problem: &ContactProblem, active: &[ContactId], ranks: us
     DivisionCounts::new(&partition, &tasks, |_| 1, ranks)
 }
 
-/// Packs a problem in blocks of `min_bodies` bodies or more.
+/// Returns a problem packed in blocks of `min_bodies` bodies or more, in single precision if `single`.
 ///
 /// Spheres and plates have diagonal blocks, bodies of any shape full ones. Without friction a contact has one unknown, and
 /// spheres do not turn.

@@ -145,8 +145,8 @@ impl BodyPartition {
         order
     }
 
-    /// Distributes constraints over tasks; `pairs`: curve indices of the bodies of each. Constraints of two bodies that do
-    /// not move are left out: they have no solution to find.
+    /// Returns the tasks over which constraints are distributed; `pairs`: curve indices of the bodies of each. Constraints of
+    /// two bodies that do not move are left out: they have no solution to find.
     pub fn sweep_tasks(&self, pairs: &[[u32; 2]]) -> SweepTasks {
         let count = self.block_count();
         let blocks = self.block_pairs(pairs);
