@@ -253,7 +253,11 @@ fn read_body(scan: &mut LineScanner, begin: usize, position: u64) -> Option<Body
         contactors.extend(contactor);
         // LMGC90 skips lines that belong to no contactor; those of a faulty contactor are already reported.
         if are_all_read && scan.peek_line().is_some_and(TextLine::is_continuation) {
-            scan.unexpected_line("expected a contactor or $$$$$$");
+            // LMGC90 skips a localframe where it reads none, so that the axes would not be those of the file.
+            let is_frame = scan.peek_line().is_some_and(|line| line.columns(30, 39) == "localframe");
+            let expected = "expected a contactor or $$$$$$";
+            let no_frame = "expected none: only PLANx and CYLND have one; write the axes into DOF.INI";
+            scan.unexpected_line(if is_frame { no_frame } else { expected });
         }
         while scan.next_line_if(TextLine::is_continuation).is_some() {}
     }

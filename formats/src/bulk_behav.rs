@@ -25,7 +25,7 @@ pub struct Material {
 
 impl BulkBehav {
     /// Reads the file; reports all its faults at once. Lines that are neither gravity nor a material are skipped, as in
-    /// LMGC90. Of materials that are not `RIGID` only the density is kept; springs (`DISCRETE`) are skipped with a notice.
+    /// LMGC90. Of materials that are not `RIGID` only the density is kept, and springs (`DISCRETE`) are skipped, with a notice.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &AsciiText::read_file(path)?)
     }
@@ -62,10 +62,14 @@ impl BulkBehav {
                     };
                     let name = scan.read_name5(line, 2, "name");
                     scan.set_object(format!("material {name}"));
-                    if scan.read_name(line, (9, 38), "law") == "DISCRETE" {
+                    let law = scan.read_name(line, (9, 38), "law");
+                    if law == "DISCRETE" {
                         scan.add_form(LenientForm::SpringMaterial, line.number);
                         while scan.next_line_if(TextLine::is_continuation).is_some() {}
                         continue;
+                    }
+                    if law != "RIGID" {
+                        scan.add_form(LenientForm::OtherMaterialLaw, line.number);
                     }
                     let density = scan.read_positive(line, 46, "density Umas");
                     if !name.is_empty() && materials.iter().any(|known| known.name == name) {
@@ -144,5 +148,20 @@ $behav  lawty
         let (bulk, notices) = BulkBehav::parse_with_notices(Path::new("BULK_BEHAV.DAT"), &text).unwrap();
         assert_eq!(bulk.materials, [Material { name: "ROCKx".into(), density: 1000.0 }]);
         assert_eq!(notices.len(), 1, "{notices:?}");
+    }
+
+    #[test]
+    fn materials_of_other_laws_get_a_notice() {
+        let head = "$gravy\n                   grv1= 0.0000000E+00  grv2= 0.0000000E+00  grv3= 0.0000000E+00\n$behav\n";
+        let notices = |law: &str| {
+            let text = format!("{head} ROCKx  {law:<30}  Umas= 1.0000000E+03\n");
+            let (bulk, notices) =
+                BulkBehav::parse_with_notices(Path::new("BULK_BEHAV.DAT"), &AsciiText::new(text.as_bytes())).unwrap();
+            assert_eq!(bulk.materials, [Material { name: "ROCKx".into(), density: 1000.0 }]);
+            notices
+        };
+        assert_eq!(notices("RIGID"), [""; 0]);
+        let expected = "BULK_BEHAV.DAT:4: 1 material has a law other than RIGID, of which only the density is used";
+        assert_eq!(notices("RIGIz"), [expected]);
     }
 }

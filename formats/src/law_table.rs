@@ -407,11 +407,24 @@ pub fn reference_gap_position(label: &str) -> Option<usize> {
     }
 }
 
-/// Names of the laws that the programs compute with, as a text; laws of points `PT3Dx` come last, since each is rejected
-/// where the others act.
+/// Whether only the solvers `auto` and `nlgs` compute with a law: those with springs or moments, and `COUPLED_DOF`. Tests of
+/// cd-solve compare with the conditions of each law.
+pub fn needs_gauss_seidel(label: &str) -> bool {
+    let is_of_springs_or_moments = |parameter: LawParameter| {
+        matches!(parameter.quantity(), ParameterQuantity::Stiffness | ParameterQuantity::StiffnessPerArea)
+            || [LawParameter::RollingFriction, LawParameter::BondRadius].contains(&parameter)
+    };
+    label == "COUPLED_DOF" || is_law_of_points(label) || law_parameters(label).any(is_of_springs_or_moments)
+}
+
+/// Names of the laws that the programs compute with, as a text. Laws of the solvers `auto` and `nlgs`, and of points `PT3Dx`,
+/// come last, since they are rejected with other solvers, or where the others act.
 pub fn computed_list() -> String {
-    let (point_laws, others): (Vec<&str>, Vec<&str>) = computed_labels().partition(|label| is_law_of_points(label));
-    format!("{}; between PT3Dx {}", others.join(", "), point_laws.join(", "))
+    let (of_points, of_surfaces): (Vec<&str>, Vec<&str>) = computed_labels().partition(|label| is_law_of_points(label));
+    let (of_two_solvers, of_all): (Vec<&str>, Vec<&str>) =
+        of_surfaces.into_iter().partition(|label| needs_gauss_seidel(label));
+    let [of_all, of_two_solvers, of_points] = [of_all, of_two_solvers, of_points].map(|labels| labels.join(", "));
+    format!("{of_all}; with solver auto or nlgs {of_two_solvers}, and between PT3Dx {of_points}")
 }
 
 /// Names of the laws that the programs compute with.

@@ -84,6 +84,7 @@ const REJECTED_LAWS: &[(&str, &[&str])] = &[
             "IQS_MAC_CZM_nosldt",
         ],
     ),
+    ("joints along the normal alone are not among the models of cd-solve", &["NORMAL_COUPLED_DOF"]),
     (
         "its internal variables or its viscosity are not among the models of cd-solve",
         &[
@@ -93,7 +94,6 @@ const REJECTED_LAWS: &[(&str, &[&str])] = &[
             "ELASTIC_REPELL_WET_CLB",
             "IQS_BW_CLB",
             "IQS_PLAS_CLB",
-            "NORMAL_COUPLED_DOF",
             "WET_3C",
         ],
     ),

@@ -88,7 +88,7 @@ fn unknown_laws_and_values_out_of_range_are_reported() {
     let start =
         "its kind IQS_STICK is not computed: LMGC90's 3D solver stops at its first contact; computed are IQS_CLB, ";
     assert!(error("IQS_STICK", &[]).starts_with(start));
-    let end = "; between PT3Dx ELASTIC_WIRE, ELASTIC_ROD, VOIGT_WIRE, VOIGT_ROD";
+    let end = ", and between PT3Dx ELASTIC_WIRE, ELASTIC_ROD, VOIGT_WIRE, VOIGT_ROD";
     assert!(
         error("IQS_STICK", &[]).ends_with(end) && error("IQS_GLUE", &[]).ends_with(end),
         "{}",

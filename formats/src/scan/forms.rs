@@ -27,6 +27,8 @@ pub enum LenientForm {
     ForeignRow,
     /// Material of springs, which no rigid body has.
     SpringMaterial,
+    /// Material of a law other than `RIGID`.
+    OtherMaterialLaw,
     /// Axes t and s of a contact that are not orthogonal.
     SkewAxes,
     /// Axes of a contact on a plate that are left-handed.
@@ -80,6 +82,11 @@ impl LenientForm {
             LenientForm::SpringMaterial => {
                 format!("{} of law DISCRETE {are} skipped", count_text(count, "material"))
             }
+            LenientForm::OtherMaterialLaw => format!(
+                "{} {} a law other than RIGID, of which only the density is used",
+                count_text(count, "material"),
+                if one { "has" } else { "have" }
+            ),
             LenientForm::SkewAxes => format!(
                 "the axes t and s of {} of spheres are not orthogonal; they are turned about n",
                 count_text(count, "contact")

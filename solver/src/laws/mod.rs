@@ -808,7 +808,7 @@ impl ContactLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cd_formats::law_table::{ContactLoad, LAW_TABLE, has_interface, is_law_of_points};
+    use cd_formats::law_table::{ContactLoad, LAW_TABLE, has_interface, is_law_of_points, needs_gauss_seidel};
 
     fn new_law(label: &str, parameters: &[f64]) -> ContactLaw {
         ContactLaw::new(&LawModel::from_values(label, parameters).unwrap())
@@ -997,6 +997,8 @@ mod tests {
             let model = LawModel::from_values(entry.label, &values).unwrap();
             let (law, memory) = (ContactLaw::new(&model), model.memory());
             assert_eq!(law.strain_spring().is_some(), is_law_of_points(entry.label), "{}", entry.label);
+            let needs_sweeps = model.has_moments() || law.is_regularised();
+            assert_eq!(needs_sweeps, needs_gauss_seidel(entry.label), "{}", entry.label);
             assert_eq!(law.interface.is_some(), has_interface(entry.label), "{}", entry.label);
             let bonds = memory.iter().any(|kind| [ContactMemory::LiquidBridge, ContactMemory::Bond].contains(kind));
             assert_eq!(law.can_bond(), bonds, "{}", entry.label);

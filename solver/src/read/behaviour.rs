@@ -1,7 +1,7 @@
 //! Makes the laws, the visibility table and the initial contacts of the scene from TACT_BEHAV.DAT and Vloc_Rloc.INI, and
 //! checks options and events that depend on laws.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use cd_formats::bodies::Bodies;
@@ -11,7 +11,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::geometry::convex_region::MAX_REGION_IMAGES;
 use cd_formats::law_table::{
     INTERFACE_SLIDING, INTERFACE_SOUNDNESS, LawCohesion, ParameterFault, has_interface, is_law_of_points,
-    law_parameters, reference_gap_position,
+    law_parameters, needs_gauss_seidel, reference_gap_position,
 };
 use cd_formats::names::{count_text, number_text, rounded_number};
 use cd_formats::probe::{ProbeQuantity, named_bodies, unknown_bodies};
@@ -128,7 +128,7 @@ fn set_laws(
                     format!("expected {expected}"),
                 );
             }
-        } else if (model.has_moments() || ContactLaw::new(&model).is_regularised())
+        } else if needs_gauss_seidel(&record.kind)
             && !matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs)
         {
             let solver = scene.options.solver;
@@ -594,6 +594,30 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
     };
     let events = scene.options.events.iter().enumerate().filter_map(event_note);
     table.into_iter().filter_map(option_note).chain(adaptive).chain(events).collect()
+}
+
+/// Rejects contacts of Vloc_Rloc.INI with a law that TACT_BEHAV.DAT doesn't define, once for each name, and contacts without
+/// the reference gap that their law keeps. LMGC90 stops at both.
+pub fn check_laws_of_contacts(datbox: &Path, history: &VlocRloc, tact: &TactBehav, faults: &mut Faults) {
+    let file = datbox.join("Vloc_Rloc.INI");
+    let defined: Vec<&str> = tact.laws.iter().map(|law| law.nickname.as_str()).collect();
+    let mut unknown = BTreeSet::new();
+    for record in &history.contacts {
+        let fault = |found: String, expected: String| Fault::new(&file, Some(record.line), "contact", found, expected);
+        let Some(law) = tact.laws.iter().find(|law| law.nickname == record.law) else {
+            if unknown.insert(&record.law) {
+                let expected = format!("expected one of TACT_BEHAV.DAT: {}", defined.join(", "));
+                faults.push(fault(format!("a law '{}'", record.law), expected));
+            }
+            continue;
+        };
+        if let Some(position) = reference_gap_position(&law.kind).filter(|&position| position >= record.internals.len())
+        {
+            let found = count_text(record.internals.len(), "internal variable");
+            let expected = format!("expected those of {}, with the reference gap as number {}", law.kind, position + 1);
+            faults.push(fault(found, expected));
+        }
+    }
 }
 
 /// Returns the contacts of Vloc_Rloc.INI that this scene can have, to start the first step from; warns of the others.

@@ -108,6 +108,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     scene.notes.extend(bodies::period_gap_notes(&scene, &motion.q));
     bodies::check_plates_are_level(&datbox, &bodies, &scene, &motion.q, &mut faults);
     bodies::check_bodies_are_inside_drums(&datbox, &bodies, &scene, &motion.x, &motion.q, &mut faults);
+    behaviour::check_laws_of_contacts(&datbox, &history, &tact, &mut faults);
     let contacts = behaviour::initial_contacts(&datbox, &bodies, &history, &mut scene, &motion, &mut faults);
     let mut state = initial_state(&scene, &dof, motion, contacts, Vec3::from(bulk.gravity));
     if history.step > 0 || !history.contacts.is_empty() {

@@ -88,6 +88,25 @@ fn a_resumed_run_and_one_from_text_keep_first_gaps() {
     }
 }
 
+/// Contacts need their reference gap in Vloc_Rloc.INI, as without it they would count from touch.
+#[test]
+fn contacts_of_a_file_without_a_reference_gap_are_rejected() {
+    let mut case = over_floor("IQS_CLB_g0", FIRST);
+    case.options.text = true;
+    case.run(5);
+    let [dof, contacts] = case.first_text_states();
+    let datbox = case.path().join("DATBOX");
+    std::fs::write(datbox.join("DOF.INI"), dof).unwrap();
+    let exit_code = |text: &str| {
+        std::fs::write(datbox.join("Vloc_Rloc.INI"), text).unwrap();
+        case.solve(&["--force"])
+    };
+    assert_eq!(exit_code(&contacts), 0);
+    let (head, _) = contacts.split_once("#internals\n").unwrap();
+    assert_eq!(exit_code(head), 2);
+    assert_eq!(exit_code(&format!("{head}#internals\n \n")), 2);
+}
+
 #[test]
 fn blocks_rest_on_the_mortar_gap_between_their_faces() {
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

@@ -682,6 +682,7 @@ fn contacts_of_vloc_rloc_that_are_in_doubt() {
         (text.replace(" stick", " stuck"), "status: stuck; expected one of LMGC90's"),
         (text.replacen("$steps        2", "$steps        3", 1), "head: step 3, time"),
         (format!("{text}{record}"), "bodies 2 and 1 occur 2 times; expected each contact once"),
+        (text.replace("  law", "  lav"), "contact: a law 'lav"),
     ] {
         let (code, printed) = said(&changed);
         assert!(code == 2 && printed.contains("CASE/DATBOX/Vloc_Rloc.INI") && printed.contains(expected), "{printed}");
