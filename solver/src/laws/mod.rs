@@ -808,7 +808,9 @@ impl ContactLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cd_formats::law_table::{ContactLoad, LAW_TABLE, has_interface, is_law_of_points, needs_gauss_seidel};
+    use cd_formats::law_table::{
+        ContactLoad, LAW_TABLE, LawParameter, has_interface, is_law_of_points, needs_gauss_seidel,
+    };
 
     fn new_law(label: &str, parameters: &[f64]) -> ContactLaw {
         ContactLaw::new(&LawModel::from_values(label, parameters).unwrap())
@@ -987,6 +989,20 @@ mod tests {
         let (head, _) = include_str!("mod.rs").split_once("\nuse ").unwrap();
         for entry in LAW_TABLE.iter().filter(|entry| entry.computed) {
             assert!(head.contains(entry.label), "{}", entry.label);
+        }
+    }
+
+    /// A parameter of the table that the mechanics ignore would be read, written and documented without an effect.
+    #[test]
+    fn every_parameter_changes_the_law() {
+        for entry in LAW_TABLE.iter().filter(|entry| entry.computed) {
+            let values: Vec<f64> = (1..).take(entry.parameters().count()).map(|k| 0.25 * f64::from(k)).collect();
+            let law = |values: &[f64]| new_law(entry.label, values);
+            for (k, parameter) in entry.parameters().enumerate().filter(|(_, p)| *p != LawParameter::UnusedCohesion) {
+                let mut changed = values.clone();
+                changed[k] += 0.125;
+                assert_ne!(law(&changed), law(&values), "{}: {} has no effect", entry.label, parameter.name());
+            }
         }
     }
 
