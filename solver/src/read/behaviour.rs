@@ -281,7 +281,10 @@ fn liquids_beyond_alert_note(tact: &TactBehav, contactors: &ContactorTable) -> O
     let exceeds = |row: &&VisibilityRow| {
         let law = tact.laws.iter().find(|law| law.nickname == row.law).and_then(|law| law.model().ok());
         let cohesion = law.and_then(|law| law.cohesion());
-        let is_longer = matches!(cohesion, Some(LawCohesion::Liquid { range, .. }) if range > row.alert);
+        let is_longer = match cohesion {
+            Some(LawCohesion::Liquid { range, .. }) => range > row.alert,
+            None | Some(LawCohesion::Pair(_) | LawCohesion::Bond { .. }) => false,
+        };
         is_longer && contactors.can_meet(row)
     };
     let rows: Vec<_> = tact.visibility.iter().filter(exceeds).collect();
