@@ -414,3 +414,42 @@ impl LargestFragment {
         LargestFragment { axes: sums.semi_axes(), spin: sums.spin().norm(), sums, bound, escaping }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::Scene;
+
+    /// Values with arms from a centre are blanked by [`Row::clear_origin_dependent`]: the border of the cell is next to the
+    /// grains, or between them.
+    #[test]
+    fn no_value_depends_on_the_border_of_a_periodic_cell() {
+        let row_at = |shift: [f64; 2]| {
+            let mut scene = Scene::self_gravitating(0.0);
+            (scene.snapshot.meta.parameters.xperiode, scene.snapshot.meta.parameters.yperiode) = (Some(8.0), Some(8.0));
+            scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+            let grains =
+                [([0.0, 0.0, 1.0], 1.0), ([2.0, 0.0, 1.0], 1.0), ([0.0, 3.0, 2.0], 2.0), ([-3.5, 2.0, 2.5], 0.5)]
+                    .map(|([x, y, z], radius)| scene.grain([x + shift[0], y + shift[1], z], radius));
+            for (k, grain) in grains.into_iter().enumerate() {
+                let k = k as f64;
+                scene.snapshot.bodies.body_v[grain] = [k, 1.0 - k, k * k];
+                scene.snapshot.bodies.body_w_world[grain] = [0.5, k, 0.25 * k];
+            }
+            scene.push(grains[1], grains[0], 2.0);
+            scene.push(grains[2], grains[0], 3.0);
+            // The surface of a layer of so few grains depends on the border: the region is a ball that moves with them.
+            let region = format!("ball:2.5@{},{},1.5", 0.5 + shift[0], 1.0 + shift[1]);
+            let options = MeasurementOptions { region: Some(region.parse().unwrap()), ..MeasurementOptions::default() };
+            Row::with_options(&scene.frame(), &options).numbers()
+        };
+        let whole = row_at([0.0; 2]);
+        for shift in [[3.0, 0.0], [0.0, 2.5], [3.5, -2.75], [80.0, 0.0]] {
+            for ((name, _, _), (found, expected)) in Row::COLUMNS.iter().zip(row_at(shift).iter().zip(&whole)) {
+                let is_same =
+                    found.is_nan() && expected.is_nan() || (found - expected).abs() <= 1e-9 * (1.0 + expected.abs());
+                assert!(is_same, "{name}: {found:e} is not {expected:e} where the grains are moved by {shift:?}");
+            }
+        }
+    }
+}
