@@ -9,6 +9,8 @@ pub struct SeriesPlot {
     /// Name of the file in `POSTPRO/`.
     pub file: &'static str,
     pub title: &'static str,
+    /// Caption in the report.
+    pub caption: &'static str,
     /// Quantity on the vertical axis.
     pub quantity: &'static str,
     /// Whether the first curve is a mean over the region, which the title then names.
@@ -24,6 +26,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "energy.svg",
         title: "Kinetic energy per grain",
+        caption: "Mean kinetic energy per grain: total, rotation of the grains, and rigid motion of all grains as one body.",
         quantity: "kinetic energy",
         is_of_region: false,
         logarithmic: true,
@@ -32,6 +35,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "coordination.svg",
         title: "Neighbours per grain",
+        caption: "Mean number of neighbours that a grain touches with force, in the region in the title: of all grains, and without rattlers.",
         quantity: "neighbours per grain, Z",
         is_of_region: true,
         logarithmic: false,
@@ -40,6 +44,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "solid_fraction.svg",
         title: "Solid fraction",
+        caption: "Solid fraction in the region in the title; for a bed, also between its walls up to twice the height of its centre of mass.",
         quantity: "solid fraction, ν",
         is_of_region: true,
         logarithmic: false,
@@ -48,6 +53,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "pressure.svg",
         title: "Mean pressure",
+        caption: "Mean pressure in the region in the title: of the contact forces, walls included, and the virial of the loads. Both are equal at rest.",
         quantity: "pressure",
         is_of_region: true,
         logarithmic: false,
@@ -56,6 +62,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "semi_axes.svg",
         title: "Semi-axes of the ellipsoid of equal inertia",
+        caption: "Semi-axes of the uniform ellipsoid with the same moments of inertia.",
         quantity: "semi-axis",
         is_of_region: false,
         logarithmic: false,
@@ -64,6 +71,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "dissipation.svg",
         title: "Work of the contacts",
+        caption: "Work of the contacts since the start, by friction and by normal forces; negative: dissipated.",
         quantity: "work",
         is_of_region: false,
         logarithmic: false,

@@ -59,31 +59,6 @@ const STATE_FIGURES: [(&str, &str); 12] = [
     ("ejecta.svg", "Speed of the grains outside the largest remnant."),
 ];
 
-/// Captions of the plots against time, by file.
-const PLOT_CAPTIONS: [(&str, &str); 6] = [
-    (
-        "energy.svg",
-        "Mean kinetic energy per grain: total, rotation of the grains, and rigid motion of all grains as one body.",
-    ),
-    (
-        "coordination.svg",
-        "Mean number of neighbours that a grain touches with force, in the region in the title: of all grains, and without rattlers.",
-    ),
-    (
-        "solid_fraction.svg",
-        "Solid fraction in the region in the title; for a bed, also between its walls up to twice the height of its centre of mass.",
-    ),
-    (
-        "pressure.svg",
-        "Mean pressure in the region in the title: of the contact forces, walls included, and the virial of the loads. Both are equal at rest.",
-    ),
-    ("semi_axes.svg", "Semi-axes of the uniform ellipsoid with the same moments of inertia."),
-    (
-        "dissipation.svg",
-        "Work of the contacts since the start, by friction and by normal forces; negative: dissipated.",
-    ),
-];
-
 /// Columns of the series in groups, each with its title; every column is in one of them.
 const COLUMN_GROUPS: [(&str, &[&str]); 9] = [
     ("State", &["step", "time", "interval", "n_grains", "mass"]),
@@ -288,9 +263,7 @@ fn page_html(dir: &Path, content: &PageContent, state_files: Vec<state::file::St
     add(&heading("time-series"));
     add("<div class=\"figures\">\n");
     for plot in &PLOTS {
-        let caption =
-            PLOT_CAPTIONS.iter().find(|(file, _)| *file == plot.file).map_or(plot.title, |(_, caption)| caption);
-        add(&figure_html(plot.file, &plot.to_figure(rows).to_svg(), caption));
+        add(&figure_html(plot.file, &plot.to_figure(rows).to_svg(), plot.caption));
     }
     add("</div>\n");
     let mut tables = vec![("series.csv".to_string(), write::series::series_text(rows))];
