@@ -345,13 +345,44 @@ pub fn record_changed_forces(
     state: &mut State,
 ) -> Result<(), Faults> {
     let options = &scene.options;
+    // Without `..`, so that the compiler requires a decision for each parameter.
+    let &RunParameters {
+        self_gravity,
+        gravity_constant,
+        gravity_quadrupole,
+        gravity_softening,
+        ref fields,
+        uniform_gravity,
+        theta: _,
+        accuracy: _,
+        adaptive: _,
+        tol: _,
+        penetration_tol: _,
+        solver: _,
+        sweep_precision: _,
+        max_sweeps: _,
+        check_every: _,
+        alert: _,
+        gravity: _,
+        xperiode: _,
+        yperiode: _,
+        narrow_phase: _,
+        face_friction: _,
+        gravity_error: _,
+        gravity_order: _,
+        gravity_opening: _,
+        gravity_refresh: _,
+        gravity_moved: _,
+        quench: _,
+        events_done: _,
+    } = earlier;
     let unchanged = [
-        ("gravity", state.gravity == Vec3::from(earlier.uniform_gravity)),
-        ("self_gravity", options.self_gravity == earlier.self_gravity),
-        ("gravity_constant", options.gravity_constant == earlier.gravity_constant),
-        ("gravity_quadrupole", options.gravity_quadrupole == earlier.gravity_quadrupole),
-        ("gravity_softening", options.gravity_softening == earlier.gravity_softening),
-        ("fields", options.fields == earlier.fields),
+        ("gravity", state.gravity == Vec3::from(uniform_gravity)),
+        ("self_gravity", options.self_gravity == self_gravity),
+        ("gravity_constant", options.gravity_constant == gravity_constant),
+        ("gravity_quadrupole", options.gravity_quadrupole == gravity_quadrupole),
+        ("gravity_softening", options.gravity_softening == gravity_softening),
+        ("fields", options.fields == *fields),
     ];
     let changed: Vec<&str> =
         unchanged.into_iter().filter_map(|(name, unchanged)| (!unchanged).then_some(name)).collect();
@@ -359,13 +390,13 @@ pub fn record_changed_forces(
         return Ok(());
     }
     let (mut old_scene, mut old_state) = (scene.clone(), state.clone());
-    old_state.gravity = earlier.uniform_gravity.into();
-    old_scene.options.self_gravity = earlier.self_gravity;
-    old_scene.options.gravity_constant = earlier.gravity_constant;
-    old_scene.options.gravity_quadrupole = earlier.gravity_quadrupole;
-    old_scene.options.gravity_softening = earlier.gravity_softening;
-    old_scene.options.fields.clone_from(&earlier.fields);
-    old_scene.field_shapes = FieldShapes::read(&earlier.fields, datbox)?;
+    old_state.gravity = uniform_gravity.into();
+    old_scene.options.self_gravity = self_gravity;
+    old_scene.options.gravity_constant = gravity_constant;
+    old_scene.options.gravity_quadrupole = gravity_quadrupole;
+    old_scene.options.gravity_softening = gravity_softening;
+    old_scene.options.fields.clone_from(fields);
+    old_scene.field_shapes = FieldShapes::read(fields, datbox)?;
     let work = potential_energy(scene, state, &state.x) - potential_energy(&old_scene, &old_state, &old_state.x);
     state.ledger.outside_work += work;
     let changed = changed.join(", ");
