@@ -638,10 +638,22 @@ fn check_direction(report: &mut FaultReport, path: &str, name: &str, vector: &[f
     );
 }
 
-/// Checks a wall, but for names.
+/// Checks a wall, but for names. Patterns without `..`, so that the compiler requires each field.
 pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall) {
     match wall {
-        SceneWall::Cylinder { centre, axis, half_height, radius, velocity, force, spin, moment, .. } => {
+        SceneWall::Cylinder {
+            material: _,
+            colour: _,
+            centre,
+            axis,
+            half_height,
+            radius,
+            hollow: _,
+            velocity,
+            force,
+            spin,
+            moment,
+        } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "axis", axis);
             for (name, length) in [("half_height", half_height), ("radius", radius)] {
@@ -654,7 +666,18 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             let is_one_given = moment.is_none() || *spin == TimeFunction::default();
             report.require(is_one_given, &format!("{path}.spin"), found, "one of the two");
         }
-        SceneWall::Plate { centre, normal, first_axis, half_lengths, velocity, force, spin, moment, .. } => {
+        SceneWall::Plate {
+            material: _,
+            colour: _,
+            centre,
+            normal,
+            first_axis,
+            half_lengths,
+            velocity,
+            force,
+            spin,
+            moment,
+        } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "normal", normal);
             if let Some(first) = first_axis {
@@ -675,7 +698,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
                 report.require(*spin == TimeFunction::default(), &path, found, "one of the two");
             }
         }
-        SceneWall::Box { centre, lengths, orientation, half_thickness, velocity, .. } => {
+        SceneWall::Box { material: _, colour: _, centre, lengths, orientation, half_thickness, lid: _, velocity } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_each(report, &format!("{path}.lengths"), lengths, is_positive, "a length > 0 m");
             check_rotation(report, &format!("{path}.orientation"), orientation);
