@@ -145,6 +145,23 @@ fn meta_is_described_field_by_field() {
     }
 }
 
+/// The next run takes these from COMPUTE.RON; the length of steps, `dt`, follows from the snapshot if it is constant.
+#[test]
+fn options_that_snapshots_do_not_contain_are_listed() {
+    let source = page_of("formats/src/snapshot/mod.rs").1;
+    let parameters = source.split_once("pub struct RunParameters").unwrap().1.split_once("\n}").unwrap().0;
+    let recorded: Vec<&str> = parameters.split("pub ").skip(1).map(|field| field.split(':').next().unwrap()).collect();
+    let options = Compute::option_table();
+    let mut expected: Vec<&str> =
+        options.iter().map(|(name, ..)| *name).filter(|name| *name != "dt" && !recorded.contains(name)).collect();
+    let text = in_one_line(&page_of("docs/reference/from-outbox.md").1);
+    let (_, sentence) = text.split_once("A snapshot does not contain ").unwrap();
+    let mut listed: Vec<&str> = sentence.split_once(", nor `dt`").unwrap().0.split('`').skip(1).step_by(2).collect();
+    expected.sort_unstable();
+    listed.sort_unstable();
+    assert_eq!(listed, expected);
+}
+
 /// Rows of the table of laws that the programs compute with.
 fn computed_laws() -> Vec<&'static LawEntry> {
     LAW_TABLE.iter().filter(|entry| entry.computed).collect()
