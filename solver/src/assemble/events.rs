@@ -62,6 +62,9 @@ pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
 }
 
 /// Applies the torque that events have set, and the option `quench`, at the start of a step of `step_multiple` times `dt`.
+///
+/// Steps with such a change need a backup of the velocities, see [`StateBackup::new`](crate::state::StateBackup::new), and with
+/// imposed motion are taken with θ = 1, see `needs_implicit_step`.
 pub fn apply_torque_and_damping(scene: &Scene, state: &mut State, step_multiple: u64) {
     if state.torque != Vec3::zeros() {
         let impulse = state.torque * (step_multiple as f64 * scene.options.dt);
