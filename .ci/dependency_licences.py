@@ -4,7 +4,8 @@
 Usage: python3 .ci/dependency_licences.py TARGET
 
 Reads Cargo.lock and the sources of the crates, by `cargo tree` and `cargo metadata`. Compiles nothing. A crate without a
-licence file is listed with its licence only. A crate without a licence is an error.
+licence file is listed with its licence only. A crate without a licence is an error. Data in a crate with a licence of its
+own, which the crate does not contain, have it in .ci/licences/CRATE-LICENCE.txt.
 """
 
 import json
@@ -13,6 +14,7 @@ import subprocess
 import sys
 
 PROGRAMS = ["cd-pre", "cd-solve", "cd-post"]
+DATA_LICENCES = pathlib.Path(__file__).parent / "licences"
 NAMES = ("license", "licence", "copying", "copyright", "notice", "unlicense")
 
 
@@ -33,7 +35,10 @@ def main(target):
         files = sorted(path for path in folder.iterdir() if path.is_file() and path.name.lower().startswith(NAMES))
         if not crate["license"] and not files:
             sys.exit(f"{name}: has no licence")
-        print(f"\n{'=' * 100}\n{name}, {crate['license']}, {crate['repository'] or ''}")
+        of_data = sorted(DATA_LICENCES.glob(f"{crate['name']}-*.txt"))
+        licences = [crate["license"]] + [path.stem.removeprefix(f"{crate['name']}-") for path in of_data]
+        files += of_data
+        print(f"\n{'=' * 100}\n{name}, {' and '.join(str(licence) for licence in licences)}, {crate['repository'] or ''}")
         for path in files:
             print(f"\n{'-' * 20} {path.name}\n")
             print(path.read_text(encoding="utf-8", errors="replace").strip())
