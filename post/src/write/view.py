@@ -35,11 +35,15 @@ def name_values(array):
     table.IndexedColors = [c for k in range(len(NAMES[array])) for c in PALETTE[k % len(PALETTE)]]
 
 
-def colour(display, where, array, seen=True):
-    """By an array, over its range in all that is shown so."""
+def colour(display, where, array, title, seen=True):
+    """By an array without negative values, from 0 to the largest in all that is shown so."""
     ColorBy(display, (where, array))
     display.RescaleTransferFunctionToDataRange(True, True)
-    bar = GetScalarBar(GetColorTransferFunction(array), view)
+    table = GetColorTransferFunction(array)
+    # ParaView widens a range of one value by its rounding.
+    table.RescaleTransferFunction(0.0, max(float("%.4g" % table.RGBPoints[-4]), 1e-30))
+    bar = GetScalarBar(table, view)
+    bar.Title, bar.ComponentTitle = title, ""
     bar.TitleFontSize = bar.LabelFontSize = 8
     bar.LabelFormat = bar.RangeLabelFormat = "%g"
     display.SetScalarBarVisibility(view, seen)
@@ -53,10 +57,12 @@ scene = GetAnimationScene()
 grains, polyhedra, contacts, walls = (read(kind) for kind in ("grains", "polyhedra", "contacts", "walls"))
 scene.UpdateAnimationUsingDataTimeSteps()
 scene.GoToLast()
+# Pipelines that are not shown have the first time unless they are given one.
+last = view.ViewTime
 
 spheres = Threshold(registrationName="spheres", Input=grains, Scalars=["POINTS", "polyhedron"])
 spheres.LowerThreshold = spheres.UpperThreshold = 0
-spheres.UpdatePipeline()
+spheres.UpdatePipeline(last)
 if spheres.GetDataInformation().GetNumberOfPoints() > 0:
     display = Show(spheres, view)
     display.SetRepresentationType("3D Glyphs")
@@ -66,28 +72,28 @@ if spheres.GetDataInformation().GetNumberOfPoints() > 0:
     display.ScaleMode = "Magnitude"
     display.SelectScaleArray = "radius"
     display.ScaleFactor = 2.0  # the glyph has the diameter 1
-    colour(display, "POINTS", "neighbours")
+    colour(display, "POINTS", "neighbours", "neighbours")
 if polyhedra:
     display = Show(polyhedra, view)
     display.SetRepresentationType("Surface")
-    colour(display, "CELLS", "neighbours")
+    colour(display, "CELLS", "neighbours", "neighbours")
 for array in NAMES:
     name_values(array)
 chains = Threshold(registrationName="contacts with force", Input=contacts, Scalars=["CELLS", "active"])
 chains.LowerThreshold = chains.UpperThreshold = 1
-chains.UpdatePipeline()
+chains.UpdatePipeline(last)
 if chains.GetDataInformation().GetNumberOfCells() > 0:
     # Each line gets points of its own, with its force.
     lines = Shrink(registrationName="lines", Input=chains, ShrinkFactor=1.0)
     forces = CellDatatoPointData(registrationName="forces at both ends", Input=lines)
     surface = ExtractSurface(registrationName="lines with forces", Input=forces)
     tubes = Tube(registrationName="chains of force", Input=surface, Scalars=["POINTS", "normal_force"])
-    grains.UpdatePipeline()
+    grains.UpdatePipeline(last)
     radii = grains.GetDataInformation().GetPointDataInformation().GetArrayInformation("radius").GetComponentRange(0)
     mean = 0.5 * (radii[0] + radii[1])
     tubes.VaryRadius, tubes.Radius, tubes.RadiusFactor = "By Scalar", THINNEST * mean, THICKEST / THINNEST
     display = Show(tubes, view)
-    colour(display, "POINTS", "normal_force", seen=False)
+    colour(display, "POINTS", "normal_force", "normal force, N", seen=False)
     Hide(tubes, view)  # within the grains: the eye next to it in the pipeline shows them
 
 view.CameraFocalPoint, view.CameraPosition, view.CameraViewUp = [0, 0, 0], [1.0, -1.6, 0.9], [0, 0, 1]
@@ -95,6 +101,8 @@ ResetCamera(view)
 if walls:
     display = Show(walls, view)
     display.SetRepresentationType("Surface")
+    ColorBy(display, None)
+    display.AmbientColor = display.DiffuseColor = [0.59, 0.61, 0.65]
     display.Opacity = 0.1
 Render(view)
 if len(sys.argv) > 1 and sys.argv[-1].endswith(".png"):
