@@ -116,4 +116,4 @@ pub mod vloc_rloc;
 mod words;
 
 // Other modules and crates name these without their folder.
-pub use geometry::{convex_pieces, faces, mass, mesh, obj, principal, rotation, surface};
+pub use geometry::{convex_pieces, faces, mass, mesh, obj, principal, rotation, surface, wall_mesh};

@@ -1,5 +1,5 @@
-//! Geometry of the bodies in the files, closed surfaces, convex faces and pieces, mass properties, and of convex regions of
-//! space.
+//! Geometry of the bodies in the files, closed surfaces, surfaces of walls, convex faces and pieces, mass properties, and
+//! of convex regions of space.
 
 mod centred;
 pub mod convex_pieces;
@@ -12,3 +12,4 @@ pub mod polyhedron_gravity;
 pub mod principal;
 pub mod rotation;
 pub mod surface;
+pub mod wall_mesh;

@@ -193,7 +193,7 @@ fn mean_vertex(vertices: &[[f64; 3]]) -> Vec3 {
 }
 
 /// Faults of elements: numbers that are not finite, vertices missing or unused, triangles without area.
-fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> {
+pub(super) fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> {
     let mut faults = Vec::new();
     for (k, vertex) in vertices.iter().enumerate().filter(|(_, v)| v.iter().any(|x| !x.is_finite())) {
         let [x, y, z] = vertex;

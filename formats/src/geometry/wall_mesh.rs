@@ -1,0 +1,754 @@
+//! Triangulated surfaces of walls, contactors MESHx: their checks, and the points where balls touch them.
+//!
+//! A ball touches a surface where the distance of its centre from the surface has a local minimum: at a point of the surface
+//! that is the nearest one of every triangle that contains it. An edge or corner is therefore touched only if the surface is
+//! convex there; along edges between triangles in one plane, and in concave ones, the faces are touched. A ball on a plane
+//! of triangles has one contact, in a groove it has one for each side.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+
+use nalgebra::Vector3;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::math::Vector as TreePoint;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
+use parry3d_f64::query::PointProjection;
+use smallvec::SmallVec;
+
+use super::mesh::{PolygonMesh, ReadError, lines};
+use super::obj;
+use super::surface::{SurfaceFaults, element_faults};
+use crate::atomic;
+use crate::error::{Fault, Faults};
+use crate::names::count_text;
+
+type Vec3 = Vector3<f64>;
+
+/// Sides of a triangulated wall that push bodies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum MeshSides {
+    /// The side from which triangles are seen counter-clockwise. A ball whose centre is behind the surface is pushed back
+    /// through it, if the centre is not deeper than the radius of the ball.
+    One,
+    /// Both sides: a ball is pushed to the side where its centre is.
+    Both,
+}
+
+/// Point where a ball touches a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeshContact {
+    /// Touched feature, see [`feature_of`].
+    pub feature: u32,
+    /// Point of the surface that is nearest to the centre of the ball, m.
+    pub point: Vec3,
+    /// Unit normal from the surface to the ball.
+    pub normal: Vec3,
+    /// Distance of the centre of the ball from the point along the normal, m; negative behind a surface with one side.
+    pub distance: f64,
+}
+
+/// Largest number of triangles, so that features fit in 32 bits.
+pub const MAX_MESH_TRIANGLES: usize = 1 << 28;
+
+/// Regions of a triangle: its face, three edges and three corners.
+const REGIONS: u32 = 8;
+
+/// Largest angle between the normals of two contacts of a ball that are one contact, rad. The gap of the contact that is left
+/// out is wrong by at most 5e-9 of the radius.
+const SAME_NORMAL: f64 = 1e-4;
+
+/// Units of the last digit by which distances from triangles with a common point may differ by rounding.
+const ROUNDINGS: f64 = 64.0;
+
+/// Number of a feature of a surface: 8 times the triangle (from 0), plus 0 for its face, 1 to 3 for the edge from its first,
+/// second or third corner to the next, 4 to 6 for the corner. An edge or corner has the number of the lowest triangle that has it.
+///
+/// ```
+/// use cd_formats::wall_mesh::{feature_of, triangle_of};
+/// assert_eq!((feature_of(5, 2), triangle_of(42)), (42, 5));
+/// ```
+pub fn feature_of(triangle: u32, region: u32) -> u32 {
+    REGIONS * triangle + region
+}
+
+/// Triangle of a feature, from 0.
+pub fn triangle_of(feature: u32) -> u32 {
+    feature / REGIONS
+}
+
+/// Region of a triangle that has the point nearest to another one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum TriangleRegion {
+    Face,
+    /// Edge from the corner with this index to the next.
+    Edge(usize),
+    Corner(usize),
+}
+
+/// Triangle near a ball.
+#[derive(Debug, Clone, Copy)]
+struct NearTriangle {
+    triangle: u32,
+    region: TriangleRegion,
+    /// Nearest point, m.
+    point: Vec3,
+    /// Distance of the nearest point, m.
+    distance: f64,
+}
+
+/// Triangulated surface of a wall with the tree of its triangles.
+#[derive(Clone)]
+pub struct WallMesh {
+    vertices: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+    sides: MeshSides,
+    /// Unit normals of the triangles.
+    normals: Vec<Vec3>,
+    /// Triangles of each vertex, rising, and where those of each vertex begin.
+    fans: Vec<u32>,
+    fan_starts: Vec<u32>,
+    /// Whether each vertex is on the rim, where an edge belongs to one triangle.
+    rim: Vec<bool>,
+    /// Largest distance of a vertex from the origin, m.
+    radius: f64,
+    tree: Bvh,
+}
+
+impl fmt::Debug for WallMesh {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "WallMesh({} triangles, {:?})", self.triangles.len(), self.sides)
+    }
+}
+
+impl PartialEq for WallMesh {
+    fn eq(&self, other: &Self) -> bool {
+        self.sides == other.sides && self.vertices == other.vertices && self.triangles == other.triangles
+    }
+}
+
+impl WallMesh {
+    /// Surface of `vertices` (m) and `triangles` of 0-based numbers of vertices, counter-clockwise seen from the side that
+    /// pushes; it may be open, and in several pieces.
+    ///
+    /// Errors: numbers that are not finite, vertices that do not exist or are not used, triangles without area, too many
+    /// triangles; with one side also edges of more than two triangles, and of two triangles seen from different sides.
+    ///
+    /// ```
+    /// use cd_formats::wall_mesh::{MeshSides, WallMesh};
+    /// use nalgebra::Vector3;
+    /// let square = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    /// let mesh = WallMesh::new(&square, &[[0, 1, 2], [0, 2, 3]], MeshSides::One).unwrap();
+    /// // Above the common edge of both triangles.
+    /// let found = mesh.ball_contacts(&Vector3::new(0.5, 0.5, 0.75), 0.5, 1.0);
+    /// assert_eq!((found.len(), found[0].normal, found[0].distance), (1, Vector3::z(), 0.75));
+    /// ```
+    pub fn new(vertices: &[[f64; 3]], triangles: &[[u32; 3]], sides: MeshSides) -> Result<WallMesh, SurfaceFaults> {
+        let mut faults = element_faults(vertices, triangles);
+        if triangles.len() > MAX_MESH_TRIANGLES {
+            faults.push(format!("there are {} triangles; expected at most {MAX_MESH_TRIANGLES}", triangles.len()));
+        }
+        if !faults.is_empty() {
+            return Err(SurfaceFaults(faults));
+        }
+        let edges = triangles_of_edges(triangles);
+        if sides == MeshSides::One {
+            faults = orientation_faults(&edges);
+            if !faults.is_empty() {
+                return Err(SurfaceFaults(faults));
+            }
+        }
+        let vertices: Vec<Vec3> = vertices.iter().map(|&vertex| Vec3::from(vertex)).collect();
+        let corners = |triangle: &[u32; 3]| triangle.map(|k| vertices[k as usize]);
+        let normal = |triangle: &[u32; 3]| {
+            let [a, b, c] = corners(triangle);
+            // The two sides at the corner that is nearest to a right angle have the normal with the smallest error.
+            let sides = [(b - a, c - a), (c - b, a - b), (a - c, b - c)];
+            let sharpness = |(u, v): &(Vec3, Vec3)| u.dot(v).abs() / (u.norm() * v.norm());
+            let (u, v) = sides.into_iter().min_by(|a, b| sharpness(a).total_cmp(&sharpness(b))).unwrap_or_default();
+            u.cross(&v).normalize()
+        };
+        let normals = triangles.iter().map(normal).collect();
+        let boxes: Vec<Aabb> = triangles
+            .iter()
+            .map(|triangle| {
+                let [a, b, c] = corners(triangle);
+                Aabb::new(tree_point(&a.inf(&b).inf(&c)), tree_point(&a.sup(&b).sup(&c)))
+            })
+            .collect();
+        let mut fan_starts = vec![0; vertices.len() + 1];
+        triangles.iter().flatten().for_each(|&vertex| fan_starts[vertex as usize + 1] += 1);
+        (0..vertices.len()).for_each(|k| fan_starts[k + 1] += fan_starts[k]);
+        let mut ends = fan_starts.clone();
+        let mut fans = vec![0; 3 * triangles.len()];
+        for (number, triangle) in (0..).zip(triangles) {
+            for &vertex in triangle {
+                fans[ends[vertex as usize] as usize] = number;
+                ends[vertex as usize] += 1;
+            }
+        }
+        let mut rim = vec![false; vertices.len()];
+        for edge in edges.iter().filter(|(_, sides)| sides.len() == 1).flat_map(|(edge, _)| edge) {
+            rim[*edge as usize] = true;
+        }
+        Ok(WallMesh {
+            radius: vertices.iter().map(|vertex| vertex.norm()).fold(0.0, f64::max),
+            tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),
+            triangles: triangles.to_vec(),
+            vertices,
+            sides,
+            normals,
+            fans,
+            fan_starts,
+            rim,
+        })
+    }
+
+    /// Reads an OBJ file of triangles, as cd-pre writes it. Errors: all faults of the file and of the surface.
+    pub fn read(path: &Path, sides: MeshSides) -> Result<WallMesh, Faults> {
+        let text = atomic::read_text(path)?;
+        let mut faults = Faults::default();
+        let PolygonMesh { points, polygons, .. } = match obj::read(&lines(&text)) {
+            Ok(mesh) => mesh,
+            Err(errors) => {
+                for ReadError { line, found, expected } in errors {
+                    faults.push(Fault::new(path, line, "file", found, format!("expected {expected}")));
+                }
+                return Err(faults);
+            }
+        };
+        let triangles: Option<Vec<[u32; 3]>> = polygons
+            .iter()
+            .map(|corners| <[usize; 3]>::try_from(&corners[..]).ok().map(|corners| corners.map(|k| k as u32)))
+            .collect();
+        let Some(triangles) = triangles else {
+            let expected = "expected triangles; cd-pre cuts polygons into triangles";
+            return Err(Fault::new(path, None, "file", "polygons of other than three corners", expected).into());
+        };
+        WallMesh::new(&points, &triangles, sides).map_err(|found| {
+            let shown = found.0.iter().take(MAX_PRINTED_FAULTS);
+            for fault in shown {
+                let (found, expected) = fault.split_once("; ").unwrap_or((fault, "expected a surface of triangles"));
+                faults.push(Fault::new(path, None, "surface", found, expected));
+            }
+            if let Some(others) = found.0.len().checked_sub(MAX_PRINTED_FAULTS).filter(|others| *others > 0) {
+                let found = count_text(others, "more fault");
+                faults.push(Fault::new(path, None, "surface", found, "expected a surface without them"));
+            }
+            faults
+        })
+    }
+
+    /// Text of an OBJ file with the surface, its coordinates with all their digits.
+    pub fn to_text(&self) -> String {
+        let vertices = self.vertices.iter().map(|v| format!("v {:?} {:?} {:?}\n", v.x, v.y, v.z));
+        let triangles = self.triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+        vertices.chain(triangles).collect()
+    }
+
+    /// Vertices, m.
+    pub fn vertices(&self) -> &[Vec3] {
+        &self.vertices
+    }
+
+    /// Triangles by 0-based numbers of vertices.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Sides that push bodies.
+    pub fn sides(&self) -> MeshSides {
+        self.sides
+    }
+
+    /// Whether each edge belongs to two triangles or more.
+    pub fn is_closed(&self) -> bool {
+        !self.rim.contains(&true)
+    }
+
+    /// Largest distance of a vertex from the origin, m.
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// Contacts of a ball whose surface is at most `range` from the surface, m; centre and radius in m. They are at local
+    /// minima of the distance of the centre, see the module, nearest first. Of contacts with one normal the nearest is
+    /// returned: it is in front of the others.
+    ///
+    /// Behind a surface with one side the nearest point alone is returned, if it is no farther from the centre than the
+    /// radius. The rim of an open surface pushes in all directions.
+    pub fn ball_contacts(&self, centre: &Vec3, radius: f64, range: f64) -> SmallVec<[MeshContact; 2]> {
+        let near = self.near_triangles(centre, radius + range);
+        let Some(nearest) = near.iter().min_by(|a, b| a.distance.total_cmp(&b.distance)) else {
+            return SmallVec::new();
+        };
+        if !self.is_in_front(nearest, centre) {
+            let contact = MeshContact { distance: -nearest.distance, ..self.contact_at(nearest, centre, -1.0) };
+            return (nearest.distance <= radius).then_some(contact).into_iter().collect();
+        }
+        let rounding = self.rounding(centre);
+        let mut minima: SmallVec<[NearTriangle; 4]> =
+            near.iter().filter(|found| self.is_minimum(found, &near, rounding)).copied().collect();
+        minima.retain(|found| self.is_in_front(found, centre));
+        // Of equal distances a face comes first.
+        minima.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        let mut contacts: SmallVec<[MeshContact; 2]> = SmallVec::new();
+        for found in &minima {
+            let contact = self.contact_at(found, centre, 1.0);
+            let same = contacts
+                .iter_mut()
+                .find(|known| (known.normal - contact.normal).norm_squared() <= SAME_NORMAL * SAME_NORMAL);
+            match same {
+                None => contacts.push(contact),
+                Some(known) if contact.distance - known.distance <= rounding && is_face(contact.feature) => {
+                    // Rounding alone decides between a face and its edge.
+                    if !is_face(known.feature) {
+                        *known = contact;
+                    }
+                }
+                Some(_) => {}
+            }
+        }
+        contacts
+    }
+
+    /// Lower bound of the distance of a point from the surface, m, at most `limit`.
+    pub fn distance_bound(&self, point: &Vec3, limit: f64) -> f64 {
+        self.near_triangles(point, limit).iter().map(|near| near.distance).fold(limit, f64::min)
+    }
+
+    /// Whether a point, m, is behind the nearest point of a surface with one side, as all points inside of a closed one are.
+    pub fn is_behind(&self, point: &Vec3) -> bool {
+        let project = |triangle: u32, _: f64| {
+            let near = self.near_triangle(triangle, point);
+            Some(PointProjection::new(false, tree_point(&near.point)))
+        };
+        let found = self.tree.project_point(tree_point(point), f64::MAX, project);
+        found.is_some_and(|(triangle, _)| !self.is_in_front(&self.near_triangle(triangle, point), point))
+    }
+
+    /// Distance up to which distances of a point from triangles with a common point differ by rounding, m.
+    fn rounding(&self, point: &Vec3) -> f64 {
+        ROUNDINGS * f64::EPSILON * (self.radius + point.norm())
+    }
+
+    /// Triangles up to `reach` from a point, m, in the order of their numbers.
+    fn near_triangles(&self, point: &Vec3, reach: f64) -> SmallVec<[NearTriangle; 16]> {
+        let cube = Aabb::new(tree_point(&point.add_scalar(-reach)), tree_point(&point.add_scalar(reach)));
+        let in_cube = self.tree.intersect_aabb(&cube).map(|triangle| self.near_triangle(triangle, point));
+        let mut near: SmallVec<[NearTriangle; 16]> = in_cube.filter(|near| near.distance <= reach).collect();
+        near.sort_unstable_by_key(|near| near.triangle);
+        near
+    }
+
+    fn near_triangle(&self, triangle: u32, point: &Vec3) -> NearTriangle {
+        let corners = self.triangles[triangle as usize].map(|k| self.vertices[k as usize]);
+        let (region, nearest) = nearest_point(&corners, point);
+        if region == TriangleRegion::Face {
+            let normal = &self.normals[triangle as usize];
+            let height = normal.dot(&(point - corners[0]));
+            return NearTriangle { triangle, region, point: point - normal * height, distance: height.abs() };
+        }
+        NearTriangle { triangle, region, point: nearest, distance: (point - nearest).norm() }
+    }
+
+    /// Triangles of a vertex, rising.
+    fn fan(&self, vertex: u32) -> &[u32] {
+        let [start, end] = [vertex, vertex + 1].map(|k| self.fan_starts[k as usize] as usize);
+        &self.fans[start..end]
+    }
+
+    /// Triangles that have the feature of `found`, rising.
+    fn triangles_at(&self, found: &NearTriangle) -> SmallVec<[u32; 8]> {
+        let triangle = &self.triangles[found.triangle as usize];
+        match found.region {
+            TriangleRegion::Face => [found.triangle].into_iter().collect(),
+            TriangleRegion::Corner(k) => self.fan(triangle[k]).iter().copied().collect(),
+            TriangleRegion::Edge(k) => {
+                let end = triangle[(k + 1) % 3];
+                let has_end = |other: &u32| self.triangles[*other as usize].contains(&end);
+                self.fan(triangle[k]).iter().copied().filter(has_end).collect()
+            }
+        }
+    }
+
+    /// Whether no triangle at the nearest point is nearer than that point; `near`: all triangles up to its distance.
+    fn is_minimum(&self, found: &NearTriangle, near: &[NearTriangle], rounding: f64) -> bool {
+        if found.region == TriangleRegion::Face {
+            return true;
+        }
+        self.triangles_at(found).iter().all(|other| {
+            let position = near.binary_search_by_key(other, |near| near.triangle);
+            position.is_err() || position.is_ok_and(|k| near[k].distance >= found.distance - rounding)
+        })
+    }
+
+    /// Whether a point is in front of the surface at its nearest point: always if both sides push, and at the rim.
+    fn is_in_front(&self, found: &NearTriangle, point: &Vec3) -> bool {
+        if self.sides == MeshSides::Both {
+            return true;
+        }
+        let triangle = &self.triangles[found.triangle as usize];
+        let at_feature = self.triangles_at(found);
+        let outward: Vec3 = match found.region {
+            TriangleRegion::Face => self.normals[found.triangle as usize],
+            TriangleRegion::Edge(_) if at_feature.len() == 1 => return true,
+            TriangleRegion::Edge(_) => at_feature.iter().map(|&k| self.normals[k as usize]).sum(),
+            TriangleRegion::Corner(k) if self.rim[triangle[k] as usize] => return true,
+            // Normals weighted by the angles at the corner: J. A. Baerentzen, H. Aanaes, Signed distance computation using
+            // the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243-253.
+            TriangleRegion::Corner(k) => {
+                let weighted = |&other: &u32| self.normals[other as usize] * self.angle_at(other, triangle[k]);
+                at_feature.iter().map(weighted).sum()
+            }
+        };
+        outward.dot(&(point - found.point)) >= 0.0
+    }
+
+    /// Angle of a triangle at one of its vertices, rad.
+    fn angle_at(&self, triangle: u32, vertex: u32) -> f64 {
+        let corners = self.triangles[triangle as usize];
+        let at = corners.iter().position(|&corner| corner == vertex).unwrap_or_default();
+        let [a, b, c] = [0, 1, 2].map(|k| self.vertices[corners[(at + k) % 3] as usize]);
+        let (u, v) = (b - a, c - a);
+        libm::atan2(u.cross(&v).norm(), u.dot(&v))
+    }
+
+    /// Contact at the nearest point of a triangle; `side`: 1 in front of a surface with one side, -1 behind it.
+    fn contact_at(&self, found: &NearTriangle, centre: &Vec3, side: f64) -> MeshContact {
+        let face_normal = self.normals[found.triangle as usize];
+        let between = centre - found.point;
+        let normal = match found.region {
+            TriangleRegion::Face if self.sides == MeshSides::One => face_normal,
+            TriangleRegion::Face => {
+                let corner = self.vertices[self.triangles[found.triangle as usize][0] as usize];
+                face_normal * if face_normal.dot(&(centre - corner)) < 0.0 { -1.0 } else { 1.0 }
+            }
+            _ if found.distance > self.rounding(centre) => between * (side / found.distance),
+            _ => face_normal,
+        };
+        let first = self.triangles_at(found).first().copied().unwrap_or(found.triangle);
+        let corners = &self.triangles[found.triangle as usize];
+        let position =
+            |vertex: u32| (self.triangles[first as usize].iter().position(|&k| k == vertex)).unwrap_or_default();
+        let region = match found.region {
+            TriangleRegion::Face => 0,
+            TriangleRegion::Corner(k) => 4 + position(corners[k]),
+            TriangleRegion::Edge(k) => {
+                // Edges of the first triangle begin at one of the two ends.
+                let [start, end] = [position(corners[k]), position(corners[(k + 1) % 3])];
+                1 + if (start + 1) % 3 == end { start } else { end }
+            }
+        };
+        MeshContact { feature: feature_of(first, region as u32), point: found.point, normal, distance: found.distance }
+    }
+}
+
+/// Number of faults of one surface that are printed one by one; a broken surface has thousands of the same kind.
+const MAX_PRINTED_FAULTS: usize = 5;
+
+/// Whether a feature is a face.
+fn is_face(feature: u32) -> bool {
+    feature % REGIONS == 0
+}
+
+fn tree_point(point: &Vec3) -> TreePoint {
+    TreePoint::new(point.x, point.y, point.z)
+}
+
+/// Region and position of the point of a triangle that is nearest to `p`.
+/// Source: C. Ericson, Real-Time Collision Detection (2005), section 5.1.5.
+fn nearest_point([a, b, c]: &[Vec3; 3], p: &Vec3) -> (TriangleRegion, Vec3) {
+    let (ab, ac) = (b - a, c - a);
+    let (ap, bp, cp) = (p - a, p - b, p - c);
+    let [d1, d2] = [ab.dot(&ap), ac.dot(&ap)];
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return (TriangleRegion::Corner(0), *a);
+    }
+    let [d3, d4] = [ab.dot(&bp), ac.dot(&bp)];
+    if d3 >= 0.0 && d4 <= d3 {
+        return (TriangleRegion::Corner(1), *b);
+    }
+    if d1 * d4 - d3 * d2 <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return (TriangleRegion::Edge(0), a + ab * (d1 / (d1 - d3)));
+    }
+    let [d5, d6] = [ab.dot(&cp), ac.dot(&cp)];
+    if d6 >= 0.0 && d5 <= d6 {
+        return (TriangleRegion::Corner(2), *c);
+    }
+    if d5 * d2 - d1 * d6 <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return (TriangleRegion::Edge(2), a + ac * (d2 / (d2 - d6)));
+    }
+    let [from_b, from_c] = [d4 - d3, d5 - d6];
+    if d3 * d6 - d5 * d4 <= 0.0 && from_b >= 0.0 && from_c >= 0.0 {
+        return (TriangleRegion::Edge(1), b + (c - b) * (from_b / (from_b + from_c)));
+    }
+    (TriangleRegion::Face, *p)
+}
+
+/// Triangles of each edge, by the lower and the higher of its vertices, and whether each runs from the lower to the higher.
+type EdgeTable = BTreeMap<[u32; 2], SmallVec<[(u32, bool); 2]>>;
+
+fn triangles_of_edges(triangles: &[[u32; 3]]) -> EdgeTable {
+    let mut edges = EdgeTable::new();
+    for (number, t) in (0..).zip(triangles) {
+        for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
+            edges.entry([a.min(b), a.max(b)]).or_default().push((number, a < b));
+        }
+    }
+    edges
+}
+
+/// Faults of a surface with one side: edges of more than two triangles, or of two that are seen from different sides.
+fn orientation_faults(edges: &EdgeTable) -> Vec<String> {
+    let fault = |([a, b], triangles): (&[u32; 2], &SmallVec<[(u32, bool); 2]>)| {
+        let edge = format!("the edge of vertices {} and {}", a + 1, b + 1);
+        match triangles[..] {
+            [_] => None,
+            [(i, forward), (j, other)] => (forward == other).then(|| {
+                let [i, j] = [i, j].map(|k| k + 1);
+                format!("triangles {i} and {j} at {edge} are seen from different sides; expected one side, or both sides to push")
+            }),
+            _ => Some(format!(
+                "{edge} belongs to {}; expected at most 2, or both sides to push",
+                count_text(triangles.len(), "triangle")
+            )),
+        }
+    };
+    edges.iter().filter_map(fault).collect()
+}
+
+/// Orientation of the triangles of a surface, made coherent.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OrientedTriangles {
+    /// Triangles, each piece seen from the side of its first one; all turned over if they are closed and enclose a negative
+    /// volume, so that they are seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+    /// Whether each edge belongs to two triangles.
+    pub is_closed: bool,
+    /// Whether there is a coherent orientation: no edge of more than two triangles, and no Moebius strip.
+    pub is_orientable: bool,
+}
+
+/// Makes the orientation of `triangles` coherent across edges of two triangles; `vertices` in m.
+///
+/// ```
+/// use cd_formats::wall_mesh::oriented_triangles;
+/// let vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// let found = oriented_triangles(&vertices, &[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]);
+/// assert_eq!(found.triangles, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]);
+/// assert!(found.is_closed && found.is_orientable);
+/// ```
+pub fn oriented_triangles(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> OrientedTriangles {
+    let edges = triangles_of_edges(triangles);
+    let is_closed = edges.values().all(|sides| sides.len() == 2);
+    let mut is_orientable = edges.values().all(|sides| sides.len() <= 2);
+    // Neighbours of each triangle, and whether one of the two has to be turned over.
+    let mut neighbours: Vec<SmallVec<[(usize, bool); 3]>> = vec![SmallVec::new(); triangles.len()];
+    for sides in edges.values() {
+        if let [(i, forward), (j, other)] = sides[..] {
+            neighbours[i as usize].push((j as usize, forward == other));
+            neighbours[j as usize].push((i as usize, forward == other));
+        }
+    }
+    let mut turned: Vec<Option<bool>> = vec![None; triangles.len()];
+    for start in 0..triangles.len() {
+        if turned[start].is_some() {
+            continue;
+        }
+        turned[start] = Some(false);
+        let mut pending = vec![start];
+        while let Some(i) = pending.pop() {
+            for &(j, are_opposite) in &neighbours[i] {
+                let is_turned = turned[i].map(|is_turned| is_turned ^ are_opposite);
+                is_orientable &= turned[j].is_none() || turned[j] == is_turned;
+                if turned[j].is_none() {
+                    turned[j] = is_turned;
+                    pending.push(j);
+                }
+            }
+        }
+    }
+    let oriented =
+        |(&[a, b, c], turned): (&[u32; 3], Option<bool>)| if turned == Some(true) { [a, c, b] } else { [a, b, c] };
+    let mut triangles: Vec<[u32; 3]> = triangles.iter().zip(turned).map(oriented).collect();
+    let about = vertices.first().map_or(Vec3::zeros(), |&vertex| vertex.into());
+    let volume = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|k| Vec3::from(vertices[k as usize]) - about);
+        a.dot(&b.cross(&c))
+    };
+    if is_closed && is_orientable && triangles.iter().map(volume).sum::<f64>() < 0.0 {
+        triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    }
+    OrientedTriangles { triangles, is_closed, is_orientable }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A plane of squares of side 1 along x and y, each cut along another diagonal than its neighbours.
+    fn plane(count: u32) -> WallMesh {
+        let vertices: Vec<[f64; 3]> =
+            (0..=count).flat_map(|j| (0..=count).map(move |i| [f64::from(i), f64::from(j), 0.0])).collect();
+        let square = |k: u32| {
+            let (i, j) = (k % count, k / count);
+            let corner = |di: u32, dj: u32| (j + dj) * (count + 1) + i + di;
+            let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+            if (i + j) % 2 == 0 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
+        };
+        let triangles: Vec<[u32; 3]> = (0..count * count).flat_map(square).collect();
+        WallMesh::new(&vertices, &triangles, MeshSides::One).unwrap()
+    }
+
+    /// Closed cube of side 2 about the origin.
+    fn cube(sides: MeshSides) -> WallMesh {
+        let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -1.0 } else { 1.0 });
+        let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let triangles: Vec<[u32; 3]> = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        let vertices: Vec<[f64; 3]> = (0..8).map(corner).collect();
+        let found = oriented_triangles(&vertices, &triangles);
+        assert!(found.is_closed && found.is_orientable);
+        WallMesh::new(&vertices, &found.triangles, sides).unwrap()
+    }
+
+    #[test]
+    fn a_ball_on_a_plane_has_one_contact_wherever_it_is() {
+        let mesh = plane(4);
+        // Over faces, edges, corners, and points that rounding may put on either side of an edge.
+        for x in [0.5, 1.0, 1.25, 2.0, 2.0 + 1e-16, 1.0 / 3.0, 0.1 + 0.2, 3.0 - 0.7] {
+            for y in [0.5, 1.0, 1.0 / 3.0, x, 2.0 - x, 1.0 - 1e-16, 3.0 * 0.1, 2.0 * x - 1.0] {
+                if !(0.0..=4.0).contains(&y) {
+                    continue;
+                }
+                let found = mesh.ball_contacts(&Vec3::new(x, y, 0.625), 0.5, 0.5);
+                assert_eq!(found.len(), 1, "{x} {y} {found:?}");
+                // Rounding of coordinates up to 4.
+                assert!((found[0].normal - Vec3::z()).norm() < 1e-14 && (found[0].distance - 0.625).abs() < 1e-15);
+            }
+        }
+    }
+
+    #[test]
+    fn convex_edges_and_corners_are_touched_once() {
+        for sides in [MeshSides::One, MeshSides::Both] {
+            let mesh = cube(sides);
+            let ball = |x: f64, y: f64, z: f64| mesh.ball_contacts(&Vec3::new(x, y, z), 1.0, 0.5);
+            let corner = ball(1.5, 1.5, 1.5);
+            assert_eq!(corner.len(), 1);
+            assert!((corner[0].distance - 0.75f64.sqrt()).abs() < 1e-15 && corner[0].feature % 8 >= 4);
+            let edge = ball(1.3, 0.2, 1.4);
+            assert_eq!(edge.len(), 1);
+            assert!((edge[0].distance - 0.5).abs() < 1e-15 && (1..4).contains(&(edge[0].feature % 8)));
+            assert!((edge[0].normal - Vec3::new(0.6, 0.0, 0.8)).norm() < 1e-15);
+            let face = ball(0.3, 0.2, 1.5);
+            assert_eq!((face.len(), face[0].normal, face[0].distance, face[0].feature % 8), (1, Vec3::z(), 0.5, 0));
+        }
+    }
+
+    /// A ball in a corner of a box touches its three faces; one of which the centre has passed the wall is pushed out.
+    #[test]
+    fn sides_decide_what_pushes() {
+        let centre = Vec3::new(0.75, 0.5, 0.25);
+        let distances = |mesh: &WallMesh, radius: f64| -> Vec<f64> {
+            mesh.ball_contacts(&centre, radius, 0.0).iter().map(|contact| contact.distance).collect()
+        };
+        assert_eq!(distances(&cube(MeshSides::Both), 0.75), [0.25, 0.5, 0.75]);
+        assert_eq!(distances(&cube(MeshSides::One), 0.75), [-0.25]);
+        assert!(distances(&cube(MeshSides::One), 0.125).is_empty());
+        let found = cube(MeshSides::One).ball_contacts(&centre, 0.75, 0.0);
+        assert_eq!(found[0].normal, Vec3::x());
+        let [inside, outside] = [Vec3::new(0.1, 0.2, 0.1), Vec3::new(3.0, 4.0, -2.0)];
+        assert!(cube(MeshSides::One).is_behind(&inside) && !cube(MeshSides::One).is_behind(&outside));
+    }
+
+    /// Two planes at the angle of a groove or of a ridge along y.
+    fn folded(slope: f64) -> WallMesh {
+        let vertices = [
+            [-1.0, -1.0, slope],
+            [-1.0, 1.0, slope],
+            [0.0, -1.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [1.0, -1.0, slope],
+            [1.0, 1.0, slope],
+        ];
+        WallMesh::new(&vertices, &[[0, 2, 1], [2, 3, 1], [2, 4, 3], [4, 5, 3]], MeshSides::One).unwrap()
+    }
+
+    #[test]
+    fn grooves_are_touched_on_both_sides_and_ridges_at_the_edge() {
+        let ball = |slope: f64, z: f64| folded(slope).ball_contacts(&Vec3::new(0.0, 0.25, z), 0.25, 0.25);
+        let groove = ball(0.75, 0.5);
+        assert_eq!(groove.len(), 2);
+        // 3-4-5: the sides are 0.4 m from the centre. A few roundings of numbers near 1.
+        for contact in groove {
+            assert!((contact.distance - 0.4).abs() < 1e-15 && (contact.normal.z - 0.8).abs() < 1e-15);
+        }
+        let ridge = ball(-0.75, 0.5);
+        assert_eq!((ridge.len(), ridge[0].normal, ridge[0].distance), (1, Vec3::z(), 0.5));
+        assert!((1..4).contains(&(ridge[0].feature % 8)));
+    }
+
+    /// The number of contacts does not depend on the side from which an edge that is all but flat is bent.
+    #[test]
+    fn edges_that_are_flat_up_to_rounding_are_flat() {
+        for slope in [1e-6, -1e-6, 1e-9, -1e-9, 1e-15, -1e-15] {
+            for x in [-1e-7, -1e-10, 0.0, 1e-16, 1e-10, 1e-7] {
+                let found = folded(slope).ball_contacts(&Vec3::new(x, 0.1, 0.5), 0.5, 0.25);
+                assert_eq!(found.len(), 1, "{slope} {x} {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_rim_of_an_open_surface_pushes_in_all_directions() {
+        let mesh = plane(2);
+        for (z, radius) in [(0.3, 0.75), (-0.3, 0.75)] {
+            let found = mesh.ball_contacts(&Vec3::new(-0.4, 1.25, z), radius, 0.0);
+            assert_eq!(found.len(), 1);
+            assert!((found[0].distance - 0.5).abs() < 1e-15);
+            assert!((found[0].normal - Vec3::new(-0.8, 0.0, z / 0.5)).norm() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn faults_name_edges_and_triangles() {
+        let vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 1.0], [0.0, 0.0, 1.0]];
+        let fault = |count: usize, triangles: &[[u32; 3]]| {
+            WallMesh::new(&vertices[..count], triangles, MeshSides::One).unwrap_err().to_string()
+        };
+        let turned = fault(4, &[[0, 1, 2], [1, 2, 3]]);
+        assert!(turned.contains("triangles 1 and 2") && turned.contains("vertices 2 and 3"), "{turned}");
+        let fin = fault(5, &[[0, 1, 2], [1, 3, 2], [1, 2, 4]]);
+        assert!(fin.contains("belongs to 3 triangles"), "{fin}");
+        assert!(WallMesh::new(&vertices, &[[0, 1, 2], [1, 3, 2], [1, 2, 4]], MeshSides::Both).is_ok());
+        assert!(fault(3, &[[0, 1, 1]]).contains("no area"));
+        assert!(fault(4, &[[0, 1, 2]]).contains("vertex 4 is not used"));
+        let strip = oriented_triangles(&vertices[..4], &[[0, 1, 2], [1, 2, 3]]);
+        assert_eq!((strip.triangles, strip.is_closed), (vec![[0, 1, 2], [1, 3, 2]], false));
+    }
+
+    #[test]
+    fn a_surface_is_read_as_it_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("wall.obj");
+        std::fs::write(&path, plane(3).to_text()).unwrap();
+        assert_eq!(WallMesh::read(&path, MeshSides::One).unwrap(), plane(3));
+        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 x 0\nf 1 2 3\n").unwrap();
+        assert!(WallMesh::read(&path, MeshSides::One).unwrap_err().to_string().contains(":3: "));
+    }
+
+    /// The tree leaves out no triangle: contacts are those of all triangles.
+    #[test]
+    fn the_tree_finds_the_nearest_triangle() {
+        let mesh = cube(MeshSides::Both);
+        for k in 0..200 {
+            let angle = f64::from(k) * 0.7;
+            let point = Vec3::new(2.0 * libm::cos(angle), 1.5 * libm::sin(2.0 * angle), 1.8 * libm::sin(angle));
+            let all =
+                (0..12).map(|triangle| mesh.near_triangle(triangle, &point).distance).fold(f64::INFINITY, f64::min);
+            assert_eq!(mesh.ball_contacts(&point, 3.0, 0.0)[0].distance, all);
+            assert_eq!(mesh.distance_bound(&point, 0.1), all.min(0.1));
+        }
+    }
+}
