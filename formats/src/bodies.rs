@@ -1,12 +1,15 @@
 //! `DATBOX/BODIES.DAT`: rigid bodies with their contactors. cd-pre and LMGC90 write it, cd-solve reads it.
 
+use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write;
 use std::path::Path;
+use std::sync::Arc;
 
-use crate::error::Faults;
+use crate::error::{Fault, Faults};
 use crate::foreign::foreign_bodies;
 use crate::geometry::faces::FLATNESS_OF_FILES;
 use crate::geometry::surface::{CleanedSurface, with_joined_vertices, without_unused_vertices};
+use crate::geometry::wall_mesh::{MeshSides, WallMesh};
 use crate::names::number_text;
 use crate::ron_text::known_names;
 use crate::scan::parts::{put_records, read_records};
@@ -68,6 +71,9 @@ pub enum ShapeRecord {
     Polyhedron { vertices: Vec<[f64; 3]>, triangles: Vec<[u32; 3]> },
     /// PT3Dx: a point.
     Point { offset: [f64; 3] },
+    /// MESHx: a triangulated surface in an OBJ file of its own, in the frame of its body. `radius`: that of a ball about the
+    /// body that contains it. `surface`: content of the file, once [`Bodies::read_meshes`] has read it.
+    Mesh { radius: f64, sides: MeshSides, file: Box<str>, surface: Option<Arc<WallMesh>> },
 }
 
 impl ShapeRecord {
@@ -81,6 +87,7 @@ impl ShapeRecord {
             ShapeRecord::Cylinder { hollow: true, .. } => "DNLYC",
             ShapeRecord::Polyhedron { .. } => "POLYR",
             ShapeRecord::Point { .. } => "PT3Dx",
+            ShapeRecord::Mesh { .. } => "MESHx",
         }
     }
 
@@ -112,17 +119,50 @@ impl ShapeRecord {
     }
 }
 
+/// Label of the name of the file of a surface MESHx.
+const MESH_FILE_LABEL: &str = "file=";
+
+/// Name of the file of a surface MESHx by its index.
+fn mesh_file_name(index: usize) -> String {
+    format!("MESHx-{}.obj", index + 1)
+}
+
 const COORDINATE_LABELS: [&str; 3] = ["coo1", "coo2", "coo3"];
 /// Largest relative difference of a sphere's `avrd` and `byrd` that counts as rounding of the file.
 const RADIUS_ROUNDING: f64 = 1e-5;
 
 impl Bodies {
-    /// Reads the file; reports all its faults at once.
+    /// Reads the file, and those of its surfaces MESHx in the same folder; reports all faults at once.
     ///
     /// Stricter than LMGC90: lengths must be positive, a lone sphere's `avrd` must equal its radius, and a polyhedron must
     /// have the announced number of lines. Bodies are counted by position, whatever their number, as in LMGC90.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        Self::parse(path, &AsciiText::read_file(path)?)
+        let mut bodies = Self::parse(path, &AsciiText::read_file(path)?)?;
+        bodies.read_meshes(path)?;
+        Ok(bodies)
+    }
+
+    /// Reads the surfaces of contactors MESHx from the folder of the file `path`, from which the bodies are; each file once.
+    ///
+    /// Errors: the faults of the surfaces, and those that reach beyond the radius of their contactor.
+    pub fn read_meshes(&mut self, path: &Path) -> Result<(), Faults> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut faults = Faults::default();
+        let mut surfaces: HashMap<(Box<str>, MeshSides), Option<Arc<WallMesh>>> = HashMap::new();
+        for (number, body) in (1..).zip(&mut self.0) {
+            for contactor in &mut body.contactors {
+                let ShapeRecord::Mesh { radius, sides, file, surface } = &mut contactor.shape else { continue };
+                let read = || faults.gather_result(WallMesh::read(&folder.join(&**file), *sides)).map(Arc::new);
+                *surface = surfaces.entry((file.clone(), *sides)).or_insert_with(read).clone();
+                let reach = surface.as_ref().map_or(0.0, |surface| surface.radius());
+                if reach > *radius * (1.0 + RADIUS_ROUNDING) {
+                    let found = format!("vertices of {file} up to {} m from the body", number_text(reach));
+                    let expected = format!("expected byrd, {}, to be at least that", number_text(*radius));
+                    faults.push(Fault::new(path, Some(body.line), format!("body {number}"), found, expected));
+                }
+            }
+        }
+        faults.into_result(())
     }
 
     /// Reads the text of a file; `path` is for messages.
@@ -144,6 +184,39 @@ impl Bodies {
         let mut bodies = Vec::with_capacity(parts.iter().map(Vec::len).sum());
         parts.into_iter().for_each(|part_bodies| bodies.extend(part_bodies));
         Ok((Bodies(bodies), notices))
+    }
+
+    /// Names the files of the surfaces MESHx in the order of the bodies, `MESHx-1.obj` and so on, equal surfaces alike, and
+    /// returns the names and texts of the files.
+    pub fn name_mesh_files(&mut self) -> Vec<(String, String)> {
+        let mut known: Vec<Arc<WallMesh>> = Vec::new();
+        for contactor in self.0.iter_mut().flat_map(|body| &mut body.contactors) {
+            let ShapeRecord::Mesh { file, surface: Some(surface), .. } = &mut contactor.shape else { continue };
+            let position = known.iter().position(|other| other == surface).unwrap_or_else(|| {
+                known.push(surface.clone());
+                known.len() - 1
+            });
+            *file = mesh_file_name(position).into();
+        }
+        known.iter().enumerate().map(|(k, surface)| (mesh_file_name(k), surface.to_text())).collect()
+    }
+
+    /// Names and texts of the files of the surfaces MESHx that have been read, each name once.
+    pub fn mesh_files(&self) -> BTreeMap<&str, String> {
+        let contactors = self.0.iter().flat_map(|body| &body.contactors);
+        let file = contactors.filter_map(|contactor| match &contactor.shape {
+            ShapeRecord::Mesh { file, surface: Some(surface), .. } => Some((&**file, surface.to_text())),
+            _ => None,
+        });
+        file.collect()
+    }
+
+    /// Names of the files of surfaces MESHx in the file `path`; none if it cannot be read.
+    pub fn mesh_names(path: &Path) -> Vec<String> {
+        let Ok(text) = AsciiText::read_file(path) else { return Vec::new() };
+        let names = text.lines().filter(|line| line.is_continuation() && line.first_label() == MESH_FILE_LABEL);
+        let names = names.map(|line| line.columns(35, 90).trim().to_string());
+        names.filter(|name| !name.contains(['/', '\\'])).collect()
     }
 
     /// Position, from 1, of the first body in the file `path` that has this number there; `None` if no body has it, or the
@@ -303,6 +376,7 @@ fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
         "POLYR" => read_polyhedron(scan, line)?,
         "POLYF" => read_patches(scan, line)?,
         "PT3Dx" => ShapeRecord::Point { offset: scan.read_grid(line, COORDINATE_LABELS) },
+        "MESHx" => read_surface_name(scan, line)?,
         _ => {
             let found = format!("a contactor of type '{}'", line.keyword().trim());
             scan.add_fault(
@@ -338,6 +412,26 @@ fn read_local_frame(scan: &mut LineScanner) -> Option<Option<Box<LocalFrame>>> {
 
 const LOCAL_FRAME_LABELS: [[&str; 3]; 4] =
     [["alp1", "alp2", "alp3"], ["bet1", "bet2", "bet3"], ["gam1", "gam2", "gam3"], COORDINATE_LABELS];
+
+/// Reads a MESHx, whose surface is in another file; `None` after a fault.
+fn read_surface_name(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord> {
+    let radius = scan.read_positive(line, 35, "radius");
+    let sides = match scan.read_name(line, (56, 69), "side").as_str() {
+        "one" => MeshSides::One,
+        "both" => MeshSides::Both,
+        "" => return None,
+        other => {
+            scan.add_fault(line.number, format!("side is '{other}'"), "expected one or both");
+            return None;
+        }
+    };
+    let line = scan.expect_continuation("file")?;
+    let file = scan.read_name(line, (35, 90), "file");
+    if file.contains(['/', '\\']) {
+        scan.add_fault(line.number, format!("file is '{file}'"), "expected the name of a file in DATBOX");
+    }
+    (!file.is_empty()).then(|| ShapeRecord::Mesh { radius, sides, file: file.into(), surface: None })
+}
 
 /// Reads a POLYR: its vertices, then its triangles; `None` after a fault.
 fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord> {
@@ -511,6 +605,12 @@ fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> Rea
                 }
             }
             ShapeRecord::Point { offset } => put_grid(out, &head, &coordinate_labels, offset, real),
+            ShapeRecord::Mesh { radius, sides, file, .. } => {
+                put_grid(out, &head, &["byrd="], &[*radius], real);
+                out.pop();
+                put_text(out, 51, format_args!("side={}\n", if *sides == MeshSides::One { "one" } else { "both" }));
+                put_text(out, 30, format_args!("{MESH_FILE_LABEL}{file}\n"));
+            }
         }
         if let Some(LocalFrame { axes: [a, b, c], offset }) = local_frame.as_deref() {
             put_text(out, 30, "localframe\n");

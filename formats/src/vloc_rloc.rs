@@ -82,7 +82,7 @@ struct ContactKind {
 }
 
 /// Kinds that can be read, in their order in a file.
-const CONTACT_KINDS: [ContactKind; 10] = [
+const CONTACT_KINDS: [ContactKind; 11] = [
     ContactKind {
         name: "CDCDx",
         pair: &LONG_COLUMNS,
@@ -138,6 +138,15 @@ const CONTACT_KINDS: [ContactKind; 10] = [
         gap_label: "gTT =",
         rows: "stnp",
         reversed_s: false,
+    },
+    // Spheres with surfaces MESHx, which LMGC90 does not have.
+    ContactKind {
+        name: "SPMSx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: true,
     },
     ContactKind {
         name: "SPPLx",

@@ -198,6 +198,8 @@ pub struct Contact {
     pub normal_force: f64,
     /// Length of the force across n, N.
     pub tangential_force: f64,
+    /// Feature of the antagonist that is touched.
+    pub antagonist_feature: u32,
     /// Gap, m, > 0 apart.
     pub gap: f64,
     /// Status: 0 no contact, 1 stick, 2 slide.
@@ -273,6 +275,7 @@ impl Frame {
         let detection_time = -meta.parameters.theta * meta.h;
         let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let is_wall = wall_rows(&bodies);
+        let is_mesh: Vec<bool> = solids.iter().map(|solid| solid.as_ref().is_some_and(|solid| solid.is_mesh)).collect();
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
         let contact_bodies: Vec<ContactBody> = solids
             .into_iter()
@@ -292,6 +295,7 @@ impl Frame {
             .collect();
         let curvature = |body: BodyId| match bodies.body_shape[body.index()] {
             SHAPE_PLANE if is_wall[body.index()] => 0.0,
+            _ if is_mesh[body.index()] => 0.0,
             _ => 1.0 / bodies.body_radius[body.index()],
         };
         let contacts = (0..contacts.contact_body.len())
@@ -322,6 +326,7 @@ impl Frame {
                     force: n * f_n + t * f_t + s * f_s,
                     normal_force: f_n,
                     tangential_force: f_t.hypot(f_s),
+                    antagonist_feature: contacts.contact_feature.get(row).map_or(0, |feature| feature[1]),
                     gap: contacts.contact_gap[row],
                     status: contacts.contact_status[row],
                     law,

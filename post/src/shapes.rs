@@ -19,7 +19,7 @@ use crate::math::Vec3;
 /// Largest difference of the normals of triangles of one face; files with eight digits leave about 1e-7.
 const NORMAL_TOLERANCE: f64 = 1e-5;
 
-/// A polyhedron, a cylinder, off-centre spheres, or a cluster of these, in the body's frame.
+/// A polyhedron, a cylinder, off-centre spheres, or a cluster of these, or a triangulated wall, in the body's frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SolidShape {
     /// Vertices of all pieces, about the centre of mass, m.
@@ -30,6 +30,8 @@ pub struct SolidShape {
     pub balls: Vec<(Vec3, f64)>,
     /// Inside of a hollow cylinder about the third axis.
     pub hollow: Option<Hollow>,
+    /// Whether it is a triangulated wall, of which face k is triangle k.
+    pub is_mesh: bool,
 }
 
 /// Inside of a hollow cylinder with flat ends.
@@ -211,7 +213,10 @@ fn datbox_of(path: &Path) -> PathBuf {
 pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
     let is_single = body.contactors.len() == 1;
     let is_solid = |shape: &ShapeRecord| match shape {
-        ShapeRecord::Cylinder { .. } | ShapeRecord::Polyhedron { .. } | ShapeRecord::OffsetSphere { .. } => true,
+        ShapeRecord::Cylinder { .. }
+        | ShapeRecord::Polyhedron { .. }
+        | ShapeRecord::OffsetSphere { .. }
+        | ShapeRecord::Mesh { .. } => true,
         ShapeRecord::Sphere { .. } => !is_single,
         ShapeRecord::Plane { .. } | ShapeRecord::Point { .. } => false,
     };
@@ -251,6 +256,11 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
             }
             ShapeRecord::OffsetSphere { radius, offset } => {
                 solid.balls.push((axes * (Vec3::from(*offset) - centre), *radius));
+            }
+            ShapeRecord::Mesh { surface, .. } => {
+                solid.is_mesh = true;
+                solid.vertices.extend(surface.iter().flat_map(|mesh| mesh.vertices()));
+                solid.faces.extend(surface.iter().flat_map(|mesh| mesh.triangles()).map(|corners| corners.to_vec()));
             }
             ShapeRecord::Plane { .. } | ShapeRecord::Point { .. } => {}
         }

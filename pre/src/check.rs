@@ -705,6 +705,13 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_positive(report, &format!("{path}.half_thickness"), *half_thickness, "a length > 0 m");
             check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
         }
+        SceneWall::Mesh { scale, position, orientation, velocity, spin, .. } => {
+            check_positive(report, &format!("{path}.scale"), *scale, "a factor > 0");
+            check_vector(report, &format!("{path}.position"), position, "m");
+            check_rotation(report, &format!("{path}.orientation"), orientation);
+            check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
+            check_evolutions(report, &format!("{path}.spin"), spin, "rad/s");
+        }
     }
 }
 
@@ -786,6 +793,10 @@ pub(crate) const NO_WALL_LAW: &str = "no law: walls touch each other only if one
 pub(crate) const NO_IMPOSED_LAW: &str =
     "no law: bodies whose motion is all imposed (of spheres: their translation) do not meet";
 
+/// Expected value instead of a law between polyhedra and a triangulated surface.
+const NO_MESH_LAW: &str =
+    "spheres: a Mesh has no contacts with polyhedra; give the wall or the grains another shape or colour";
+
 /// Whether cd-solve computes contacts between walls with these contactors.
 pub(crate) fn is_computed_wall_pair(kinds: [&str; 2]) -> bool {
     kinds.contains(&"CYLND") && kinds.iter().all(|kind| ["CYLND", "PLANx"].contains(kind))
@@ -840,6 +851,17 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
             |colour: &String| wall_colours.contains(&&colour[..]) && !grain_colours.contains(&&colour[..]);
         let is_wall_law = contact.law.is_some() && is_of_walls(a) && is_of_walls(b) && !walls_meet(&scene.walls, a, b);
         report.require(!is_wall_law, &path, format!("a law between the walls '{a}' and '{b}'"), NO_WALL_LAW);
+        let has_polyhedra = |colour: &String| {
+            scene
+                .grains
+                .iter()
+                .any(|grains| grains.colour == *colour && grains.is_polyhedral() && grains.can_be_pushed())
+        };
+        let has_mesh =
+            |colour: &String| scene.walls.iter().any(|wall| wall.colour() == colour && wall.contactor() == "MESHx");
+        let touches_mesh = [(a, b), (b, a)].iter().any(|(grains, walls)| has_polyhedra(grains) && has_mesh(walls));
+        let found = format!("a law between '{a}' and '{b}', polyhedra and a Mesh");
+        report.require(contact.law.is_none() || !touches_mesh, &path, found, NO_MESH_LAW);
         let exist = [a, b].iter().all(|colour| all_colours.contains(&colour.as_str()));
         let are_imposed = exist && is_imposed(scene, a) && is_imposed(scene, b);
         // A scene in which nothing is free has another fault.
@@ -889,16 +911,18 @@ impl SceneWall {
         match self {
             SceneWall::Plate { material, .. }
             | SceneWall::Box { material, .. }
-            | SceneWall::Cylinder { material, .. } => material,
+            | SceneWall::Cylinder { material, .. }
+            | SceneWall::Mesh { material, .. } => material,
         }
     }
 
     /// Name of the colour.
     pub fn colour(&self) -> &str {
         match self {
-            SceneWall::Plate { colour, .. } | SceneWall::Box { colour, .. } | SceneWall::Cylinder { colour, .. } => {
-                colour
-            }
+            SceneWall::Plate { colour, .. }
+            | SceneWall::Box { colour, .. }
+            | SceneWall::Cylinder { colour, .. }
+            | SceneWall::Mesh { colour, .. } => colour,
         }
     }
 
@@ -906,7 +930,7 @@ impl SceneWall {
     pub fn has_force(&self) -> bool {
         match self {
             SceneWall::Plate { force, .. } | SceneWall::Cylinder { force, .. } => force.iter().any(Option::is_some),
-            SceneWall::Box { .. } => false,
+            SceneWall::Box { .. } | SceneWall::Mesh { .. } => false,
         }
     }
 
@@ -915,7 +939,7 @@ impl SceneWall {
         let has_moment = match self {
             SceneWall::Plate { moment, .. } => moment.iter().any(Option::is_some),
             SceneWall::Cylinder { moment, .. } => moment.is_some(),
-            SceneWall::Box { .. } => false,
+            SceneWall::Box { .. } | SceneWall::Mesh { .. } => false,
         };
         has_moment || self.has_force()
     }
@@ -933,6 +957,7 @@ impl SceneWall {
             SceneWall::Plate { .. } | SceneWall::Box { .. } => "PLANx",
             SceneWall::Cylinder { hollow: false, .. } => "CYLND",
             SceneWall::Cylinder { hollow: true, .. } => "DNLYC",
+            SceneWall::Mesh { .. } => "MESHx",
         }
     }
 }

@@ -59,7 +59,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     let case = datbox.parent().unwrap_or(Path::new(""));
     let mut origin = SceneOrigin::from_scene(source, original.as_bytes(), settings, case);
     if let Some(origin) = &mut origin {
-        models(&scene.grains).for_each(|file| origin.add(&folder.join(file), case));
+        models(&scene.grains, &scene.walls).for_each(|file| origin.add(&folder.join(file), case));
         surfaces.iter().for_each(|file| origin.add(file, case));
     }
     for (_, text) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE_FILE) {

@@ -46,7 +46,7 @@ pub fn report_doubts(
         }
     }
     for (k, wall) in walls.iter().enumerate() {
-        if let SceneWall::Box { orientation, .. } = wall {
+        if let SceneWall::Box { orientation, .. } | SceneWall::Mesh { orientation, .. } = wall {
             check_angle(report, &format!("walls.{k}.orientation"), orientation);
         }
         // Functions of each field by axes.
@@ -64,6 +64,9 @@ pub fn report_doubts(
                 ("moment", vec![moment.as_ref()]),
             ],
             SceneWall::Box { velocity, .. } => vec![("velocity", velocity.iter().map(Some).collect())],
+            SceneWall::Mesh { velocity, spin, .. } => {
+                vec![("velocity", velocity.iter().map(Some).collect()), ("spin", spin.iter().map(Some).collect())]
+            }
         };
         for (name, functions) in functions {
             for (axis, function) in functions.into_iter().enumerate().filter_map(|(axis, one)| Some((axis, one?))) {

@@ -32,7 +32,7 @@ const MAX_REPORTED_OVERLAPS: usize = 5;
 
 /// Adds the faults of a file to the report. If the file cannot be read, the fault belongs to the value at `path` that
 /// names it.
-fn report_file_faults(faults: Faults, path: &str, report: &mut FaultReport) {
+pub fn report_file_faults(faults: Faults, path: &str, report: &mut FaultReport) {
     for fault in faults.0 {
         if fault.line.is_none() && fault.object == "file" && fault.found.starts_with("cannot be read") {
             let found = format!("{} {}", fault.file.display(), fault.found);
@@ -47,7 +47,7 @@ fn report_file_faults(faults: Faults, path: &str, report: &mut FaultReport) {
 ///
 /// Paths of files are relative to `folder`.
 pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Population {
-    let walls = walls::wall_bodies(&scene.walls);
+    let walls = walls::wall_bodies(&scene.walls, folder, report);
     let mut population = Population { grains: Vec::new(), walls, regions: Vec::new(), file_summaries: Vec::new() };
     for (group, grains) in scene.grains.iter().enumerate() {
         let shapes = GrainSampler::from_grains(grains, folder, scene.seed, group);

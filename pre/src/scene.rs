@@ -393,7 +393,7 @@ impl Default for Rotation {
     }
 }
 
-/// Plate, box of plates or cylinder. Its motion is imposed, except along axes with a force and about axes with a moment.
+/// Plate, box of plates, cylinder or triangulated surface. Its motion is imposed, except along axes with a force and about axes with a moment.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum SceneWall {
@@ -474,6 +474,45 @@ pub enum SceneWall {
         #[serde(default)]
         moment: Option<TimeFunction>,
     },
+    /// A triangulated surface, open or closed; its whole motion is imposed.
+    Mesh {
+        material: String,
+        colour: String,
+        /// OBJ, STL or VTK file, in the folder of the scene.
+        file: String,
+        /// Factor from the unit of the file to m.
+        #[serde(default = "default_scale")]
+        scale: f64,
+        /// Position of the origin of the file, about which the surface turns, m.
+        #[serde(default)]
+        position: [f64; 3],
+        /// Turns the surface about `position`.
+        #[serde(default)]
+        orientation: Rotation,
+        /// Side that pushes; default: `Front` of a closed surface, `Both` of an open one.
+        #[serde(default)]
+        side: Option<WallSide>,
+        /// Velocity, m/s, along the fixed axes.
+        #[serde(default)]
+        velocity: [TimeFunction; 3],
+        /// Angular velocity, rad/s, about the axes of the file.
+        #[serde(default)]
+        spin: [TimeFunction; 3],
+    },
+}
+
+/// Side of a triangulated surface that pushes bodies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+pub enum WallSide {
+    /// Outside of a closed surface; of an open one the side from which triangles are seen counter-clockwise.
+    Front,
+    /// Inside of a closed surface; of an open one the side from which triangles are seen clockwise.
+    Back,
+    Both,
+}
+
+fn default_scale() -> f64 {
+    1.0
 }
 
 fn default_axis() -> [f64; 3] {
@@ -592,9 +631,13 @@ impl Grains {
     }
 }
 
-/// Files of the surfaces that grains are made from or placed in, as the scene names them.
-pub fn models(grains: &[Grains]) -> impl Iterator<Item = &str> {
-    grains.iter().flat_map(|grains| {
+/// Files of the surfaces that grains are made from or placed in, and of those that are walls, as the scene names them.
+pub fn models<'a>(grains: &'a [Grains], walls: &'a [SceneWall]) -> impl Iterator<Item = &'a str> {
+    let walls = walls.iter().filter_map(|wall| match wall {
+        SceneWall::Mesh { file, .. } => Some(file.as_str()),
+        _ => None,
+    });
+    let grains = grains.iter().flat_map(|grains| {
         let (shape, pieces) = match &grains.shape {
             GrainShape::Model { file, contact_shape: ContactSurface::Files(pieces), .. } => {
                 (Some(file), pieces.as_slice())
@@ -607,5 +650,6 @@ pub fn models(grains: &[Grains]) -> impl Iterator<Item = &str> {
             _ => None,
         };
         shape.into_iter().chain(pieces).chain(envelope).map(String::as_str)
-    })
+    });
+    grains.chain(walls)
 }

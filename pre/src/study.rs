@@ -113,10 +113,11 @@ const CHANGES_FILE: &str = "changes.ron";
 const WRITTEN_MARK: &str = " Written by cd-pre study.";
 
 /// Paths in scenes and changes whose values are names of files, in which `N` is any item of a list.
-const FILE_VALUE_PATHS: [&str; 5] = [
+const FILE_VALUE_PATHS: [&str; 6] = [
     "grains.N.shape.file",
     "grains.N.shape.contact_shape.0.N",
     "grains.N.placement.envelope.file",
+    "walls.N.file",
     "bodies.N.case",
     "compute.fields.N.surface",
 ];

@@ -1,16 +1,24 @@
-//! Walls of a scene as bodies, plates and cylinders, and their overlaps with grains.
+//! Walls of a scene as bodies, plates, cylinders and triangulated surfaces, and their overlaps with grains.
+
+use std::path::Path;
+use std::sync::Arc;
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::drv_dof::{Evolution as FileFunction, table_text};
+use cd_formats::error::Fault;
+use cd_formats::report::FaultReport;
 use cd_formats::surface::MassProperties;
+use cd_formats::wall_mesh::{MeshSides, OrientedTriangles, WallMesh, oriented_triangles};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
+use crate::population::report_file_faults;
 use crate::rotation::rotation_matrix;
 use crate::rounding::{round_8_digits, round_point};
-use crate::scene::{SceneWall, TimeFunction};
+use crate::scene::{SceneWall, TimeFunction, WallSide};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
+use crate::shapes::read::{FileTriangles, read_triangles};
 
-/// Plate or cylinder; numbers have the digits of the files.
+/// Plate, cylinder or surface; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WallBody {
     /// Index of its wall in the scene, 0-based.
@@ -21,7 +29,7 @@ pub struct WallBody {
     pub centre: Vector3<f64>,
     /// First and second axis and normal, or axis of the cylinder, as rows: orthonormal, right-handed.
     pub axes: Matrix3<f64>,
-    /// [`ShapeRecord::Plane`] or [`ShapeRecord::Cylinder`].
+    /// [`ShapeRecord::Plane`], [`ShapeRecord::Cylinder`] or [`ShapeRecord::Mesh`].
     pub shape: ShapeRecord,
     /// Velocities along the fixed axes, m/s, and angular velocities about its own axes, rad/s.
     pub motion: [TimeFunction; 6],
@@ -81,11 +89,18 @@ pub fn pieces_overlap(
     }
 }
 
-/// Penetration of a ball into a plate or cylinder, m, its centre in the wall's own axes, m; negative when apart. For a
-/// centre within a solid wall it is measured to the nearest face. A ball far from the inside of a hollow cylinder is
+/// Penetration of a ball into a wall, m, its centre in the wall's own axes, m; negative when apart. For a centre within a
+/// solid wall it is measured to the nearest face. A ball far from the inside of a hollow cylinder, or from a surface, is
 /// apart from it.
 pub fn ball_overlap(wall: &ShapeRecord, centre: &Vector3<f64>, radius: f64) -> f64 {
     match *wall {
+        ShapeRecord::Mesh { surface: Some(ref mesh), .. } => {
+            if mesh.sides() == MeshSides::One && mesh.is_closed() && mesh.is_behind(centre) {
+                return radius + mesh.distance_bound(centre, 2.0 * mesh.radius() + centre.norm());
+            }
+            let nearest = mesh.ball_contacts(centre, radius, 0.0);
+            nearest.iter().map(|contact| radius - contact.distance).fold(f64::NEG_INFINITY, f64::max)
+        }
         ShapeRecord::Plane { half_lengths } => {
             let beyond = centre.abs() - Vector3::from(half_lengths);
             radius - beyond.sup(&Vector3::zeros()).norm() - beyond.max().min(0.0)
@@ -108,14 +123,75 @@ fn distance_beyond(point: &Vector3<f64>, half_height: f64, radius: f64) -> f64 {
     (point.xy().norm() - radius).max(point.z.abs() - half_height)
 }
 
-/// Bodies of the scene's (checked) walls, in order.
-pub fn wall_bodies(walls: &[SceneWall]) -> Vec<WallBody> {
-    walls.iter().enumerate().flat_map(|(k, wall)| bodies_of_wall(k, wall)).collect()
+/// Bodies of the scene's (checked) walls, in order. Names of files are relative to `folder`; walls whose surfaces have faults
+/// are left out, and the faults reported.
+pub fn wall_bodies(walls: &[SceneWall], folder: &Path, report: &mut FaultReport) -> Vec<WallBody> {
+    let mut bodies = Vec::new();
+    for (k, wall) in walls.iter().enumerate() {
+        match wall {
+            SceneWall::Mesh { .. } => bodies.extend(mesh_body(k, wall, folder, report)),
+            _ => bodies.extend(bodies_of_wall(k, wall)),
+        }
+    }
+    bodies
 }
 
-/// Bodies of the wall with this index in the scene: one, or the plates of a box.
+/// Body of the surface with this index among the walls of the scene; `None` for other walls, and after a fault.
+fn mesh_body(index: usize, wall: &SceneWall, folder: &Path, report: &mut FaultReport) -> Option<WallBody> {
+    let SceneWall::Mesh { material, colour, file, scale, position, orientation, side, velocity, spin } = wall else {
+        return None;
+    };
+    let path = folder.join(file);
+    let read =
+        read_triangles(&path).map_err(|faults| report_file_faults(faults, &format!("walls.{index}.file"), report));
+    let FileTriangles { vertices, triangles, repairs } = read.ok()?;
+    if !repairs.is_empty() {
+        report.add_warning(&format!("walls.{index}.file"), repairs.join(", "), "is the surface as it should be?");
+    }
+    let vertices: Vec<[f64; 3]> = vertices.iter().map(|vertex| vertex.map(|x| scale * x)).collect();
+    let OrientedTriangles { triangles: oriented, is_closed, is_orientable } = oriented_triangles(&vertices, &triangles);
+    let side = side.unwrap_or(if is_closed && is_orientable { WallSide::Front } else { WallSide::Both });
+    let (sides, triangles) = match side {
+        WallSide::Both => (MeshSides::Both, triangles),
+        WallSide::Front => (MeshSides::One, oriented),
+        WallSide::Back => (MeshSides::One, oriented.into_iter().map(|[a, b, c]| [a, c, b]).collect()),
+    };
+    let mesh = match WallMesh::new(&vertices, &triangles, sides) {
+        Ok(mesh) => mesh,
+        Err(faults) => {
+            for fault in faults.0.iter().take(MAX_PRINTED_FAULTS) {
+                let (found, expected) = fault.split_once("; ").unwrap_or((fault, "expected a surface of triangles"));
+                report.faults.push(Fault::new(&path, None, "surface", found, expected));
+            }
+            return None;
+        }
+    };
+    let rows = rotation_matrix(orientation).transpose().add_scalar(0.0); // no negative zeros
+    let [[vx, vy, vz], [wx, wy, wz]] = [velocity.clone(), spin.clone()];
+    Some(WallBody {
+        wall: index,
+        material: material.clone(),
+        colour: colour.clone(),
+        centre: round_point(&(*position).into()),
+        axes: rows,
+        shape: ShapeRecord::Mesh {
+            radius: round_8_digits(mesh.radius()),
+            sides,
+            file: file.as_str().into(),
+            surface: Some(Arc::new(mesh)),
+        },
+        motion: [vx, vy, vz, wx, wy, wz],
+        loads: Default::default(),
+    })
+}
+
+/// Number of faults of one surface that are printed one by one; a broken surface has thousands of the same kind.
+const MAX_PRINTED_FAULTS: usize = 5;
+
+/// Bodies of the wall with this index in the scene: one, or the plates of a box; none of a surface, see [`mesh_body`].
 fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
     match wall {
+        SceneWall::Mesh { .. } => Vec::new(),
         SceneWall::Plate {
             material,
             colour,
@@ -269,6 +345,10 @@ mod tests {
     use super::*;
     use crate::scene::Rotation;
 
+    fn wall_bodies(walls: &[SceneWall]) -> Vec<WallBody> {
+        super::wall_bodies(walls, Path::new(""), &mut FaultReport::new(Path::new("scene.ron"), ""))
+    }
+
     fn box_walls(lid: bool, orientation: Rotation) -> Vec<WallBody> {
         wall_bodies(&[SceneWall::Box {
             material: "STEEL".into(),
@@ -354,6 +434,62 @@ mod tests {
         assert_eq!(deep(0.0, 1.5), 0.0);
         assert!((deep(2.5, 0.0) - (3f64.hypot(0.5) - 3.0)).abs() < 1e-14);
         assert!((deep(0.0, 1.75) - 0.25).abs() < 1e-14);
+    }
+
+    /// Walls of OBJ files with the other fields of a `Mesh` in `fields`; and the faults.
+    fn mesh_walls(text: &str, fields: &str) -> (Vec<WallBody>, String) {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("wall.obj"), text).unwrap();
+        let wall = format!("Mesh(material: \"STEEL\", colour: \"WALLx\", file: \"wall.obj\"{fields})");
+        let wall: SceneWall = cd_formats::ron_file::from_ron(Path::new("scene.ron"), &wall, "wall").unwrap();
+        let mut report = FaultReport::new(Path::new("scene.ron"), "");
+        let walls = super::wall_bodies(&[wall], folder.path(), &mut report);
+        (walls, report.faults.to_string())
+    }
+
+    const TETRAHEDRON: &str = "v 0 0 0\nv 3 0 0\nv 0 3 0\nv 0 0 3\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n";
+
+    #[test]
+    fn the_side_of_a_surface_follows_from_its_kind() {
+        let open = TETRAHEDRON.strip_suffix("f 2 3 4\n").unwrap();
+        let strip = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 1\nv 0 0 2\nf 1 2 3\nf 2 3 4\nf 3 4 5\nf 4 5 1\nf 5 1 2\n";
+        for (text, fields, sides) in [
+            (TETRAHEDRON, "", MeshSides::One),
+            (TETRAHEDRON, ", side: Both", MeshSides::Both),
+            (open, "", MeshSides::Both),
+            (open, ", side: Front", MeshSides::One),
+            (strip, "", MeshSides::Both),
+        ] {
+            let (walls, faults) = mesh_walls(text, fields);
+            let [WallBody { shape: ShapeRecord::Mesh { sides: found, .. }, .. }] = &walls[..] else {
+                panic!("{fields} {faults}")
+            };
+            assert_eq!(*found, sides, "{fields}");
+        }
+        // A strip of five triangles is a Moebius strip.
+        let (walls, faults) = mesh_walls(strip, ", side: Front");
+        assert!(walls.is_empty() && faults.contains("seen from different sides"), "{faults}");
+        let (walls, faults) = mesh_walls("v 0 0 0\nv 1 0\nf 1 2 1\n", "");
+        assert!(walls.is_empty() && faults.contains("wall.obj:2"), "{faults}");
+    }
+
+    #[test]
+    fn balls_overlap_surfaces_on_the_side_that_pushes() {
+        let ball_overlap =
+            |fields: &str, x: [f64; 3]| mesh_walls(TETRAHEDRON, fields).0[0].ball_overlap(&x.into(), 0.5);
+        // 0.25 m above the face x = 0, on its outside.
+        assert_eq!(ball_overlap("", [-0.25, 0.5, 0.5]), 0.25);
+        assert_eq!(ball_overlap("", [-0.75, 0.5, 0.5]), f64::NEG_INFINITY);
+        // Inside; the oblique face is the nearest.
+        let inside = [0.7; 3];
+        assert!((ball_overlap("", inside) - (0.5 + 0.9 / 3f64.sqrt())).abs() < 1e-12);
+        assert_eq!(ball_overlap(", side: Back", inside), f64::NEG_INFINITY);
+        assert_eq!(ball_overlap(", side: Both", inside), f64::NEG_INFINITY);
+        // Twice as large, turned by a right angle about z, and moved.
+        let moved =
+            ", scale: 2.0, position: (1.0, 0.0, 0.0), orientation: (axis: (0.0, 0.0, 1.0), angle: 1.5707963267948966)";
+        assert!((ball_overlap(moved, [0.5, -0.25, 1.0]) - 0.25).abs() < 1e-12);
+        assert_eq!(ball_overlap(moved, [-0.5, 0.75, 7.0]), f64::NEG_INFINITY);
     }
 
     #[test]

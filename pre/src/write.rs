@@ -25,8 +25,10 @@ pub const COMPUTE_FILE: &str = "COMPUTE.RON";
 /// Name within DATBOX and text of every file, for a (checked) scene.
 pub fn datbox_files(scene: &Scene, population: &Population) -> Vec<(String, String)> {
     let (drv_dof, tables) = drv_dof(scene, population);
+    let mut bodies = bodies_file(scene, population);
+    let mesh_files = bodies.name_mesh_files();
     let mut files: Vec<(String, String)> = [
-        ("BODIES.DAT", bodies_file(scene, population).to_text()),
+        ("BODIES.DAT", bodies.to_text()),
         ("BULK_BEHAV.DAT", bulk_behav(scene).to_text()),
         ("TACT_BEHAV.DAT", tact_behav(scene, population).to_text() + &no_law_comments(scene)),
         ("DRV_DOF.DAT", drv_dof.to_text()),
@@ -37,6 +39,7 @@ pub fn datbox_files(scene: &Scene, population: &Population) -> Vec<(String, Stri
     .map(|(name, text)| (name.to_string(), text))
     .into();
     files.extend(tables.table_files());
+    files.extend(mesh_files);
     files
 }
 
@@ -101,7 +104,7 @@ fn no_law_comments(scene: &Scene) -> String {
 /// Contactors of grains, then of walls, in the order in which LMGC90 has the candidate before the antagonist, whatever their
 /// order in the scene.
 const GRAIN_CONTACTORS: [&str; 2] = ["SPHER", "POLYR"];
-const WALL_CONTACTORS: [&str; 3] = ["PLANx", "CYLND", "DNLYC"];
+const WALL_CONTACTORS: [&str; 4] = ["PLANx", "CYLND", "DNLYC", "MESHx"];
 
 /// Contactors of one kind and colour in a scene.
 #[derive(Clone, Copy)]

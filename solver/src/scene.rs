@@ -13,6 +13,7 @@ use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::probe::{BodySelection, Probe, ProbeQuantity};
 use cd_formats::region::SpaceRegion;
 use cd_formats::snapshot::{LawName, MaterialName};
+use cd_formats::wall_mesh::WallMesh;
 
 use crate::features::BARE;
 use crate::geometry::Polyhedron;
@@ -51,16 +52,18 @@ pub enum ContactorShape {
         half_lengths: Vec3,
         cuboid: Polyhedron,
     },
+    /// Triangulated surface of a wall.
+    Mesh(Arc<WallMesh>),
 }
 
 impl ContactorShape {
-    /// Radius of the largest ball about the centre that is within the shape, m; infinite for a hollow cylinder, whose
-    /// outside is all wall.
+    /// Radius of the largest ball about the centre that is within the shape, m; infinite for a hollow cylinder and a surface,
+    /// behind which all is wall.
     pub fn inner_radius(&self) -> f64 {
         match self {
             ContactorShape::Sphere { radius } => *radius,
             ContactorShape::Polyhedron(shape) => shape.inradius(),
-            ContactorShape::Cylinder { hollow: true, .. } => f64::INFINITY,
+            ContactorShape::Cylinder { hollow: true, .. } | ContactorShape::Mesh(_) => f64::INFINITY,
             ContactorShape::Cylinder { half_height, radius, .. } => half_height.min(*radius),
             ContactorShape::Plane { half_lengths, .. } => half_lengths.min(),
         }
@@ -76,6 +79,10 @@ impl ContactorShape {
             ContactorShape::Cylinder { half_height, radius, .. } => {
                 let local = axes.inverse_transform_vector(n);
                 half_height * local.z.abs() + radius * local.xy().norm()
+            }
+            ContactorShape::Mesh(mesh) => {
+                let local = axes.inverse_transform_vector(n);
+                mesh.vertices().iter().map(|vertex| local.dot(vertex)).fold(f64::NEG_INFINITY, f64::max)
             }
         }
     }
@@ -257,7 +264,7 @@ impl RigidBody {
         self.can_rotate() && !self.rotates_freely()
     }
 
-    /// Curvature of its plates and cylinders: 0 next to spheres, and of a body that is driven and does not rotate by moments.
+    /// Curvature of its plates, cylinders and surfaces: 0 next to spheres, and of a body that is driven and does not rotate by moments.
     fn curvature_of_flat_part(&self) -> ContactorCurvature {
         let value = if self.can_rotate() { 1.0 / self.radius } else { 0.0 };
         ContactorCurvature { next_to_sphere: 0.0, ..ContactorCurvature::new(value) }
@@ -731,7 +738,9 @@ impl Scene {
         match part.geometry {
             ContactorShape::Sphere { radius } => ContactorCurvature::sphere(radius),
             ContactorShape::Polyhedron(_) => ContactorCurvature::new(1.0 / body.radius),
-            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } => body.curvature_of_flat_part(),
+            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } | ContactorShape::Mesh(_) => {
+                body.curvature_of_flat_part()
+            }
         }
     }
 
@@ -790,6 +799,11 @@ impl Scene {
         !BARE && (!self.parts.is_empty() || self.roster.as_ref().is_some_and(|roster| !roster.parts.is_empty()))
     }
 
+    /// Whether a body is a triangulated wall.
+    pub fn is_mesh(&self, body: BodyId) -> bool {
+        self.has_parts() && self.parts_of(body).iter().any(|part| matches!(part.geometry, ContactorShape::Mesh(_)))
+    }
+
     /// Whether contactors of present bodies are polyhedra.
     pub fn has_polyhedra(&self) -> bool {
         self.parts.iter().any(|part| is_polyhedron(&part.geometry))
@@ -825,7 +839,7 @@ impl Scene {
                 (Some(ContactorShape::Sphere { .. }), _) | (None, BodyShape::Sphere { .. }) => 0,
                 (Some(ContactorShape::Polyhedron(_)), _) => 1,
                 (Some(ContactorShape::Cylinder { .. }), _) => 2,
-                (Some(ContactorShape::Plane { .. }) | None, _) => 3,
+                (Some(ContactorShape::Plane { .. } | ContactorShape::Mesh(_)) | None, _) => 3,
             };
         (kind, self.has_parts() && self.bodies[body.index()].driven, body, part_number)
     }
@@ -905,6 +919,7 @@ impl Scene {
         let free_planes = self.planes.iter().filter(|&&i| !self.bodies[i.index()].driven).count();
         let sphere = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Sphere { .. });
         let cylinder = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Cylinder { .. });
+        let mesh = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Mesh(_));
         let counts = [
             (spheres(is_free), "sphere"),
             (spheres(RigidBody::is_imposed), "driven sphere"),
@@ -913,6 +928,7 @@ impl Scene {
             (parts(is_free, sphere) + parts(is_driven, sphere), "spherical contactor"),
             (parts(is_driven, cylinder), "cylinder"),
             (parts(is_free, cylinder), "free cylinder"),
+            (parts(is_driven, mesh), "triangulated wall"),
             (self.planes.len() - free_planes, "plane"),
             (free_planes, "free plane"),
             (self.loads.len(), "imposed force"),

@@ -42,8 +42,8 @@ const OUTSIDE: [&str; 10] = [
     "lib",
 ];
 
-/// Types of formats that the data and the stages may name: options, events, functions of time and fields from outside are
-/// the same there as in the files; and disjoint sets.
+/// Types of formats that the data and the stages may name: options, events, functions of time, fields from outside and
+/// surfaces of walls are the same there as in the files; and disjoint sets.
 fn is_shared_type(path: &str) -> bool {
     [
         "cd_formats::compute::",
@@ -57,6 +57,7 @@ fn is_shared_type(path: &str) -> bool {
         "cd_formats::probe::",
         "cd_formats::region::",
         "cd_formats::snapshot::",
+        "cd_formats::wall_mesh::",
     ]
     .iter()
     .any(|p| path.starts_with(p))

@@ -75,6 +75,8 @@ impl Contactor {
             ShapeRecord::Polyhedron { vertices, .. } => {
                 vertices.iter_mut().for_each(|vertex| *vertex = centred_point(*vertex));
             }
+            // A surface has the frame of its body.
+            ShapeRecord::Mesh { .. } => {}
             // The body has the frame of its only plate or cylinder.
             ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } if is_single => local_frame = None,
             ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {

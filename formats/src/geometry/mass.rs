@@ -48,6 +48,8 @@ impl Contactor {
             }
             ShapeRecord::Polyhedron { vertices, triangles } => Surface::new(vertices, triangles)?.mass_properties(),
             ShapeRecord::Point { offset } => MassProperties { volume: 0.0, centre: *offset, inertia: [[0.0; 3]; 3] },
+            // The motion of a surface is imposed: its mass has no effect.
+            ShapeRecord::Mesh { radius, .. } => ball(*radius, offset),
         })
     }
 
@@ -102,6 +104,7 @@ impl CheckedBody {
             let radius = match (&body.contactors[piece.contactor].shape, &piece.faces) {
                 (_, Some(faces)) => faces.circumradius,
                 (ShapeRecord::Sphere { radius } | ShapeRecord::OffsetSphere { radius, .. }, _) => *radius,
+                (ShapeRecord::Mesh { radius, .. }, _) => *radius,
                 (ShapeRecord::Plane { half_lengths }, _) => Vector3::from(*half_lengths).norm(),
                 (ShapeRecord::Cylinder { half_height, radius, .. }, _) => libm::hypot(*radius, *half_height),
                 (ShapeRecord::Polyhedron { .. } | ShapeRecord::Point { .. }, _) => 0.0,
@@ -150,8 +153,16 @@ impl Body {
             }
         }
         if pieces.is_empty() {
-            let expected = "expected SPHER, SPHEb, PLANx, POLYR, CYLND or DNLYC: points have no mass and no surface";
+            let expected =
+                "expected SPHER, SPHEb, PLANx, POLYR, CYLND, DNLYC or MESHx: points have no mass and no surface";
             return Err(RecordFault::new("no contactor but PT3Dx", expected));
+        }
+        let is_mesh = |contactor: &Contactor| matches!(contactor.shape, ShapeRecord::Mesh { .. });
+        if self.contactors.len() > 1 && self.contactors.iter().any(is_mesh) {
+            return Err(RecordFault::new(
+                "a MESHx among other contactors",
+                "expected it to be the only one of its body",
+            ));
         }
         if let [Contactor { shape: ShapeRecord::Sphere { radius }, .. }] = self.contactors.as_slice() {
             let avrd = self.equivalent_radius;

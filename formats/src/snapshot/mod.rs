@@ -471,7 +471,7 @@ arrays! {
     ContactArrays {
         /// Row of the candidate and of the antagonist in the body arrays
         contact_body: [u32; 2],
-        /// Feature of the candidate and of the antagonist that touch: a sphere 0; a plane 0 its upper, 1 its lower face, 2 its rim
+        /// Feature of the candidate and of the antagonist that touch: a sphere 0; a plane 0 its upper, 1 its lower face, 2 its rim; a surface MESHx 8 times the triangle plus its region
         contact_feature: [u32; 2],
         /// Point of contact, m
         contact_point: [f64; 3],

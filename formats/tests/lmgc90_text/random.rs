@@ -11,6 +11,7 @@ use cd_formats::law_table::LAW_TABLE;
 use cd_formats::scan::{AsciiText, format_d14, fortran_real};
 use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
+use cd_formats::wall_mesh::MeshSides;
 use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
@@ -107,6 +108,12 @@ fn shape() -> impl Strategy<Value = ShapeRecord> {
         }),
         polyhedron,
         three(real).prop_map(|offset| ShapeRecord::Point { offset }),
+        (size(), any::<bool>(), 0..1000u32).prop_map(|(radius, is_two_sided, number)| ShapeRecord::Mesh {
+            radius,
+            sides: if is_two_sided { MeshSides::Both } else { MeshSides::One },
+            file: format!("wall-{number}.obj").into(),
+            surface: None
+        }),
     ]
 }
 

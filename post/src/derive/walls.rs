@@ -175,6 +175,8 @@ fn wall_faces(frame: &Frame, wall: WallId, grains: &[GrainId]) -> Vec<(Vec3, Vec
             };
             (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]).map(face).collect()
         }
+        // A triangulated wall need not be convex.
+        WallShape::Polyhedron(solid) if solid.is_mesh => Vec::new(),
         WallShape::Polyhedron(solid) if solid.hollow.is_none() => {
             let reach = solid.bounding_radius();
             let face = |corners: &Vec<u32>| {

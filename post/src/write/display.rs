@@ -8,7 +8,7 @@
 //! | `grains-NNNNNN.vtp` | a vertex a grain |
 //! | `polyhedra-NNNNNN.vtp` | the faces of the grains that are polyhedra |
 //! | `contacts-NNNNNN.vtp` | a line a contact |
-//! | `walls-NNNNNN.vtp` | six quadrilaterals a plate, the faces of a driven polyhedron or cylinder, a vertex a driven ball |
+//! | `walls-NNNNNN.vtp` | six quadrilaterals a plate, the faces of a driven polyhedron, cylinder or triangulated wall, a vertex a driven ball |
 //!
 //! `view.py` shows them all in ParaView.
 //!
@@ -18,6 +18,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use cd_formats::wall_mesh::triangle_of;
 use vtkio::model::{
     Attribute, Attributes, ByteOrder, DataArray, DataSet, IOBuffer, PolyDataPiece, Version, VertexNumbers, Vtk,
 };
@@ -28,7 +29,7 @@ use crate::derive::fabric::mobilised_share;
 use crate::derive::fragments::{Fragment, fragment_numbers};
 use crate::derive::motion::AggregateSums;
 use crate::derive::stress::{grain_stresses, kinetic_stress, pressure};
-use crate::frame::{ContactBody, Frame, Grain, WallShape};
+use crate::frame::{ContactBody, Frame, Grain, WallId, WallShape};
 use crate::math::{Mat3, Vec3};
 use crate::write::fields::{self, IndexNames};
 use crate::write::view::drawn_position;
@@ -238,12 +239,28 @@ fn wall_loads(frame: &Frame) -> Vec<(Vec3, Vec3)> {
     loads
 }
 
-/// The walls: plates as boxes, driven polyhedra by their faces, driven balls as points with a radius.
+/// Force of the grains on each triangle of a triangulated wall, N; a contact at an edge or corner acts on the lowest triangle
+/// that has it.
+fn triangle_forces(frame: &Frame, wall: usize, count: usize) -> Vec<Vec3> {
+    let mut forces = vec![Vec3::zeros(); count];
+    for contact in &frame.contacts {
+        if contact.antagonist == ContactBody::Wall(WallId::new(wall))
+            && let Some(force) = forces.get_mut(triangle_of(contact.antagonist_feature) as usize)
+        {
+            *force -= contact.force;
+        }
+    }
+    forces
+}
+
+/// The walls: plates as boxes, driven polyhedra and triangulated walls by their faces, driven balls as points with a radius.
 fn walls_piece(frame: &Frame) -> PolyDataPiece {
     let cell = frame.cell();
     let (mut points, mut radii, mut balls, mut faces) = (vec![], vec![], vec![], vec![]);
     // Walls of the cells.
     let (mut ball_walls, mut face_walls) = (vec![], vec![]);
+    // Forces on the faces of triangulated walls, N, and their pressures, Pa; 0 of other walls.
+    let (mut face_forces, mut face_pressures) = (vec![], vec![]);
     for (k, wall) in frame.walls.iter().enumerate() {
         let first = points.len() as u64;
         let x = drawn_position(wall, &cell);
@@ -270,24 +287,40 @@ fn walls_piece(frame: &Frame) -> PolyDataPiece {
                 radii.resize(points.len(), 0.0);
                 faces.extend(polygons.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect()));
                 face_walls.resize(faces.len(), k);
+                if solid.is_mesh {
+                    face_forces.resize(faces.len() - polygons.len(), Vec3::zeros());
+                    face_pressures.resize(faces.len() - polygons.len(), 0.0);
+                    for (face, force) in polygons.iter().zip(triangle_forces(frame, k, polygons.len())) {
+                        let [a, b, c] = [0, 1, 2].map(|corner| vertices[face[corner] as usize]);
+                        let doubled_area = wall.rotation * (b - a).cross(&(c - a));
+                        face_forces.push(force);
+                        face_pressures.push(2.0 * force.dot(&doubled_area).abs() / doubled_area.norm_squared());
+                    }
+                }
             }
         }
     }
     // Cell data go in the order of VTK's cells: vertices, then polygons.
-    let rows = [ball_walls, face_walls].concat();
+    let (ball_count, rows) = (ball_walls.len(), [ball_walls, face_walls].concat());
     let loads = wall_loads(frame);
+    let mut cell_data = vec![
+        scalar_attribute("id", rows.iter().map(|&k| frame.walls[k].id).collect::<Vec<u64>>()),
+        vector_attribute("force", rows.iter().map(|&k| loads[k].0)),
+        vector_attribute("moment", rows.iter().map(|&k| loads[k].1)),
+    ];
+    if !face_forces.is_empty() {
+        face_forces.splice(0..0, vec![Vec3::zeros(); ball_count]);
+        face_pressures.splice(0..0, vec![0.0; ball_count]);
+        face_forces.resize(rows.len(), Vec3::zeros());
+        face_pressures.resize(rows.len(), 0.0);
+        cell_data.push(vector_attribute("face_force", face_forces.into_iter()));
+        cell_data.push(scalar_attribute("face_pressure", face_pressures));
+    }
     PolyDataPiece {
         points: flat_components(points.into_iter()).into(),
         verts: vertex_numbers(balls.into_iter()),
         polys: vertex_numbers(faces.into_iter()),
-        data: Attributes {
-            point: vec![scalar_attribute("radius", radii)],
-            cell: vec![
-                scalar_attribute("id", rows.iter().map(|&k| frame.walls[k].id).collect::<Vec<u64>>()),
-                vector_attribute("force", rows.iter().map(|&k| loads[k].0)),
-                vector_attribute("moment", rows.iter().map(|&k| loads[k].1)),
-            ],
-        },
+        data: Attributes { point: vec![scalar_attribute("radius", radii)], cell: cell_data },
         ..Default::default()
     }
 }
@@ -395,9 +428,11 @@ mod tests {
     use std::os::unix::ffi::OsStrExt;
 
     use cd_formats::snapshot::DRIVEN_ALL;
+    use cd_formats::wall_mesh::feature_of;
 
     use super::*;
     use crate::samples::Scene;
+    use crate::shapes::SolidShape;
 
     #[test]
     fn an_empty_file_still_says_that_it_has_no_points() {
@@ -481,6 +516,39 @@ mod tests {
         assert_eq!(wall_loads(&frame), [(Vec3::new(0.0, 0.0, -4.0), Vec3::new(0.0, -4.0, 0.0))]);
         let total: Vec3 = frame.contacts.iter().flat_map(|c| c.on_grains()).map(|(_, force, _)| force).sum();
         assert_eq!(total, Vec3::new(0.0, 0.0, 4.0));
+    }
+
+    #[test]
+    fn triangles_have_the_forces_of_the_grains_on_them() {
+        // Two triangles of 2 m by 1 m and a plate: 2 N across the face of the second triangle, 3 N on its edge, 5 N on the plate.
+        let mut scene = Scene::default();
+        let walls = [0.0, 9.0].map(|x| scene.plate([x, 0.0, 0.0], [1.0, 1.0, 0.1]));
+        let grains = [0.0, 0.5, 9.0].map(|x| scene.grain([x, 0.0, 1.0], 1.0));
+        for (k, (wall, force)) in [(walls[0], 2.0), (walls[0], 3.0), (walls[1], 5.0)].into_iter().enumerate() {
+            scene.contact_at(grains[k], wall, [0.0; 3], Vec3::new(0.0, 0.0, force));
+        }
+        let mut frame = scene.frame();
+        let vertices = vec![Vec3::zeros(), Vec3::x() * 2.0, Vec3::new(2.0, 1.0, 0.0), Vec3::y()];
+        let faces = vec![vec![0, 1, 2], vec![0, 2, 3]];
+        let mesh = SolidShape { vertices, faces, is_mesh: true, ..SolidShape::default() };
+        frame.walls[0].shape = WallShape::Polyhedron(mesh.into());
+        frame.contacts[0].antagonist_feature = feature_of(1, 0);
+        frame.contacts[1].antagonist_feature = feature_of(1, 2);
+        let down = |force: f64| Vec3::new(0.0, 0.0, -force);
+        assert_eq!(triangle_forces(&frame, 0, 2), [Vec3::zeros(), down(5.0)]);
+        let cells = walls_piece(&frame).data.cell;
+        let values = |name: &str| {
+            let array = cells.iter().find_map(|attribute| match attribute {
+                Attribute::DataArray(array) if array.name == name => array.data.clone().into_vec::<f64>(),
+                _ => None,
+            });
+            array.unwrap()
+        };
+        // Two triangles of the mesh, then six faces of the plate, which have the force on the whole wall alone.
+        let forces = values("face_force");
+        assert_eq!((forces.len(), &forces[3..6]), (24, &[0.0, 0.0, -5.0][..]));
+        assert!(forces[..3].iter().chain(&forces[6..]).all(|force| *force == 0.0));
+        assert_eq!(values("face_pressure")[..2], [0.0, 5.0]);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use crate::frame::Frame;
 
 /// Units of the arrays with units of the ParaView files.
-pub const ARRAY_UNITS: [(&str, &str); 17] = [
+pub const ARRAY_UNITS: [(&str, &str); 19] = [
     ("radius", "m"),
     ("velocity", "m/s"),
     ("spin", "rad/s"),
@@ -18,6 +18,8 @@ pub const ARRAY_UNITS: [(&str, &str); 17] = [
     ("tangential_force", "N"),
     ("force", "N"),
     ("moment", "N m"),
+    ("face_force", "N"),
+    ("face_pressure", "Pa"),
     ("gap", "m"),
     ("height", "m"),
     ("slope", "°"),

@@ -1,7 +1,7 @@
 //! `POSTPRO/aggregate.svg`, `aggregate_energy.svg`, `snapshots.svg`: quick pictures of states that need no ParaView.
 //!
 //! Spheres as shaded circles, polyhedra by their faces, far ones first, in parallel projection, coloured by the
-//! neighbours that they touch with force or by their kinetic energy. Plates and hollow cylinders are translucent, other
+//! neighbours that they touch with force or by their kinetic energy. Plates, hollow cylinders and triangulated walls are translucent, other
 //! walls grey. SVG written as text, since gradients make the spheres.
 
 use std::fmt::Write;

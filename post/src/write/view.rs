@@ -244,7 +244,7 @@ pub struct DrawnWall {
     pub faces: Vec<Vec<u32>>,
     /// Edges between faces at an angle, by their ends.
     pub edges: Vec<[u32; 2]>,
-    /// Whether grains are visible through it: plates and hollow cylinders, which would hide them.
+    /// Whether grains are visible through it: plates, hollow cylinders and triangulated walls, which would hide them.
     pub is_translucent: bool,
 }
 
@@ -267,7 +267,7 @@ impl DrawnWall {
                 is_translucent: false,
             },
             WallShape::Plate(half) => from_solid(&SolidShape::from_half_lengths(*half), true),
-            WallShape::Polyhedron(solid) => from_solid(solid, solid.hollow.is_some()),
+            WallShape::Polyhedron(solid) => from_solid(solid, solid.hollow.is_some() || solid.is_mesh),
         }
     }
 }

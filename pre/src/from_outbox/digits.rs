@@ -85,6 +85,7 @@ fn body_numbers(body: &Body) -> Vec<(&'static str, f64)> {
             }
             ShapeRecord::Polyhedron { vertices, .. } => add("coo", vertices.as_flattened()),
             ShapeRecord::Point { offset } => add("coo", offset),
+            ShapeRecord::Mesh { radius, .. } => add("byrd", &[*radius]),
         }
         if let Some(LocalFrame { axes, offset }) = local_frame.as_deref() {
             add("localframe", axes.as_flattened());

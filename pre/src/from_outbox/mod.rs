@@ -85,7 +85,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     check_rotations(&request.changes, &options, &mut report);
     check_end(&request, &sources[0].snapshot.meta, &options, &mut report);
     let new = NewBodies::from_changes(&request.changes, &parts, &options, folder, &mut report);
-    let records = body_records(&parts, &new);
+    let mut records = body_records(&parts, &new);
+    let mesh_files = records.name_mesh_files();
     let driven = driven_components(&parts, &new);
     let placed = overlaps::PlacedBodies::new(&parts, &new.population, &records, &driven);
     placed.check_overlaps(&request.changes, &options, &mut report);
@@ -96,7 +97,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
     let content = DatboxContent { records: &records, tables: &tables, driven: &driven, options: &options };
     let mut files = datbox_files(request.changes.keep_time, &parts, &new, content);
-    files.extend(surface_files.into_iter().map(|(name, text)| (name, text.into_bytes())));
+    files.extend(surface_files.into_iter().chain(mesh_files).map(|(name, text)| (name, text.into_bytes())));
     let body_path = |body: usize| scene_path(&parts, &new.population, body);
     let bytes = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
     reread::check_files(&datbox, bytes, &driven, &options, body_path, &mut report);
@@ -104,7 +105,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     fs::create_dir_all(&datbox).map_err(|error| Fault::from_io(&datbox, "written", &error))?;
     let mut origin = SceneOrigin::from_outbox(case, changes, settings, dir);
     changes.into_iter().for_each(|file| origin.add(file, dir));
-    scene::models(&request.changes.grains).for_each(|model| origin.add(&folder.join(model), dir));
+    scene::models(&request.changes.grains, &request.changes.walls)
+        .for_each(|model| origin.add(&folder.join(model), dir));
     for SourcePart { source: SourceCase { case, snapshot, .. }, .. } in &parts {
         origin.add(&snapshot::snapshot_path(&case.join("OUTBOX"), snapshot.meta.step), dir);
     }

@@ -86,7 +86,7 @@ impl PosedBody {
                         solid.pieces.push(ConvexPiece::new(*x, vertices, &piece.triangles));
                     }
                 }
-                ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {
+                ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } | ShapeRecord::Mesh { .. } => {
                     let columns = frame.map_or(Matrix3::identity(), |f| Matrix3::from_columns(&f.axes.map(Vec3::from)));
                     let local_axes = nearest_rotation(&columns).into_inner();
                     let q = q.to_rotation_matrix().into_inner();
@@ -290,7 +290,7 @@ impl<'a> PlacedBodies<'a> {
         })
     }
 
-    /// Radius about its centre that contains the contactors of a body other than plates and cylinders, m; `None` if there is
+    /// Radius about its centre that contains the contactors of a body other than plates, cylinders and surfaces, m; `None` if there is
     /// no other.
     fn reach(&self, body: usize) -> Option<f64> {
         let record = &self.records.0[body];
@@ -302,7 +302,7 @@ impl<'a> PlacedBodies<'a> {
             ShapeRecord::Polyhedron { vertices, .. } => vertices.iter().map(from_centre).fold(0.0, f64::max),
             _ => record.equivalent_radius,
         };
-        record.contactors.iter().filter(|contactor| !is_plate_or_cylinder(contactor)).map(reach).reduce(f64::max)
+        record.contactors.iter().filter(|contactor| !is_wall_shape(contactor)).map(reach).reduce(f64::max)
     }
 
     /// Overlaps of bodies of different parts beyond rounding, overlaps with periodic images included. `balls`: bodies with their
@@ -317,7 +317,7 @@ impl<'a> PlacedBodies<'a> {
                 }
             }
         };
-        let has_walls = |body: &usize| self.records.0[*body].contactors.iter().any(is_plate_or_cylinder);
+        let has_walls = |body: &usize| self.records.0[*body].contactors.iter().any(is_wall_shape);
         for wall in (0..self.records.0.len()).filter(has_walls) {
             for &(k, radius) in balls.iter().filter(|(k, _)| self.owner[*k] != self.owner[wall]) {
                 for shift in nearest_images(options, &(self.centres[k] - self.centres[wall])) {
@@ -368,9 +368,9 @@ fn part_pose(part: &SourcePart, row: usize) -> BodyPose {
     BodyPose { shift, x: Vec3::from(bodies.body_x[row]), q: unit_quaternion(bodies.body_q[row]) }
 }
 
-/// Whether a contactor is a plate or a cylinder, whose extent is not that of a ball about its body's centre.
-fn is_plate_or_cylinder(contactor: &Contactor) -> bool {
-    matches!(contactor.shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. })
+/// Whether a contactor is a plate, a cylinder or a surface, whose extent is not that of a ball about its body's centre.
+fn is_wall_shape(contactor: &Contactor) -> bool {
+    matches!(contactor.shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } | ShapeRecord::Mesh { .. })
 }
 
 /// Checks hollow cylinders, which push inwards only: reports the first body that touches each and is outside of it.

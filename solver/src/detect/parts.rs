@@ -427,6 +427,15 @@ fn narrow_phase_pair<'a>(
         Manifold { normal: found.normal, points: std::iter::once(point).collect(), area: 0.0 }
     };
     let zero = Vec3::zeros();
+    if let (PosedShape::Sphere { radius }, PosedShape::Mesh(mesh)) = (&a.shape, &b.shape) {
+        match narrow::sphere_mesh(mesh, *radius, &c, &b.axes, range.alert) {
+            Ok(found) => found.into_iter().for_each(|point| {
+                record(pair, Ok((CachedFeature::default(), &one_point(point))));
+            }),
+            Err(gap) => record(pair, Err(Separated { n: Vec3::z(), s: gap })),
+        }
+        return;
+    }
     let found: SmallVec<[Manifold; 1]> = match (&a.shape, &b.shape) {
         // A plate is a cuboid.
         (PosedShape::Polyhedron(p), PosedShape::Polyhedron(q) | PosedShape::Plane { cuboid: q, .. }) => {
@@ -468,7 +477,8 @@ fn narrow_phase_pair<'a>(
             PosedShape::Cylinder { half_height: h, radius: r, hollow: false },
             PosedShape::Cylinder { half_height, radius, hollow: false },
         ) => cylinder_cylinder(&a.axes, [*h, *r], &c, &b.axes, [*half_height, *radius], range).into_iter().collect(),
-        // Pairs of two plates, or of a hollow cylinder and a wall, are rejected on input if one can move.
+        // Pairs of two plates, of a hollow cylinder and a wall, or of a surface and other bodies than spheres are rejected on
+        // input if one can move.
         _ => SmallVec::new(),
     };
     let nearest = found.iter().min_by(|a, b| a.gap().total_cmp(&b.gap()));

@@ -1,5 +1,6 @@
 //! Contactors at their positions in the step, and pairs of them.
 
+use cd_formats::wall_mesh::WallMesh;
 use rayon::prelude::*;
 
 use super::swept;
@@ -52,6 +53,7 @@ pub enum PosedShape<'a> {
     Polyhedron(PosedPolyhedron<'a>),
     Cylinder { half_height: f64, radius: f64, hollow: bool },
     Plane { half_lengths: Vec3, cuboid: PosedPolyhedron<'a> },
+    Mesh(&'a WallMesh),
 }
 
 /// All contactors of the scene, in the order of its parts.
@@ -104,6 +106,7 @@ fn posed_contactor<'a>(
             ContactorShape::Plane { half_lengths, cuboid } => {
                 PosedShape::Plane { half_lengths: *half_lengths, cuboid: cuboid.posed_by(&axes) }
             }
+            ContactorShape::Mesh(mesh) => PosedShape::Mesh(mesh),
         },
     }
 }
@@ -198,8 +201,8 @@ impl<'a> CandidatePair<'a> {
 
     /// Gap up to which points with this normal (from the antagonist to the candidate) are listed, m.
     fn listing_gap(&self, normal: &Vec3) -> f64 {
-        // The inside of a cylinder curves towards a body that moves along it.
-        let is_curved = matches!(self.b.shape, PosedShape::Cylinder { hollow: true, .. });
+        // The inside of a cylinder and a surface may curve towards a body that moves along them.
+        let is_curved = matches!(self.b.shape, PosedShape::Cylinder { hollow: true, .. } | PosedShape::Mesh(_));
         if self.unconditional_gap == f64::INFINITY || is_curved {
             return self.range.alert;
         }

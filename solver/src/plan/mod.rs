@@ -110,8 +110,8 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     bounds
 }
 
-/// Height of the lowest wall against gravity, m: the height of its upper side, or of the centre of polyhedra and solid
-/// cylinders; infinite without walls.
+/// Height of the lowest wall against gravity, m: the height of its upper side, of the centre of polyhedra and solid cylinders,
+/// or of the lowest point of a surface; infinite without walls.
 fn floor_height(scene: &Scene, state: &State) -> f64 {
     let up = -state.gravity.normalize();
     let top = |i: usize| {
@@ -125,6 +125,7 @@ fn floor_height(scene: &Scene, state: &State) -> f64 {
                 let side = |part: &BodyPart| match part.geometry {
                     ContactorShape::Sphere { radius } => radius,
                     ContactorShape::Cylinder { hollow: true, radius, .. } => -radius,
+                    ContactorShape::Mesh(_) => -part.geometry.support_height(&part.axes, &-along),
                     _ => 0.0,
                 };
                 parts.map(|part| part.offset.dot(&along) + side(part)).fold(f64::INFINITY, f64::min)

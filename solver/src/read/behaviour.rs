@@ -33,7 +33,7 @@ use crate::scene::{
 use crate::state::{Contact, ContactStatus, LawMemory, SolvedContact, UNKNOWN_FEATURE};
 
 /// Names of the contactors that the visibility table distinguishes.
-const CONTACTOR_NAMES: [&str; 5] = ["SPHER", "PLANx", "POLYR", "CYLND", "DNLYC"];
+const CONTACTOR_NAMES: [&str; 6] = ["SPHER", "PLANx", "POLYR", "CYLND", "DNLYC", "MESHx"];
 
 /// Index of the kind of a contactor in [`CONTACTOR_NAMES`].
 fn contactor_kind(geometry: &ContactorShape) -> usize {
@@ -43,6 +43,7 @@ fn contactor_kind(geometry: &ContactorShape) -> usize {
         ContactorShape::Polyhedron(_) => 2,
         ContactorShape::Cylinder { hollow: false, .. } => 3,
         ContactorShape::Cylinder { hollow: true, .. } => 4,
+        ContactorShape::Mesh(_) => 5,
     }
 }
 
@@ -201,10 +202,13 @@ fn set_visibility(file: &Path, tact: &TactBehav, numbers: &[Option<LawId>], scen
         table[a * classes + b] = Some(rule);
         table[b * classes + a] = Some(rule);
     }
-    let radius = |body: &RigidBody| if let BodyShape::Plane { .. } = body.shape { 0.0 } else { body.radius };
+    let radius = |(index, body): (usize, &RigidBody)| {
+        let is_flat = matches!(body.shape, BodyShape::Plane { .. }) || scene.is_mesh(BodyId::new(index));
+        if is_flat { 0.0 } else { body.radius }
+    };
     let curvatures =
         scene.parts.iter().map(|part| scene.part_curvature(part).value).filter(|curvature| *curvature > 0.0);
-    let radii = scene.bodies.iter().map(radius).chain(curvatures.map(f64::recip));
+    let radii = scene.bodies.iter().enumerate().map(radius).chain(curvatures.map(f64::recip));
     let largest_radius = radii.fold(0.0, f64::max);
     let range = |rule: &InteractionRule| rule.alert.max(scene.laws[rule.law].interaction_range(largest_radius));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
@@ -220,6 +224,9 @@ fn uncomputed_pair(names: [&str; 2]) -> Option<&'static str> {
         ),
         ["DNLYC", "PLANx" | "CYLND" | "DNLYC"] | ["PLANx" | "CYLND", "DNLYC"] => Some(
             "expected no such row: a hollow cylinder has contacts with SPHER and POLYR alone; make the other a POLYR",
+        ),
+        ["MESHx", other] | [other, "MESHx"] if other != "SPHER" => Some(
+            "expected no such row: a surface MESHx has contacts with SPHER alone, of which bodies may have several (SPHEb)",
         ),
         _ => None,
     }
@@ -445,6 +452,10 @@ pub fn check_text(scene: &mut Scene) {
     if scene.options.text && cylinders.into_iter().any(meets_polyhedra) {
         let note =
             "Vloc_Rloc.OUT.k: contacts of polyhedra with cylinders are written as PRPRx: LMGC90 has no type for them";
+        scene.notes.push(note.into());
+    }
+    if scene.options.text && scene.parts.iter().any(|part| matches!(part.geometry, ContactorShape::Mesh(_))) {
+        let note = "Vloc_Rloc.OUT.k: contacts with surfaces MESHx are written as SPMSx: LMGC90 has neither";
         scene.notes.push(note.into());
     }
 }

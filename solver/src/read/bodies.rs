@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, Body as BodyRecord, ShapeRecord as FileShape};
+use cd_formats::bodies::{Bodies, Body as BodyRecord, Contactor, ShapeRecord as FileShape};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::{BodyDof, Dof};
@@ -213,7 +213,8 @@ fn body_tables(
     BodyTables { bodies, parts, part_starts, extents, colours, frames, axes_matches, shapes }
 }
 
-/// Rejects hollow cylinders none of whose motion is imposed, and grains that are too long for a period.
+/// Rejects hollow cylinders none of whose motion is imposed, surfaces whose motion is not all imposed, and grains and
+/// surfaces that are too long for a period.
 fn check_extents(
     file: &Path,
     records: &Bodies,
@@ -229,9 +230,17 @@ fn check_extents(
         let (line, object) = (Some(records.0[part.body.index()].line), format!("body {}", part.body.number()));
         faults.push(Fault::new(file, line, object, "a DNLYC that may move freely", expected));
     }
+    let is_mesh =
+        |index: usize| matches!(records.0[index].contactors[..], [Contactor { shape: FileShape::Mesh { .. }, .. }]);
+    for index in (0..bodies.len()).filter(|&index| is_mesh(index) && !bodies[index].is_imposed()) {
+        let expected = "expected vlocy lines in DRV_DOF.DAT for all six components: a surface is a wall";
+        let (line, object) = (Some(records.0[index].line), format!("body {}", index + 1));
+        faults.push(Fault::new(file, line, object, "a MESHx whose motion is not all imposed", expected));
+    }
     let is_plate = |body: &RigidBody| matches!(body.shape, BodyShape::Plane { .. });
     let moves = |body: &RigidBody| !body.driven || (body.is_driven_in_part() && !is_plate(body));
-    for (index, record) in records.0.iter().enumerate().filter(|(index, _)| moves(&bodies[*index])) {
+    let has_one_image = |index: usize| moves(&bodies[index]) || is_mesh(index);
+    for (index, record) in records.0.iter().enumerate().filter(|(index, _)| has_one_image(*index)) {
         // A larger body would be met by more than its nearest image.
         let extent = 2.0 * extents[index];
         for period in

@@ -31,6 +31,10 @@ impl<'a> FolderReader<'a> {
             return Err(fault.into());
         }
         let bodies = reader.gather_parsed(text.and_then(|text| Bodies::parse_rigid_with_notices(&path, &text)));
+        let bodies = bodies.and_then(|mut bodies| {
+            let read = bodies.read_meshes(&path);
+            reader.faults.gather_result(read).map(|()| bodies)
+        });
         Ok((reader, bodies))
     }
 

@@ -31,16 +31,19 @@ fn is_symmetric(scene: &Scene, body: BodyId, axis: usize) -> bool {
     }
     let parts = scene.parts_of(body);
     let size = parts.iter().map(|part| part.offset.norm() + part.bounding_radius).fold(0.0, f64::max);
-    parts.iter().all(|part| {
-        let mirrored: Vec<Vec3> = corners(part)
-            .into_iter()
-            .map(|mut corner| {
-                corner[axis] = -corner[axis];
-                corner
-            })
-            .collect();
-        parts.iter().any(|other| is_same_shape(part, other) && is_same_set(&mirrored, &corners(other), size))
-    })
+    // The sides of a surface would be exchanged.
+    let is_mesh = |part: &BodyPart| matches!(part.geometry, ContactorShape::Mesh(_));
+    !parts.iter().any(is_mesh)
+        && parts.iter().all(|part| {
+            let mirrored: Vec<Vec3> = corners(part)
+                .into_iter()
+                .map(|mut corner| {
+                    corner[axis] = -corner[axis];
+                    corner
+                })
+                .collect();
+            parts.iter().any(|other| is_same_shape(part, other) && is_same_set(&mirrored, &corners(other), size))
+        })
 }
 
 /// Whether two contactors have the same kind, colour and bounding radius.
@@ -66,6 +69,7 @@ fn corners(part: &BodyPart) -> Vec<Vec3> {
         }
         ContactorShape::Polyhedron(shape) => shape.vertices().iter().map(|vertex| body_point(*vertex)).collect(),
         ContactorShape::Plane { cuboid, .. } => cuboid.vertices().iter().map(|vertex| body_point(*vertex)).collect(),
+        ContactorShape::Mesh(mesh) => mesh.vertices().iter().map(|vertex| body_point(*vertex)).collect(),
     }
 }
 

@@ -154,8 +154,13 @@ fn contactor_piece(contactors: &[Contactor], solid: SolidPiece, colours: &mut Ve
             let (half_height, radius, hollow) = (*half_height, *radius, *hollow);
             (ContactorShape::Cylinder { half_height, radius, hollow }, centre, libm::hypot(radius, half_height))
         }
-        bodies::ShapeRecord::Polyhedron { .. } | bodies::ShapeRecord::Point { .. } => {
-            unreachable!("a polyhedron has faces, and a point is no solid")
+        bodies::ShapeRecord::Mesh { radius, surface: Some(surface), .. } => {
+            (ContactorShape::Mesh(surface.clone()), centre, *radius)
+        }
+        bodies::ShapeRecord::Polyhedron { .. }
+        | bodies::ShapeRecord::Point { .. }
+        | bodies::ShapeRecord::Mesh { surface: None, .. } => {
+            unreachable!("a polyhedron has faces, a point is no solid, and surfaces are read with their bodies")
         }
     };
     ContactorPiece { contactor: index, geometry, centre, axes, radius, colour }

@@ -135,7 +135,8 @@ struct StepMotion<'a> {
 
 impl StepMotion<'_> {
     /// Whether the contactor `own` ends behind the surface of `other` deeper than `share` of half the thickness of the
-    /// thinner one; false for bodies without parts. `rotation`: rotation of the surface.
+    /// thinner one; false for bodies without parts, and for a triangulated wall, which rises over planes that touch it.
+    /// `rotation`: rotation of the surface.
     fn is_deeper(
         &self,
         contact: &Contact,
@@ -145,6 +146,9 @@ impl StepMotion<'_> {
     ) -> bool {
         let find = |(body, part_number): ContactorKey| self.scene.find_part(body, part_number);
         let (Some(part), Some(surface)) = (find(own), find(other)) else { return false };
+        if self.scene.is_mesh(part.body) {
+            return false;
+        }
         let thickness = part.geometry.inner_radius().min(surface.geometry.inner_radius());
         self.depth_behind_surface(contact, part, surface, rotation) > share * thickness
     }

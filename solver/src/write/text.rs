@@ -107,10 +107,12 @@ fn contactor_name(part: &BodyPart) -> &'static str {
         ContactorShape::Polyhedron(_) => "POLYR",
         ContactorShape::Cylinder { hollow: false, .. } => "CYLND",
         ContactorShape::Cylinder { hollow: true, .. } => "DNLYC",
+        ContactorShape::Mesh(_) => "MESHx",
     }
 }
 
-/// Contact kind in LMGC90. It has none between a polyhedron and a cylinder: PRPRx is the nearest.
+/// Contact kind in LMGC90. It has none between a polyhedron and a cylinder: PRPRx is the nearest. Contacts with surfaces,
+/// which LMGC90 does not have, are SPMSx.
 fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
     match (candidate, antagonist) {
         ("PT3Dx", _) => "PTPT3",
@@ -122,6 +124,7 @@ fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
         (_, "PLANx") => "SPPLx",
         (_, "POLYR") => "SPPRx",
         (_, "CYLND") => "SPCDx",
+        (_, "MESHx") => "SPMSx",
         _ => "SPDCx",
     }
 }

@@ -15,12 +15,15 @@ use cd_formats::tact_behav::TactBehav;
 
 const DRIVEN_COPY: &str = "DRV_DOF.OUT";
 
-/// Names in OUTBOX, apart from names of tables.
-pub const INPUT_COPIES: [&str; 5] = ["BODIES.OUT", "BULK_BEHAV.OUT", "TACT_BEHAV.OUT", DRIVEN_COPY, "COMPUTE.RON"];
+const BODIES_COPY: &str = "BODIES.OUT";
 
-/// Writes BODIES.OUT, with centred bodies in the axes of DOF.OUT.k, BULK_BEHAV.OUT, TACT_BEHAV.OUT, DRV_DOF.OUT and the
-/// tables that it names, all with as many digits as their columns hold, and COMPUTE.RON with the options of the run on which
-/// results depend, without which a continued run would have those of a folder of LMGC90.
+/// Names in OUTBOX, apart from names of tables and surfaces.
+pub const INPUT_COPIES: [&str; 5] = [BODIES_COPY, "BULK_BEHAV.OUT", "TACT_BEHAV.OUT", DRIVEN_COPY, "COMPUTE.RON"];
+
+/// Writes BODIES.OUT, with centred bodies in the axes of DOF.OUT.k, the surfaces that it names, BULK_BEHAV.OUT,
+/// TACT_BEHAV.OUT, DRV_DOF.OUT and the tables that it names, all with as many digits as their columns hold, and COMPUTE.RON
+/// with the options of the run on which results depend, without which a continued run would have those of a folder of
+/// LMGC90.
 pub fn write_input_copies(datbox: &Path, outbox: &Path, options: &Compute) -> Result<(), Faults> {
     let file = datbox.join("BODIES.DAT");
     let bodies = Bodies::read(&file)?
@@ -40,6 +43,7 @@ pub fn write_input_copies(datbox: &Path, outbox: &Path, options: &Compute) -> Re
         Compute { steps, end_time, threads, ..options.clone() }.to_text(),
     ];
     let mut files: Vec<(PathBuf, String)> = tables(&driven).map(|(name, text)| (outbox.join(name), text)).collect();
+    files.extend(bodies.mesh_files().into_iter().map(|(name, text)| (outbox.join(name), text)));
     files.extend(INPUT_COPIES.iter().map(|name| outbox.join(name)).zip(texts));
     atomic::write_all(files.iter().map(|(path, text)| (path.clone(), text.as_bytes())))
 }
@@ -50,7 +54,8 @@ pub fn written_copies(outbox: &Path) -> BTreeSet<PathBuf> {
     let driven =
         if atomic::path_exists(&driven) { DrvDof::read(&driven).unwrap_or_default() } else { DrvDof::default() };
     let table_copies = tables(&driven).map(|(name, _)| outbox.join(name));
-    INPUT_COPIES.iter().map(|name| outbox.join(name)).chain(table_copies).collect()
+    let mesh_copies = Bodies::mesh_names(&outbox.join(BODIES_COPY)).into_iter().map(|name| outbox.join(name));
+    INPUT_COPIES.iter().map(|name| outbox.join(name)).chain(table_copies).chain(mesh_copies).collect()
 }
 
 /// Names and texts of the tables of imposed motion.

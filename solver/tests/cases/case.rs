@@ -10,6 +10,7 @@ use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof, Evolution, table_text};
 use cd_formats::snapshot::{self, Snapshot};
 use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
+use cd_formats::wall_mesh::{MeshSides, WallMesh};
 use tempfile::TempDir;
 
 pub type Vec3 = nalgebra::Vector3<f64>;
@@ -138,6 +139,16 @@ impl Case {
         plate
     }
 
+    /// A triangulated wall at rest, pushing from one side.
+    pub fn mesh(&mut self, vertices: &[[f64; 3]], triangles: &[[u32; 3]], x: [f64; 3], axes: [[f64; 3]; 3]) -> usize {
+        let surface = WallMesh::new(vertices, triangles, MeshSides::One).unwrap();
+        let file = format!("wall-{}.obj", self.bodies.len()).into();
+        let (radius, surface) = (surface.radius(), Some(surface.into()));
+        let wall = self.add(ShapeRecord::Mesh { radius, sides: MeshSides::One, file, surface }, "WALLx", x, axes);
+        self.drive(wall, [0.0; 6].map(Evolution::constant));
+        wall
+    }
+
     /// A wide plate at rest, its upper face in z = 0.
     pub fn floor(&mut self) -> usize {
         self.plate([1024.0, 1024.0, 0.5], [0.0, 0.0, -0.5], [X, Y, Z])
@@ -240,6 +251,11 @@ impl Case {
         put("DRV_DOF.DAT", DrvDof(self.driven.clone()).to_text());
         put("DOF.INI", Dof { step: 0, time: 0.0, bodies: self.dof.clone() }.to_text());
         put("COMPUTE.RON", self.options.to_text());
+        for contactor in self.bodies.iter().flat_map(|body| &body.contactors) {
+            if let ShapeRecord::Mesh { file, surface: Some(surface), .. } = &contactor.shape {
+                put(file, surface.to_text());
+            }
+        }
         for driven in &self.driven {
             if let Evolution::Table { name, points } = &driven.evolution {
                 put(name, table_text(points));

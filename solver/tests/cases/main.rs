@@ -28,6 +28,7 @@ mod laws_of_lmgc90;
 mod limits;
 mod listing;
 mod long_runs;
+mod meshes;
 mod messages;
 mod mutants;
 mod outbox_text;

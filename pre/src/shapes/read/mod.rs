@@ -36,6 +36,29 @@ pub struct RepairedSurface {
     pub repairs: Vec<String>,
 }
 
+/// Triangles of a file, and the repairs that were needed to read it.
+pub struct FileTriangles {
+    pub vertices: Vec<[f64; 3]>,
+    /// Triangles by the numbers of their vertices, from 0, as they are oriented in the file.
+    pub triangles: Vec<[u32; 3]>,
+    /// Parts that were ignored, dropped or welded, as in [`RepairedSurface::repairs`].
+    pub repairs: Vec<String>,
+}
+
+/// Reads the triangles of a surface that may be open; kinds of files and repairs as in [`read_surface`].
+///
+/// Errors: a file that cannot be read, and points that are not finite.
+pub fn read_triangles(path: &Path) -> Result<FileTriangles, Faults> {
+    let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let mesh = read_mesh(&bytes, &ending).map_err(|errors| read_faults(path, &errors))?;
+    if let Some(RecordFault { found, expected, .. }) = repair::point_fault(&mesh) {
+        return Err(Fault::new(path, None, "surface", found, expected).into());
+    }
+    let Triangulation { vertices, triangles, repairs } = repair::triangulate(mesh);
+    Ok(FileTriangles { vertices, triangles, repairs })
+}
+
 /// Reads a closed surface.
 ///
 /// The ending selects the kind: `.obj`; `.stl`, text or binary; `.vtk` and `.vtp`, legacy or XML, whichever the file
@@ -45,13 +68,7 @@ pub struct RepairedSurface {
 ///
 /// Errors: a file that cannot be read, and every fault of the surface.
 pub fn read_surface(path: &Path) -> Result<RepairedSurface, Faults> {
-    let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
-    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let mesh = read_mesh(&bytes, &ending).map_err(|errors| read_faults(path, &errors))?;
-    if let Some(RecordFault { found, expected, .. }) = repair::point_fault(&mesh) {
-        return Err(Fault::new(path, None, "surface", found, expected).into());
-    }
-    let Triangulation { vertices, triangles, repairs } = repair::triangulate(mesh);
+    let FileTriangles { vertices, triangles, repairs } = read_triangles(path)?;
     let surface = Surface::new(&vertices, &triangles).map_err(|faults| surface_faults(path, &faults))?;
     let unchanged = surface.triangles().iter().zip(&triangles).filter(|(a, b)| a == b).count();
     // If all triangles are turned, the surface was coherent but inside out.

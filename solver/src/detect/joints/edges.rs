@@ -54,7 +54,7 @@ fn has_common_surfaces(contactors: &[PosedContactor]) -> bool {
 fn polyhedron<'a>(contactor: &'a PosedContactor<'a>) -> Option<&'a PosedPolyhedron<'a>> {
     match &contactor.shape {
         PosedShape::Polyhedron(posed) | PosedShape::Plane { cuboid: posed, .. } => Some(posed),
-        PosedShape::Sphere { .. } | PosedShape::Cylinder { .. } => None,
+        PosedShape::Sphere { .. } | PosedShape::Cylinder { .. } | PosedShape::Mesh(_) => None,
     }
 }
 
