@@ -449,7 +449,7 @@ const MAX_PRINTED_FAULTS: usize = 5;
 
 /// Whether a feature is a face.
 fn is_face(feature: u32) -> bool {
-    feature % REGIONS == 0
+    feature.is_multiple_of(REGIONS)
 }
 
 fn tree_point(point: &Vec3) -> TreePoint {
@@ -486,8 +486,11 @@ fn nearest_point([a, b, c]: &[Vec3; 3], p: &Vec3) -> (TriangleRegion, Vec3) {
     (TriangleRegion::Face, *p)
 }
 
-/// Triangles of each edge, by the lower and the higher of its vertices, and whether each runs from the lower to the higher.
-type EdgeTable = BTreeMap<[u32; 2], SmallVec<[(u32, bool); 2]>>;
+/// Triangles of an edge, and whether each runs from its lower to its higher vertex.
+type EdgeTriangles = SmallVec<[(u32, bool); 2]>;
+
+/// Triangles of each edge, by the lower and the higher of its vertices.
+type EdgeTable = BTreeMap<[u32; 2], EdgeTriangles>;
 
 fn triangles_of_edges(triangles: &[[u32; 3]]) -> EdgeTable {
     let mut edges = EdgeTable::new();
@@ -501,7 +504,7 @@ fn triangles_of_edges(triangles: &[[u32; 3]]) -> EdgeTable {
 
 /// Faults of a surface with one side: edges of more than two triangles, or of two that are seen from different sides.
 fn orientation_faults(edges: &EdgeTable) -> Vec<String> {
-    let fault = |([a, b], triangles): (&[u32; 2], &SmallVec<[(u32, bool); 2]>)| {
+    let fault = |([a, b], triangles): (&[u32; 2], &EdgeTriangles)| {
         let edge = format!("the edge of vertices {} and {}", a + 1, b + 1);
         match triangles[..] {
             [_] => None,

@@ -23,7 +23,7 @@ fn terrain(count: u32, side: f64, mut height: impl FnMut() -> f64) -> Triangles 
     let square = |k: u32| {
         let corner = |di: u32, dj: u32| (k / count + dj) * (count + 1) + k % count + di;
         let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-        if k % 3 == 0 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
+        if k.is_multiple_of(3) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
     };
     (vertices, (0..count * count).flat_map(square).collect())
 }
