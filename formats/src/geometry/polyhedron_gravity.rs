@@ -7,7 +7,7 @@
 //! g(x) = -G rho sum_f n_f I_f        U(x) = G rho/2 sum_f z_f I_f        g = grad U
 //! ```
 //!
-//! Near faces are integrated in closed form. Far ones are combined in a tree and expanded in powers of the ratio of
+//! Near faces are integrated in closed form. Far ones are combined in a tree and expanded to the third power of the ratio of
 //! their size to the distance. The sums have a fixed order.
 //!
 //! Source: R. A. Werner, D. J. Scheeres, Exterior gravitation of a polyhedron derived and compared with harmonic and mascon
@@ -19,9 +19,17 @@ use super::surface::Surface;
 
 type Vec3 = Vector3<f64>;
 
-/// Relative error of the attraction up to which far faces are expanded. It bounds the sum of the magnitudes of the
-/// neglected terms; the true error is some hundred times smaller.
-const EXPANSION_ERROR: f64 = 1e-3;
+/// Largest ratio of the radius of a node to its distance up to which it is expanded, for points near the body; the expansion
+/// leaves out the fourth power. The attractions of opposite faces cancel the more the farther a point is: from V^(1/3) on the
+/// ratio falls with the square root of the distance.
+///
+/// With 0.2 the largest errors found are 1.4e-5 of the attraction at 60 points up to 100 m off the surface, outside and inside,
+/// of irregular bodies of 5120 and 50 000 faces, 250 m in radius, and 1.9e-5 at 160 points within 30 radii of one of 512 faces.
+/// With 0.15 they are 4e-6 for 1.7 times the terms, with 0.3 1e-4 for half.
+const MAX_NODE_RATIO: f64 = 0.2;
+
+/// Face number of nodes with several faces.
+const NO_FACE: u32 = u32::MAX;
 
 /// Cube root of the relative error of the expansion of the whole body: largest ratio of its extent to the distance.
 const MAX_FAR_RATIO: f64 = 0.045;
@@ -31,8 +39,10 @@ const MAX_FAR_RATIO: f64 = 0.045;
 pub struct PolyhedronGravity {
     /// Nodes of the tree in depth-first order, the whole surface first.
     nodes: Vec<FaceNode>,
-    /// Area of the surface, m^2.
-    area: f64,
+    /// Moments of the layers on the faces of each node.
+    moments: Vec<LayerMoments>,
+    /// Corners of the faces in the order of their nodes, m.
+    faces: Vec<[Vec3; 3]>,
     volume: f64,
     /// Centre of mass, m.
     centre: Vec3,
@@ -47,25 +57,21 @@ pub struct PolyhedronGravity {
 struct FaceNode {
     /// Centre of the expansion, m.
     centre: Vec3,
-    /// Largest distance of a corner from the centre, m.
-    radius: f64,
-    moments: LayerMoments,
+    /// Square of the distance from which points near the body see the expansion, m^2.
+    squared_reach: f64,
     /// Index of the next node that is not inside of this one.
-    next: usize,
-    /// Corners of the face of a leaf, m.
-    face: Option<[Vec3; 3]>,
+    next: u32,
+    /// Index of the face of a leaf, else [`NO_FACE`].
+    face: u32,
 }
 
-/// Moments, about a centre, of layers on the faces whose densities are the components of the normal.
+/// Number of moments of a layer up to the third order: 1 + 3 + 5 + 7 without the traces, which do not attract.
+const MOMENT_COUNT: usize = 16;
+
+/// Moments about a centre of four layers: those whose densities are the components of the normal n, and n.y. Row k has the
+/// integral of the harmonic polynomial k of [`harmonic_polynomials`] times each density, in m^2 to m^6.
 #[derive(Debug, Clone, PartialEq)]
-struct LayerMoments {
-    /// ∫ n dS, m^2.
-    zeroth: Vec3,
-    /// ∫ n_i y_j dS, m^3.
-    first: Matrix3<f64>,
-    /// ∫ n_i y y' dS for each i, m^4.
-    second: [Matrix3<f64>; 3],
-}
+struct LayerMoments([[f64; 4]; MOMENT_COUNT]);
 
 /// Integrals of the layers as seen from a point: ∫ n dS/r in m, and ∫ n.(y - x) dS/r in m^2.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,13 +88,13 @@ impl PolyhedronGravity {
         let mut faces: Vec<[Vec3; 3]> = surface.triangles().iter().map(corners).collect();
         let centre = Vec3::from(properties.centre);
         let extent = surface.vertices().iter().map(|v| (Vec3::from(*v) - centre).norm()).fold(0.0, f64::max);
-        let area = faces.iter().map(|face| area_vector(face).norm()).sum();
         let inertia = Matrix3::from(properties.inertia);
-        let mut nodes = Vec::with_capacity(2 * faces.len());
-        add_nodes(&mut faces, &mut nodes);
+        let (mut nodes, mut moments) = (Vec::with_capacity(2 * faces.len()), Vec::with_capacity(2 * faces.len()));
+        add_nodes(&mut faces, 0, &mut nodes, &mut moments);
         PolyhedronGravity {
             nodes,
-            area,
+            moments,
+            faces,
             volume: properties.volume,
             centre,
             extent,
@@ -115,20 +121,19 @@ impl PolyhedronGravity {
             return self.far_attraction_and_potential(&d, distance);
         }
         let mut sum = LayerIntegrals { normal: Vec3::zeros(), height: 0.0 };
-        let nearest = distance.max(libm::cbrt(self.volume));
-        let budget = EXPANSION_ERROR * self.volume / (self.area * nearest * nearest);
+        let size = libm::cbrt(self.volume);
+        let reach_factor = distance.max(size) / size;
         let mut k = 0;
         while let Some(node) = self.nodes.get(k) {
             let from_centre = x - node.centre;
-            let r = from_centre.norm();
-            let ratio = node.radius / r;
-            // The expansion leaves out (radius/r)^3/r per area, and higher powers.
-            let term = if ratio < 0.5 && ratio * ratio * ratio < budget * r * (1.0 - ratio) {
-                k = node.next;
-                node.moments.integrals(&from_centre, r)
+            let square = from_centre.norm_squared();
+            let term = if square > node.squared_reach * reach_factor {
+                let moments = &self.moments[k];
+                k = node.next as usize;
+                moments.integrals(&from_centre, square)
             } else {
                 k += 1;
-                let Some(face) = &node.face else { continue };
+                let Some(face) = self.faces.get(node.face as usize) else { continue };
                 face_integrals(face, x)
             };
             sum.normal += term.normal;
@@ -154,35 +159,37 @@ impl PolyhedronGravity {
 
     /// Solid angle of the body as seen from `x`: 4 pi inside, 0 outside.
     pub fn solid_angle(&self, x: &Vec3) -> f64 {
-        self.nodes.iter().filter_map(|node| node.face.as_ref()).map(|face| face_solid_angle(&face.map(|y| y - x))).sum()
+        self.faces.iter().map(|face| face_solid_angle(&face.map(|y| y - x))).sum()
     }
 }
 
 /// Adds the tree of the faces in depth-first order: each node is cut in halves along the longest side of the
-/// box around their centroids.
-fn add_nodes(faces: &mut [[Vec3; 3]], nodes: &mut Vec<FaceNode>) {
+/// box around their centroids. `first`: index of the first of these faces among all.
+fn add_nodes(faces: &mut [[Vec3; 3]], first: usize, nodes: &mut Vec<FaceNode>, moments: &mut Vec<LayerMoments>) {
     let centroid = |face: &[Vec3; 3]| (face[0] + face[1] + face[2]) / 3.0;
     let weight: f64 = faces.iter().map(|face| area_vector(face).norm()).sum();
     let centre = faces.iter().map(|face| centroid(face) * area_vector(face).norm()).sum::<Vec3>() / weight;
+    let radius = faces.iter().flatten().map(|y| (y - centre).norm()).fold(0.0, f64::max);
     let index = nodes.len();
     nodes.push(FaceNode {
         centre,
-        radius: faces.iter().flatten().map(|y| (y - centre).norm()).fold(0.0, f64::max),
-        moments: LayerMoments::of_faces(faces, &centre),
+        squared_reach: (radius / MAX_NODE_RATIO).powi(2),
         next: 0,
-        face: (faces.len() == 1).then(|| faces[0]),
+        face: if faces.len() == 1 { first as u32 } else { NO_FACE },
     });
+    moments.push(LayerMoments::of_faces(faces, &centre));
     if faces.len() > 1 {
         let ends = |choose: fn(f64, f64) -> f64, start: f64| {
             faces.iter().map(centroid).fold(Vec3::repeat(start), |end, c| end.zip_map(&c, choose))
         };
         let axis = (ends(f64::max, f64::NEG_INFINITY) - ends(f64::min, f64::INFINITY)).imax();
         faces.sort_by(|a, b| centroid(a)[axis].total_cmp(&centroid(b)[axis]));
-        let (low, high) = faces.split_at_mut(faces.len() / 2);
-        add_nodes(low, nodes);
-        add_nodes(high, nodes);
+        let middle = faces.len() / 2;
+        let (low, high) = faces.split_at_mut(middle);
+        add_nodes(low, first, nodes, moments);
+        add_nodes(high, first + middle, nodes, moments);
     }
-    nodes[index].next = nodes.len();
+    nodes[index].next = nodes.len() as u32;
 }
 
 /// Normal times area of a triangle, m^2.
@@ -190,37 +197,94 @@ fn area_vector([a, b, c]: &[Vec3; 3]) -> Vec3 {
     (b - a).cross(&(c - a)) * 0.5
 }
 
+/// Harmonic polynomials of y up to the third order whose integrals are the moments of a layer: y_i y_j y_k and lower powers
+/// less their traces, those of the third order as (5 y_i y_j y_k - y^2 (y_i d_jk + y_j d_ik + y_k d_ij))/2. The others follow from
+/// these, as the traces are 0: that of z^2 from those of x^2 and y^2.
+fn harmonic_polynomials(y: &Vec3) -> [f64; MOMENT_COUNT] {
+    let [x, y, z] = [y.x, y.y, y.z];
+    let [xx, yy] = [x * x, y * y];
+    let square = xx + yy + z * z;
+    let second = |product: f64, trace: f64| 1.5 * product - 0.5 * trace;
+    let third = |product: f64, trace: f64| 2.5 * product - 0.5 * square * trace;
+    [
+        1.0,
+        x,
+        y,
+        z,
+        second(xx, square),
+        second(yy, square),
+        second(x * y, 0.0),
+        second(x * z, 0.0),
+        second(y * z, 0.0),
+        third(xx * x, 3.0 * x),
+        third(xx * y, y),
+        third(xx * z, z),
+        third(x * yy, x),
+        third(x * y * z, 0.0),
+        third(yy * y, 3.0 * y),
+        third(yy * z, z),
+    ]
+}
+
+/// Factors of the moments of [`harmonic_polynomials`] in the expansion of ∫ dS/|y - d|, `square` = |d|^2.
+fn moment_factors(d: &Vec3, square: f64) -> [f64; MOMENT_COUNT] {
+    let [x, y, z] = [d.x, d.y, d.z];
+    let [xx, yy, zz] = [x * x, y * y, z * z];
+    let first = 1.0 / square.sqrt();
+    let third = first / square;
+    let fifth = third / square;
+    let seventh = fifth / square;
+    [
+        first,
+        x * third,
+        y * third,
+        z * third,
+        (xx - zz) * fifth,
+        (yy - zz) * fifth,
+        2.0 * x * y * fifth,
+        2.0 * x * z * fifth,
+        2.0 * y * z * fifth,
+        x * (xx - 3.0 * zz) * seventh,
+        3.0 * y * (xx - zz) * seventh,
+        z * (3.0 * xx - zz) * seventh,
+        3.0 * x * (yy - zz) * seventh,
+        6.0 * x * y * z * seventh,
+        y * (yy - 3.0 * zz) * seventh,
+        z * (3.0 * yy - zz) * seventh,
+    ]
+}
+
 impl LayerMoments {
-    /// Exact moments about `centre`.
+    /// Exact moments about `centre`: the corners, the middles of the edges and the centroid integrate polynomials of the third
+    /// order over a triangle with the weights 1/20, 2/15 and 9/20.
     fn of_faces(faces: &[[Vec3; 3]], centre: &Vec3) -> Self {
-        let mut moments =
-            LayerMoments { zeroth: Vec3::zeros(), first: Matrix3::zeros(), second: [Matrix3::zeros(); 3] };
+        let mut moments = [[0.0; 4]; MOMENT_COUNT];
         for face in faces {
             let layer = area_vector(face);
-            let mean = (face[0] + face[1] + face[2]) / 3.0;
-            let offset = mean - centre;
-            // ∫ y y' dS about the mean is a twelfth of the area times the sum over the corners.
-            let spread: Matrix3<f64> = face.iter().map(|y| (y - mean) * (y - mean).transpose()).sum();
-            let square = offset * offset.transpose() + spread / 12.0;
-            moments.zeroth += layer;
-            moments.first += layer * offset.transpose();
-            for i in 0..3 {
-                moments.second[i] += square * layer[i];
+            let [a, b, c] = face.map(|y| y - centre);
+            let densities = [layer.x, layer.y, layer.z, layer.dot(&a)];
+            let corners = [a, b, c].map(|y| (y, 1.0 / 20.0));
+            let middles = [a + b, b + c, c + a].map(|y| (y * 0.5, 2.0 / 15.0));
+            let centroid = ((a + b + c) / 3.0, 9.0 / 20.0);
+            for (y, weight) in corners.into_iter().chain(middles).chain([centroid]) {
+                for (moment, polynomial) in moments.iter_mut().zip(harmonic_polynomials(&y)) {
+                    (0..4).for_each(|layer| moment[layer] += weight * polynomial * densities[layer]);
+                }
             }
         }
-        moments
+        LayerMoments(moments)
     }
 
-    /// Integrals as seen from a point at `d`, of length `r`, from the centre, to the second power of size / r.
-    fn integrals(&self, d: &Vec3, r: f64) -> LayerIntegrals {
-        let square = r * r;
-        let cube = square * r;
-        let quadrupole = |m: &Matrix3<f64>| (3.0 * d.dot(&(m * d)) - square * m.trace()) / (2.0 * square * cube);
-        let second = Vec3::from_fn(|i, _| quadrupole(&self.second[i]));
-        let normal = self.zeroth / r + self.first * d / cube + second;
-        // n.(y - x) = -n.d + n.y, y from the centre.
-        let along = Vec3::from_fn(|j, _| (0..3).map(|i| self.second[i][(i, j)]).sum());
-        LayerIntegrals { normal, height: -d.dot(&normal) + self.first.trace() / r + along.dot(d) / cube }
+    /// Integrals as seen from a point at `d` from the centre, `square` = |d|^2, to the third power of size / distance.
+    #[inline]
+    fn integrals(&self, d: &Vec3, square: f64) -> LayerIntegrals {
+        let mut layers = [0.0; 4];
+        for (moment, factor) in self.0.iter().zip(moment_factors(d, square)) {
+            (0..4).for_each(|layer| layers[layer] += factor * moment[layer]);
+        }
+        let normal = Vec3::new(layers[0], layers[1], layers[2]);
+        // n.(y - x) = n.y - n.d, y from the centre.
+        LayerIntegrals { normal, height: layers[3] - d.dot(&normal) }
     }
 }
 
@@ -259,8 +323,8 @@ fn face_solid_angle([a, b, c]: &[Vec3; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Largest relative error of the attraction, from inside of an irregular body to far away; 9e-6 is found.
-    const TRUE_ERROR: f64 = 2e-5;
+    /// Largest relative error of the attraction, from inside of an irregular body to far away; 1.9e-5 is found.
+    const TRUE_ERROR: f64 = 3e-5;
 
     /// Sides of the cube from 0 to 1.
     fn cube() -> Surface {
@@ -317,8 +381,8 @@ mod tests {
 
     /// Sums over all faces, without expansions.
     fn exact(body: &PolyhedronGravity, x: &Vec3) -> (Vec3, f64) {
-        let faces = body.nodes.iter().filter_map(|node| node.face.as_ref());
-        faces
+        body.faces
+            .iter()
             .map(|face| face_integrals(face, x))
             .fold((Vec3::zeros(), 0.0), |(g, phi), term| (g - term.normal, phi - 0.5 * term.height))
     }
@@ -380,15 +444,36 @@ mod tests {
     #[test]
     fn expansions_keep_their_error() {
         let body = PolyhedronGravity::new(&lump());
-        let mut largest: f64 = 0.0;
+        let (mut largest, mut largest_of_potential) = (0f64, 0f64);
         for x in points_about() {
             let ((g, phi), (g_exact, phi_exact)) = (body.attraction_and_potential(&x), exact(&body, &x));
             // At the centre the attraction itself vanishes.
             let scale = body.volume / x.norm().max(1.0).powi(2);
             largest = largest.max((g - g_exact).norm() / scale);
-            assert!((phi - phi_exact).abs() < TRUE_ERROR * phi_exact.abs(), "{x}: {phi} {phi_exact}");
+            largest_of_potential = largest_of_potential.max((phi / phi_exact - 1.0).abs());
         }
-        assert!(largest < TRUE_ERROR, "{largest:e}");
+        assert!(largest < TRUE_ERROR && largest_of_potential < TRUE_ERROR, "{largest:e} {largest_of_potential:e}");
+    }
+
+    /// Two layers of one face, whose expansion leaves out the fourth power of size / distance.
+    #[test]
+    fn expansions_of_a_face_converge_to_fourth_order() {
+        let face = [[0.3, -0.2, 0.1], [-0.4, 0.5, 0.2], [0.1, -0.3, -0.3]].map(Vec3::from);
+        let centre = (face[0] + face[1] + face[2]) / 3.0;
+        let moments = LayerMoments::of_faces(&[face], &centre);
+        for direction in [Vec3::new(1.0, 2.0, -1.5), Vec3::new(-0.5, 0.3, 2.0), Vec3::new(0.7, -1.1, 0.2)] {
+            let error = |scale: f64| {
+                let d = direction * scale;
+                let (found, exact) = (moments.integrals(&d, d.norm_squared()), face_integrals(&face, &(centre + d)));
+                (found.normal - exact.normal).norm() / exact.normal.norm()
+            };
+            // Twice the distance: 1/16 and higher powers.
+            let ratio = error(4.0) / error(8.0);
+            assert!((12.0..24.0).contains(&ratio), "{direction}: {ratio}");
+            let d = direction * 4.0;
+            let (found, exact) = (moments.integrals(&d, d.norm_squared()), face_integrals(&face, &(centre + d)));
+            assert!((found.height - exact.height).abs() < 1e-4 * exact.normal.norm() * d.norm(), "{direction}");
+        }
     }
 
     #[test]
