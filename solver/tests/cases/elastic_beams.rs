@@ -6,6 +6,7 @@ use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
 use crate::case::{AXES, Case, Figures, Vec3, equal, near};
+use crate::faces::{polygons, prism};
 use crate::same_bits::{files, same};
 
 /// Radius of the balls, m.
@@ -234,6 +235,75 @@ fn faces_stretch_and_bend_by_their_area() {
     equal(turn.y / (couple * 12.0 / k_n), 1.0, 1e-4);
 }
 
+/// Polar moment of a polygon about its centroid, which is in the origin, m⁴: the integral of x² + y².
+fn polar_moment(corners: &[[f64; 2]]) -> f64 {
+    let of_side = |k: usize| {
+        let (p, q) = (corners[k], corners[(k + 1) % corners.len()]);
+        let product = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
+        (p[0] * q[1] - p[1] * q[0]) * (product(p, p) + product(p, q) + product(q, q)) / 12.0
+    };
+    (0..corners.len()).map(of_side).sum()
+}
+
+/// A prism twists on its face by T/(k_t J) with the polar moment J of the face, a⁴/6 for a square.
+#[test]
+fn faces_twist_by_their_polar_moment() {
+    for (name, polygon) in polygons() {
+        let mut case = Case::new();
+        case.law_of_all("ELASTIC_BEAM_DS_CLB", &STRONG.parameters());
+        case.floor();
+        let body = prism(&mut case, &polygon);
+        case.options.dt = 0.02;
+        let (torque, stiffness) = (0.5, STRONG.stiffness[1] * polar_moment(&polygon.corners));
+        case.pull(body, 5, torque);
+        let states = case.states(60, 60);
+        assert!(bonded(&states[1]).iter().all(|bond| *bond == 1), "{name}");
+        let tolerance = match name {
+            "pentagon" => 3e-3, // the mean of its corners is not its centroid
+            "48-gon" => 1e-3,   // 16 points, of a polygon of the same area and another shape
+            _ => 1e-6,          // areas have the digits of single precision
+        };
+        let found = torque / stiffness / turn(&states, body).z;
+        assert!((found - 1.0).abs() < tolerance, "{name}: {found}");
+    }
+}
+
+/// Sideways displacement (m) of the end of a column of `free` balls under a small load across, and `load` (N) along the axis.
+fn column_deflection(free: usize, bonds: Bonds, load: f64) -> f64 {
+    let mut case = cantilever(free, bonds);
+    case.pull(free, 2, 1e-7 * bonds.bending());
+    case.pull(free, 0, -load);
+    tip_displacement(&mut case, free).z
+}
+
+/// Euler's load of a column that is clamped at one end, π² E I/(4 L²), by a plot of Southwell: with the deflection w_0 without
+/// an axial load P, w - w_0 = w_0 P/(P_e - P), so that (w - w_0)/P against w - w_0 is a line of the slope 1/P_e.
+///
+/// A row of n free balls in the middles of which their bonds turn, with the angles φ_k = sin(k π/2n), has exactly
+/// P_e = 4 k_n I/(2R) tan²(π/4n).
+#[test]
+fn a_column_buckles_at_the_load_of_euler() {
+    // Bonds that hardly shear; the load shortens them by 2e-4.
+    let bonds = Bonds { stiffness: [1e6, 1e8], strength: [1e3, 1e5], radius: 0.25 * RADIUS };
+    let free = 6;
+    let stiffness = bonds.bending() / (2.0 * RADIUS);
+    let of_row = 4.0 * stiffness * (PI / (4 * free) as f64).tan().powi(2);
+    let of_beam = PI.powi(2) * stiffness / (4 * free * free) as f64;
+    let straight = column_deflection(free, bonds, 0.0);
+    let points = [0.4, 0.8].map(|share| {
+        let load = share * of_row;
+        let bent = column_deflection(free, bonds, load) - straight;
+        // The first mode of buckling has all but 1 % of the deflection, and is enlarged by 1/(1 - P/P_e).
+        let enlarged = (bent + straight) / straight * (1.0 - share);
+        equal(enlarged, 1.0, 0.015);
+        [bent, bent / load]
+    });
+    let southwell = (points[1][0] - points[0][0]) / (points[1][1] - points[0][1]);
+    // The other modes change the slope by 2e-4, the shortening by as much.
+    equal(southwell / of_row, 1.0, 1e-3);
+    equal(southwell / of_beam, 1.0, 0.02); // 1.2 % by the finite number of balls
+}
+
 /// A free bar that spins keeps momentum, angular momentum and, without a vibration, its energy; its bonds carry what keeps the
 /// balls on their circles.
 #[test]
@@ -288,6 +358,21 @@ fn a_faster_impact_breaks_more_bonds() {
         broken.push(54 - bonds.last().unwrap()); // a cube of 27 balls
     }
     assert!(broken[0] == 0 && broken[1] > 0 && broken[2] > broken[1], "{broken:?}");
+}
+
+/// A bond that would open beyond the alert distance before it breaks is rejected.
+#[test]
+fn bonds_that_open_beyond_alert_are_rejected() {
+    // The alert distance of the cases is 1e-3 m.
+    for (normal_cohesion, accepted) in [(1.0e3, true), (1.1e3, false)] {
+        let bonds = Bonds { strength: [normal_cohesion, 1e3], ..STRONG };
+        let mut case = cantilever(1, bonds);
+        case.options.steps = Some(1);
+        assert_eq!(case.attempt(1).is_some(), accepted, "{normal_cohesion}");
+        // A larger alert distance, by the option, sees the bond until it breaks.
+        case.options.alert = Some(1.2e-3);
+        assert!(case.attempt(1).is_some());
+    }
 }
 
 #[test]

@@ -15,9 +15,9 @@ const Z: [f64; 3] = [0.0, 0.0, 1.0];
 const HEIGHT: f64 = 0.25;
 
 /// A polygon about its centroid, counter-clockwise, with its area and the mean distance of its points from the centroid.
-struct Polygon {
-    corners: Vec<[f64; 2]>,
-    area: f64,
+pub struct Polygon {
+    pub corners: Vec<[f64; 2]>,
+    pub area: f64,
     mean_distance: f64,
 }
 
@@ -46,7 +46,7 @@ fn ring(count: u32) -> Vec<[f64; 2]> {
     (0..count).map(|k| [0.5 * angle(k).cos(), 0.5 * angle(k).sin()]).collect()
 }
 
-fn polygons() -> Vec<(&'static str, Polygon)> {
+pub fn polygons() -> Vec<(&'static str, Polygon)> {
     vec![
         ("square", polygon(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])),
         ("48-gon", polygon(&ring(48))),
@@ -59,7 +59,7 @@ fn polygons() -> Vec<(&'static str, Polygon)> {
 }
 
 /// A prism that stands on the polygon at z = 0.
-fn prism(case: &mut Case, polygon: &Polygon) -> usize {
+pub fn prism(case: &mut Case, polygon: &Polygon) -> usize {
     let n = polygon.corners.len() as u32;
     let at = |z: f64| polygon.corners.iter().map(move |[x, y]| [*x, *y, z]);
     let vertices: Vec<[f64; 3]> = at(-0.5 * HEIGHT).chain(at(0.5 * HEIGHT)).collect();
