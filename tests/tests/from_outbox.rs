@@ -5,7 +5,7 @@ use std::path::Path;
 
 use cd_formats::bodies::{Bodies, ShapeRecord};
 use cd_formats::compute::Compute;
-use cd_formats::snapshot::Snapshot;
+use cd_formats::snapshot::{self, Snapshot};
 use cd_formats::tact_behav::{TactBehav, VisibilityRow};
 use cd_tests::case::{Case, cloud, files, from_outbox, surfaces_of_an_l};
 
@@ -347,6 +347,72 @@ fn spheres(positions: &str, compute: &str) -> String {
             compute: (dt: 0.25, steps: 1, {compute}),
         )"#
     )
+}
+
+/// A primary that responds continues with the run, and begins anew if time, masses or the orbit do.
+#[test]
+fn a_response_of_the_primary_continues() {
+    let field = |mass: &str| {
+        format!(
+            "fields: [PointMass(mass: {mass}, orbit: Elements(semi_major_axis: 1.0e3, eccentricity: 0.1), response: true)]"
+        )
+    };
+    let options = format!("gravity_constant: 1.0e-6, output_every: 20, {}", field("1.0e9"));
+    let unbroken = Case::of(&spheres("[(30.0, 0.0, 5.0), (0.0, -20.0, 0.0)]", &options)).solved(&["--steps", "40"]);
+    let response = |snapshot: Snapshot| snapshot.meta.primary_response.unwrap();
+    let [before, expected] = [20, 40].map(|step| response(unbroken.snapshot(step)));
+    assert!(before.displacement.iter().chain(&before.velocity).all(|x| *x != 0.0), "{before:?}");
+    let whole = "bodies: [(snapshot: 20)], keep_time: true";
+    let case = next(&unbroken, &format!("({whole})")).solved(&["--steps", "20"]);
+    assert_eq!(bits(&case.snapshot(40)), bits(&unbroken.snapshot(40)));
+    assert_eq!((response(case.snapshot(20)), response(case.snapshot(40))), (before, expected));
+
+    let heavy = "materials: [(name: \"ROCKx\", density: 6000.0)]";
+    let other_orbit = format!("compute: (dt: 0.25, gravity_constant: 1.0e-6, {})", field("2.0e9"));
+    let without_one = "bodies: [(snapshot: 20, select: Below(2.0))], keep_time: true".to_string();
+    for (changes, mass_ratio) in [
+        ("bodies: [(snapshot: 20)]".to_string(), 1.0),
+        (format!("{whole}, {heavy}"), 2.0),
+        (format!("{whole}, {other_orbit}"), 1.0),
+        (without_one, 0.5),
+    ] {
+        let case = next(&unbroken, &format!("({changes})")).solved(&["--steps", "1"]);
+        let first = &snapshot::list_snapshots(&case.outbox()).unwrap()[0].1;
+        let anew = response(Snapshot::read(first).unwrap());
+        assert_eq!((anew.displacement, anew.velocity), ([0.0; 3], [0.0; 3]), "{changes}");
+        assert!((anew.bodies_mass / before.bodies_mass / mass_ratio - 1.0).abs() < 1e-12, "{changes}");
+    }
+}
+
+/// Surfaces of fields are copied to the next DATBOX, from that of the run or from next to the changes.
+#[test]
+fn surfaces_of_fields_come_along() {
+    let l = surfaces_of_an_l();
+    let fields = "fields: [Polyhedron(surface: \"l.obj\", scale: 3.3, density: 1.0e9, position: (0.1, 12.3, 0.7)), \
+                  Polyhedron(surface: \"leg.obj\", density: 1.0e9, position: (-7.0, 0.0, 0.0))]";
+    let unbroken =
+        Case::with(&spheres("[(0.0, 0.0, 0.0), (5.0, 0.0, 0.0)]", fields), l.path()).solved(&["--steps", "6"]);
+    let first = next(&unbroken, "(bodies: [(snapshot: 0)], keep_time: true)").solved(&["--steps", "3"]);
+    // The folder of the first run is not needed any more, nor are the surfaces of the scene.
+    let second = next(&first, "(keep_time: true)").solved(&["--steps", "3"]);
+    assert_eq!(bits(&second.snapshot(6)), bits(&unbroken.snapshot(6)));
+    for name in ["l.obj", "leg.obj"] {
+        let [copy, of_run] = [&second, &unbroken].map(|case| fs::read(case.datbox(name)).unwrap());
+        assert_eq!(copy, of_run, "{name}");
+    }
+    // cd-post reads them, too.
+    assert_eq!(second.series()["E_fields"].len(), second.series()["time"].len());
+
+    let other = Case::empty();
+    fs::copy(l.path().join("foot.obj"), other.path().join("foot.obj")).unwrap();
+    let changes = "(compute: (dt: 0.25, fields: [Polyhedron(surface: \"foot.obj\", density: 1.0e9)]))";
+    assert_eq!(from_outbox(unbroken.path(), other.path(), changes), 0);
+    assert!(other.datbox("foot.obj").exists() && !other.datbox("l.obj").exists());
+    assert_eq!(other.solve(&["--steps", "1"]), 0);
+    let changes = "(compute: (dt: 0.25, fields: [Polyhedron(surface: \"none.obj\", density: 1.0e9)]))";
+    let missing = Case::empty();
+    assert_eq!(from_outbox(unbroken.path(), missing.path(), changes), 2);
+    assert!(!missing.path().join("DATBOX").exists());
 }
 
 /// A pair that gravity holds together, and a sphere far away.

@@ -426,10 +426,11 @@ fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content:
     start.meta.interval_start = None;
     start.meta.parameters.events_done = 0;
     start.meta.attraction = None;
-    // The orbit of a primary that responds is that about the same bodies at the same times.
-    let source_count = parts[0].source.snapshot.bodies.body_x.len();
+    // The orbit of a primary that responds is that about the same mass at the same times.
+    let source = parts[0].source;
+    let source_count = source.snapshot.bodies.body_x.len();
     let is_whole = parts[0].source_bodies.len() == source_count && records.0.len() == source_count;
-    if !(keep_time && is_whole) {
+    if !(keep_time && is_whole && source.has_masses_of_run && options.fields == source.options.fields) {
         start.meta.primary_response = None;
     }
     let mut origin = String::from("body,case,step,number\n");

@@ -48,6 +48,8 @@ pub struct SourceCase {
     /// Options of the run, see [`run_options`].
     pub options: Compute,
     pub snapshot: Snapshot,
+    /// Whether all bodies have the masses that they had in the run.
+    pub has_masses_of_run: bool,
     /// Facts of the run that are not in the files, by name, in words.
     notes: Vec<(&'static str, String)>,
 }
@@ -162,7 +164,9 @@ impl SourceCase {
             notes.push(("uniform gravity", text));
             bulk.gravity = gravity;
         }
-        Ok(SourceCase { case: case.to_path_buf(), bodies, shifts, bulk, tact, driven, options, snapshot, notes })
+        let case = case.to_path_buf();
+        let has_masses_of_run = true;
+        Ok(SourceCase { case, bodies, shifts, bulk, tact, driven, options, snapshot, has_masses_of_run, notes })
     }
 
     /// Differences between the run and the files of its DATBOX, a line each; of options, only those whose value the
@@ -204,6 +208,7 @@ impl SourceCase {
             new.zip(density(&body.material)).map_or(1.0, |(new, old)| new.density / old)
         };
         let factors: Vec<f64> = self.bodies.0.iter().map(factor).collect();
+        self.has_masses_of_run = factors.iter().all(|factor| *factor == 1.0);
         let bodies = &mut self.snapshot.bodies;
         for (factor, (mass, inertia)) in factors.iter().zip(bodies.body_mass.iter_mut().zip(&mut bodies.body_inertia)) {
             *mass *= factor;
