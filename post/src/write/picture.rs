@@ -339,9 +339,9 @@ fn draw_state(
         write_line(format!("<text x=\"{left}\" y=\"{}\">{:.0} {unit}</text>", bottom - 10.0, length / factor));
     }
     let top = 1.2 * PICTURE_MARGIN;
-    // A light ground keeps the text readable before walls.
-    if !frame.walls.is_empty() {
-        let height = top + 12.0;
+    // A light ground keeps the text readable before walls, and before grains that have left the others.
+    if !frame.walls.is_empty() || *outside_count > 0 {
+        let height = top + 12.0 + if *outside_count > 0 { 1.2 * FONT_SIZE * pixel_scale } else { 0.0 };
         write_line(format!(
             "<rect width=\"{PICTURE_SIDE}\" height=\"{height}\" fill=\"white\" fill-opacity=\"0.75\"/>"
         ));
