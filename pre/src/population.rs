@@ -6,7 +6,6 @@ use std::path::Path;
 
 use cd_formats::bodies::ShapeRecord;
 use cd_formats::compute::Compute;
-use cd_formats::error::Faults;
 use cd_formats::names::{number_text, rounded_number};
 use cd_formats::report::FaultReport;
 use nalgebra::Vector3;
@@ -18,6 +17,7 @@ use crate::placement::{self, PlacedGrains};
 use crate::random::{RandomStream, StreamPurpose};
 use crate::scene::{GrainPlacement, Grains, Scene, TimeFunction};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
+use crate::shapes::read::report_file_faults;
 use crate::shapes::{GrainSampler, SampledGrain, ShapeError};
 use crate::sizes::MAX_BODIES;
 use crate::sphere::sphere_volume;
@@ -29,19 +29,6 @@ const TOUCHING_TOLERANCE: f64 = 1e-6;
 
 /// Largest number of overlaps that are reported one by one.
 const MAX_REPORTED_OVERLAPS: usize = 5;
-
-/// Adds the faults of a file to the report. If the file cannot be read, the fault belongs to the value at `path` that
-/// names it.
-pub fn report_file_faults(faults: Faults, path: &str, report: &mut FaultReport) {
-    for fault in faults.0 {
-        if fault.line.is_none() && fault.object == "file" && fault.found.starts_with("cannot be read") {
-            let found = format!("{} {}", fault.file.display(), fault.found);
-            report.add_fault(path, found, "a file next to the scene, or an absolute path");
-        } else {
-            report.faults.push(fault);
-        }
-    }
-}
 
 /// Makes the bodies of a (checked) scene. Grains that do not fit and bodies that overlap go into the report.
 ///

@@ -11,12 +11,11 @@ use cd_formats::surface::MassProperties;
 use cd_formats::wall_mesh::{MeshSides, OrientedTriangles, WallMesh, oriented_triangles};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use crate::population::report_file_faults;
 use crate::rotation::rotation_matrix;
 use crate::rounding::{round_8_digits, round_point};
 use crate::scene::{SceneWall, TimeFunction, WallSide};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
-use crate::shapes::read::{FileTriangles, read_triangles};
+use crate::shapes::read::{FileTriangles, read_triangles, report_file_faults};
 
 /// Plate, cylinder or surface; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]

@@ -278,8 +278,8 @@ impl WallMesh {
     /// Behind a surface with one side the nearest point alone is returned, if it is no farther from the centre than the
     /// radius. The rim of an open surface pushes in all directions.
     pub fn ball_contacts(&self, centre: &Vec3, radius: f64, range: f64) -> SmallVec<[MeshContact; 2]> {
-        let near = self.near_triangles(centre, radius + range);
-        let Some(nearest) = near.iter().min_by(|a, b| a.distance.total_cmp(&b.distance)) else {
+        let triangles = self.near_triangles(centre, radius + range);
+        let Some(nearest) = triangles.iter().min_by(|a, b| a.distance.total_cmp(&b.distance)) else {
             return SmallVec::new();
         };
         if !self.is_in_front(nearest, centre) {
@@ -288,7 +288,7 @@ impl WallMesh {
         }
         let rounding = self.rounding(centre);
         let mut minima: SmallVec<[NearTriangle; 4]> =
-            near.iter().filter(|found| self.is_minimum(found, &near, rounding)).copied().collect();
+            triangles.iter().filter(|found| self.is_minimum(found, &triangles, rounding)).copied().collect();
         minima.retain(|found| self.is_in_front(found, centre));
         // Of equal distances a face comes first.
         minima.sort_by(|a, b| a.distance.total_cmp(&b.distance));
@@ -314,14 +314,14 @@ impl WallMesh {
 
     /// Lower bound of the distance of a point from the surface, m, at most `limit`.
     pub fn distance_bound(&self, point: &Vec3, limit: f64) -> f64 {
-        self.near_triangles(point, limit).iter().map(|near| near.distance).fold(limit, f64::min)
+        self.near_triangles(point, limit).iter().map(|triangle| triangle.distance).fold(limit, f64::min)
     }
 
     /// Whether a point, m, is behind the nearest point of a surface with one side, as all points inside of a closed one are.
     pub fn is_behind(&self, point: &Vec3) -> bool {
         let project = |triangle: u32, _: f64| {
-            let near = self.near_triangle(triangle, point);
-            Some(PointProjection::new(false, tree_point(&near.point)))
+            let nearest = self.near_triangle(triangle, point).point;
+            Some(PointProjection::new(false, tree_point(&nearest)))
         };
         let found = self.tree.project_point(tree_point(point), f64::MAX, project);
         found.is_some_and(|(triangle, _)| !self.is_in_front(&self.near_triangle(triangle, point), point))
@@ -336,9 +336,9 @@ impl WallMesh {
     fn near_triangles(&self, point: &Vec3, reach: f64) -> SmallVec<[NearTriangle; 16]> {
         let cube = Aabb::new(tree_point(&point.add_scalar(-reach)), tree_point(&point.add_scalar(reach)));
         let in_cube = self.tree.intersect_aabb(&cube).map(|triangle| self.near_triangle(triangle, point));
-        let mut near: SmallVec<[NearTriangle; 16]> = in_cube.filter(|near| near.distance <= reach).collect();
-        near.sort_unstable_by_key(|near| near.triangle);
-        near
+        let mut found: SmallVec<[NearTriangle; 16]> = in_cube.filter(|triangle| triangle.distance <= reach).collect();
+        found.sort_unstable_by_key(|triangle| triangle.triangle);
+        found
     }
 
     fn near_triangle(&self, triangle: u32, point: &Vec3) -> NearTriangle {
@@ -372,14 +372,14 @@ impl WallMesh {
         }
     }
 
-    /// Whether no triangle at the nearest point is nearer than that point; `near`: all triangles up to its distance.
-    fn is_minimum(&self, found: &NearTriangle, near: &[NearTriangle], rounding: f64) -> bool {
+    /// Whether no triangle at the nearest point is nearer than that point; `triangles`: all up to its distance.
+    fn is_minimum(&self, found: &NearTriangle, triangles: &[NearTriangle], rounding: f64) -> bool {
         if found.region == TriangleRegion::Face {
             return true;
         }
         self.triangles_at(found).iter().all(|other| {
-            let position = near.binary_search_by_key(other, |near| near.triangle);
-            position.is_err() || position.is_ok_and(|k| near[k].distance >= found.distance - rounding)
+            let position = triangles.binary_search_by_key(other, |triangle| triangle.triangle);
+            position.is_err() || position.is_ok_and(|k| triangles[k].distance >= found.distance - rounding)
         })
     }
 

@@ -19,6 +19,7 @@ use std::path::Path;
 use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::mesh::{PolygonMesh, ReadError, lines};
 use cd_formats::obj;
+use cd_formats::report::FaultReport;
 use cd_formats::surface::{Surface, SurfaceFaults};
 
 use repair::Triangulation;
@@ -127,5 +128,18 @@ fn read_mesh(bytes: &[u8], ending: &str) -> Result<PolygonMesh, Vec<ReadError>> 
         "stl" => stl::read(bytes),
         _ if bytes.trim_ascii_start().starts_with(b"<") => vtp::read(bytes).map_err(Into::into),
         _ => legacy::read(bytes).map_err(Into::into),
+    }
+}
+
+/// Adds the faults of a file to the report. If the file cannot be read, the fault belongs to the value at `path` that
+/// names it.
+pub fn report_file_faults(faults: Faults, path: &str, report: &mut FaultReport) {
+    for fault in faults.0 {
+        if fault.line.is_none() && fault.object == "file" && fault.found.starts_with("cannot be read") {
+            let found = format!("{} {}", fault.file.display(), fault.found);
+            report.add_fault(path, found, "a file next to the scene, or an absolute path");
+        } else {
+            report.faults.push(fault);
+        }
     }
 }
