@@ -45,7 +45,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     attraction::warn_of_attractions(&scene, &population, &mut report);
     let folder = source.parent().unwrap_or(Path::new(""));
     let surfaces: Vec<PathBuf> = field_surfaces::surface_names(&scene.compute).map(|name| folder.join(name)).collect();
-    let surface_files = report.faults.gather_result(field_surfaces::take_surfaces(&mut scene.compute, folder));
+    let surface_files = report.faults.gather_result(field_surfaces::take_surfaces(&mut scene.compute, folder, false));
     let mut files = write::datbox_files(&scene, &population);
     files.extend(surface_files.unwrap_or_default());
     let (driven, _) = write::drv_dof(&scene, &population);

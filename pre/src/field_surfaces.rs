@@ -2,16 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
+use cd_formats::atomic;
 use cd_formats::compute::{Compute, ExternalField};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::obj::surface_text;
+use cd_formats::obj::{self, surface_text};
 
 use crate::shapes::read::read_surface;
 
 /// Names and texts of the files in DATBOX with the surfaces of the polyhedra among `fields`, which are then named by these.
 ///
-/// Names of the options are relative to `folder`. Errors: the faults of the surfaces, and two files that would have one name.
-pub fn take_surfaces(options: &mut Compute, folder: &Path) -> Result<Vec<(String, String)>, Faults> {
+/// Names of the options are relative to `folder`. If it is a DATBOX (`is_datbox`), its files are taken as they are: the attraction
+/// depends in its last bits on the order of the triangles. Errors: the faults of the surfaces, and two files that would have one
+/// name.
+pub fn take_surfaces(options: &mut Compute, folder: &Path, is_datbox: bool) -> Result<Vec<(String, String)>, Faults> {
     let mut faults = Faults::default();
     let mut sources: Vec<PathBuf> = Vec::new();
     let mut files: Vec<(String, String)> = Vec::new();
@@ -27,9 +30,14 @@ pub fn take_surfaces(options: &mut Compute, folder: &Path) -> Result<Vec<(String
             }
             Some(_) => {}
             None => {
-                let Some(read) = faults.gather_result(read_surface(&source)) else { continue };
+                let text = if is_datbox && *surface == name {
+                    obj::read_surface(&source).and_then(|_| Ok(atomic::read_text(&source)?))
+                } else {
+                    read_surface(&source).map(|read| surface_text(&read.surface))
+                };
+                let Some(text) = faults.gather_result(text) else { continue };
                 sources.push(source);
-                files.push((name.clone(), surface_text(&read.surface)));
+                files.push((name.clone(), text));
             }
         }
         *surface = name;

@@ -77,9 +77,10 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     reject_faults(&mut report)?;
     let mut options = request.next_options(file, &sources[0].options, &mut report)?;
     // The options of the changes name files in the folder of the changes; the options of the case name files in its DATBOX.
-    let surface_folder =
-        if request.changes.compute.is_some() { folder.to_path_buf() } else { sources[0].case.join("DATBOX") };
-    let surfaces = field_surfaces::take_surfaces(&mut options, &surface_folder);
+    let surfaces = match request.changes.compute {
+        Some(_) => field_surfaces::take_surfaces(&mut options, folder, false),
+        None => field_surfaces::take_surfaces(&mut options, &sources[0].case.join("DATBOX"), true),
+    };
     let surface_files = report.faults.gather_result(surfaces).unwrap_or_default();
     reject_faults(&mut report)?;
     check_rotations(&request.changes, &options, &mut report);

@@ -265,6 +265,7 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
     (state.step, state.time, state.h) = (restored.step, restored.time, restored.h);
     state.interval.start = restored.time;
     state.ledger.penetration_left = restored.ledger.penetration_left;
+    state.primary_response = restored.primary_response;
     for (row, &i) in bodies_of_rows.iter().enumerate() {
         let i = i.index();
         (state.x[i], state.q[i]) = (restored.x[row], restored.q[row]);

@@ -78,7 +78,8 @@ fn bonded(state: &Snapshot) -> Vec<u8> {
 /// Displacement of the last ball after the loads have become static, m.
 fn tip_displacement(case: &mut Case, free: usize) -> Vec3 {
     let end = case.run(60);
-    assert_eq!(bonded(&end), vec![1; free]);
+    // Long steps list pairs that are farther apart, too.
+    assert_eq!(bonded(&end).into_iter().filter(|bond| *bond == 1).count(), free);
     assert!(end.v(free).norm() < 1e-9, "at rest: {:?}", end.v(free));
     end.x(free) - Vec3::new(free as f64, 0.0, 0.0)
 }
