@@ -4,9 +4,11 @@ use std::sync::Arc;
 
 use cd_formats::surface::{Surface, SurfaceFaults};
 use nalgebra::Vector3;
-use parry3d_f64::math::Vector as Point;
-use parry3d_f64::query::PointQuery;
-use parry3d_f64::shape::{TriMesh, TriMeshFlags};
+use parry3d_f64::math::{Pose, Vector as Point};
+use parry3d_f64::query::{self, PointQuery};
+use parry3d_f64::shape::{ConvexPolyhedron, TriMesh, TriMeshFlags};
+
+use crate::shapes::overlap::ConvexPiece;
 
 /// Closed surface about its centre of mass.
 #[derive(Clone)]
@@ -80,6 +82,17 @@ impl SurfaceRegion {
         let point = Point::new(local.x, local.y, local.z);
         let nearest = self.mesh.project_local_point(point, false);
         nearest.is_inside && (nearest.point - point).length() >= radius / self.scale
+    }
+
+    /// Whether no point of the surface is nearer to the convex piece than `margin`, m. Then the piece lies inside as a
+    /// whole if one of its points does.
+    pub fn keeps_clear_of(&self, piece: &ConvexPiece, margin: f64) -> bool {
+        let point = |v: Vector3<f64>| Point::new(v.x / self.scale, v.y / self.scale, v.z / self.scale);
+        let Some(hull) = ConvexPolyhedron::from_convex_hull(&piece.vertices().map(point).collect::<Vec<_>>()) else {
+            return false;
+        };
+        query::distance(&Pose::IDENTITY, &*self.mesh, &Pose::IDENTITY, &hull)
+            .is_ok_and(|gap| gap.distance * self.scale > margin)
     }
 }
 

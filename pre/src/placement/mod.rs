@@ -6,13 +6,17 @@
 //! | [`inside`] | interior of a closed surface as a region |
 //! | [`lattice`] | sites of a face-centred cubic lattice |
 //! | [`sequential`] | random sequential placement |
+//! | [`hulls`] | polyhedra compared by their shapes |
 //! | [`fragments`] | fragmentation of a solid without gaps |
+//! | `order` | order along the Z-curve |
 //! | [`cells`] | neighbours, for grains of any mixture of sizes |
 
 pub mod cells;
 pub mod fragments;
+pub mod hulls;
 pub mod inside;
 pub mod lattice;
+mod order;
 pub mod region;
 pub mod sequential;
 
@@ -28,8 +32,11 @@ use crate::scene::{GrainPlacement, Grains, SizeDistribution};
 use crate::shapes::{GrainSampler, OrientedPolyhedron, PrincipalSolid, SampledGrain};
 use crate::sizes::{MAX_BODIES, SampleTarget};
 use crate::sphere::sphere_volume;
+use hulls::GrainHulls;
 use inside::SurfaceRegion;
+use order::z_order;
 use region::GrainRegion;
+use sequential::SequentialGrains;
 
 /// Grains at rest; positions and radii have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,8 +81,9 @@ impl PlacementError {
 
 /// Sizes, shapes and positions of the grains of one (checked) group of grains, the `group`-th of the scene.
 ///
-/// `region` is the region of the envelope, if there is one. Polyhedra are placed as their bounding balls. Grains in an envelope
-/// are returned in Z-order, so that neighbours in space have near numbers.
+/// `region` is the region of the envelope, if there is one. Polyhedra are placed as their bounding balls, in
+/// `RandomSequential` by their shapes where these do not fit. Grains in an envelope are returned in Z-order, so that
+/// neighbours in space have near numbers.
 ///
 /// Errors: grains that do not fit into the envelope, no grain or too many, a degenerate shape, no envelope.
 pub fn place_grains(
@@ -147,7 +155,7 @@ pub fn place_grains(
         GrainPlacement::JitteredLattice { jitter, .. } => {
             jittered_lattice(&region, &drawn, margin, *jitter, &mut random)
         }
-        _ => random_sequential(&region, &mut drawn, margin, &mut random),
+        _ => random_sequential(&region, &mut drawn, &rotation, margin, &mut random),
     };
     // A margin that is a tenth of the grains or more may be the reason why they do not fit.
     let positions = positions
@@ -264,18 +272,30 @@ fn jittered_lattice(
     Ok(sites.iter().zip(grains).map(move_in_ball).collect())
 }
 
-/// Places grains by falling size; reorders the grains like the returned positions.
+/// Places grains by falling size; reorders the grains like the returned positions. `rotation` turns the axes of the region
+/// into the fixed ones, in which the grains have their orientations.
 fn random_sequential(
     region: &GrainRegion,
     grains: &mut Vec<SampledGrain>,
+    rotation: &Matrix3<f64>,
     margin: f64,
     random: &mut RandomStream,
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     grains.sort_by(|a, b| b.reach.total_cmp(&a.reach));
     let padded_radii: Vec<f64> = grains.iter().map(|grain| grain.reach + margin).collect();
-    let centres = sequential::place_spheres(region, &padded_radii, random).map_err(|placed| PlacementError {
+    let polyhedra: Option<Vec<&OrientedPolyhedron>> = grains.iter().map(|grain| grain.polyhedron.as_ref()).collect();
+    let largest = largest_reach(grains);
+    let shape = polyhedra.map(|polyhedra| move |k: usize| GrainHulls::new(polyhedra[k], rotation, largest));
+    let sequence = SequentialGrains {
+        radii: &padded_radii,
+        margin,
+        shape: shape.as_ref().map(|shape| shape as &dyn Fn(usize) -> GrainHulls),
+    };
+    let kind_of_tries = if sequence.shape.is_some() { " by its shape" } else { "" };
+    let centres = sequential::place_one_by_one(region, &sequence, random).map_err(|placed| PlacementError {
         found: format!(
-            "{placed} of {} grains (largest first) could be placed in {region} before {} tries found no free position for the next",
+            "{placed} of {} grains (largest first) could be placed in {region} before {} tries found no free position \
+             for the next{kind_of_tries}",
             grains.len(),
             sequential::MAX_ATTEMPTS
         ),
@@ -284,20 +304,6 @@ fn random_sequential(
     let order = z_order(region, &centres);
     *grains = order.iter().map(|&k| grains[k].clone()).collect();
     Ok(order.into_iter().map(|k| centres[k]).collect())
-}
-
-/// Order of the points along the Z-curve (Morton 1966) through the region's box.
-fn z_order(region: &GrainRegion, points: &[Vector3<f64>]) -> Vec<usize> {
-    const BITS: u32 = 20; // a millionth of the region's length
-    let halves = region.half_extents();
-    let code = |point: &Vector3<f64>| {
-        let cell = |k: usize| ((0.5 + 0.5 * point[k] / halves[k]) * f64::from(1u32 << BITS)) as u64;
-        let cells = [cell(0), cell(1), cell(2)];
-        (0..3 * BITS).rev().fold(0u64, |code, bit| code << 1 | cells[(bit % 3) as usize] >> (bit / 3) & 1)
-    };
-    let mut order: Vec<(u64, usize)> = points.iter().map(code).zip(0..).collect();
-    order.sort_unstable();
-    order.into_iter().map(|(_, k)| k).collect()
 }
 
 #[cfg(test)]
@@ -339,7 +345,8 @@ mod tests {
     fn spot(grains: &Grains, seed: u64, group: usize) -> Result<PlacedGrains, PlacementError> {
         let folder = std::path::Path::new("");
         let region = grains.placement.envelope().map(|envelope| envelope.to_region(folder).unwrap().0);
-        place_grains(grains, &mut GrainSampler::from_grains(grains, folder, seed, group).unwrap(), region, seed, group)
+        let mut shapes = GrainSampler::from_grains(grains, folder, seed, group).unwrap();
+        place_grains(grains, &mut shapes, region, seed, group)
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::cells::SphereGrid;
+use super::hulls::GrainHulls;
 use super::region::GrainRegion;
 use crate::random::RandomStream;
 
@@ -10,27 +11,87 @@ use crate::random::RandomStream;
 /// from a solid fraction of about 0.36 to 0.37 only: each further step to the jamming limit 0.385 costs a factor of ten.
 pub const MAX_ATTEMPTS: usize = 10_000;
 
-/// Centres of balls of `radii`, m, by falling radius, without overlap and completely in the region.
+/// Grains to be placed, by falling radius.
+pub struct SequentialGrains<'a> {
+    /// Radii of their balls, m, with `margin`.
+    pub radii: &'a [f64],
+    /// Distance, m, that grains keep from each other and from the boundary of the region, as part of `radii`.
+    pub margin: f64,
+    /// Shape of the polyhedron of an index, about the origin; none for spheres.
+    pub shape: Option<&'a dyn Fn(usize) -> GrainHulls>,
+}
+
+/// Places grains without overlap and completely in the region; returns their centres, m.
 ///
-/// `Err` gives the number of balls that were placed before one found no position in [`MAX_ATTEMPTS`] tries.
-pub fn place_spheres(
+/// Grains are placed by their balls. As soon as the ball of a polyhedron finds no position, this one and those after it
+/// are placed by their shapes, in their given orientations.
+///
+/// `Err` gives the number of grains that were placed before one found no position in [`MAX_ATTEMPTS`] tries.
+pub fn place_one_by_one(
     region: &GrainRegion,
-    radii: &[f64],
+    grains: &SequentialGrains,
     random: &mut RandomStream,
 ) -> Result<Vec<Vector3<f64>>, usize> {
-    let mut cells = SphereGrid::new(radii.first().copied().unwrap_or(1.0));
-    let mut centres = Vec::with_capacity(radii.len());
+    let mut cells = SphereGrid::new(grains.radii.first().copied().unwrap_or(1.0));
+    let mut centres: Vec<Vector3<f64>> = Vec::with_capacity(grains.radii.len());
     let halves = region.half_extents();
-    for &radius in radii {
-        let range = halves.map(|half| (half - radius).max(0.0));
-        let position = (0..MAX_ATTEMPTS)
-            .map(|_| random.point_in_cube().component_mul(&range))
-            .find(|position| region.contains_ball(position, radius) && cells.is_free(position, radius));
+    // Shapes of the grains that were placed, from the first one on that finds no position by its ball.
+    let mut hulls: Option<Vec<GrainHulls>> = None;
+    for (k, &radius) in grains.radii.iter().enumerate() {
+        let mut position = None;
+        if hulls.is_none() {
+            let range = halves.map(|half| (half - radius).max(0.0));
+            position = (0..MAX_ATTEMPTS)
+                .map(|_| random.point_in_cube().component_mul(&range))
+                .find(|position| region.contains_ball(position, radius) && cells.is_free(position, radius));
+        }
+        if position.is_none()
+            && let Some(shape) = grains.shape
+        {
+            let shape_at = |(k, centre): (usize, &Vector3<f64>)| {
+                let mut hulls = shape(k);
+                hulls.move_to(centre);
+                hulls
+            };
+            let placed = hulls.get_or_insert_with(|| centres.iter().enumerate().map(shape_at).collect());
+            let mut own = shape(k);
+            position = free_position(region, &mut own, radius, grains.margin, &cells, placed, random);
+            placed.push(own);
+        }
         let Some(position) = position else { return Err(centres.len()) };
         cells.add(position, radius);
         centres.push(position);
     }
     Ok(centres)
+}
+
+/// Moves the polyhedron `own`, whose ball has this radius, m, to a random position in the region at which it overlaps
+/// none of those `placed`; returns the position.
+fn free_position(
+    region: &GrainRegion,
+    own: &mut GrainHulls,
+    radius: f64,
+    margin: f64,
+    cells: &SphereGrid,
+    placed: &[GrainHulls],
+    random: &mut RandomStream,
+) -> Option<Vector3<f64>> {
+    let halves = region.half_extents();
+    let [low, high] = own.bounds();
+    let [lowest, highest] = [-halves - low, halves - high];
+    if (highest - lowest).min() < 0.0 {
+        return None;
+    }
+    (0..MAX_ATTEMPTS)
+        .map(|_| 0.5 * (lowest + highest + random.point_in_cube().component_mul(&(highest - lowest))))
+        .find(|position| {
+            own.move_to(position);
+            let mut is_free = true;
+            cells.for_each_overlap(position, radius, |number, _| {
+                is_free = is_free && own.is_apart_from(&placed[number], margin);
+            });
+            is_free && own.lies_in(region, margin)
+        })
 }
 
 #[cfg(test)]
@@ -42,11 +103,8 @@ mod tests {
     fn equal_spheres_reach_a_solid_fraction_of_030_but_not_040() {
         let radii = |share: f64| vec![1.0; (share * 1000.0) as usize]; // in a ball of radius 10
         let place = |share| {
-            place_spheres(
-                &GrainRegion::Ball(10.0),
-                &radii(share),
-                &mut RandomStream::new(2, 0, StreamPurpose::Positions),
-            )
+            let grains = SequentialGrains { radii: &radii(share), margin: 0.0, shape: None };
+            place_one_by_one(&GrainRegion::Ball(10.0), &grains, &mut RandomStream::new(2, 0, StreamPurpose::Positions))
         };
         assert!(place(0.28).is_ok());
         // The jamming limit of random sequential placement is 0.385; the wall takes some more.
