@@ -295,9 +295,10 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
         None => {
             let has_own_size =
                 matches!(grains.shape, GrainShape::Box { .. } | GrainShape::Vertices(_) | GrainShape::Model { .. });
-            let are_fragments = matches!(grains.placement, GrainPlacement::Fragments { .. });
+            let has_given_sizes =
+                matches!(grains.placement, GrainPlacement::Fragments { .. } | GrainPlacement::File { .. });
             let expected = "sizes, or a shape with a size of its own (Box, Vertices, Model)";
-            report.require(has_own_size || are_fragments, path, "no sizes", expected);
+            report.require(has_own_size || has_given_sizes, path, "no sizes", expected);
         }
     }
     check_placement(report, &format!("{path}.placement"), &grains.placement);
@@ -508,6 +509,9 @@ fn check_placement(report: &mut FaultReport, path: &str, placement: &GrainPlacem
             }
             return;
         }
+        GrainPlacement::File { path: file, .. } => {
+            return report.require(!file.is_empty(), &format!("{path}.path"), "no name", "the name of a file");
+        }
         GrainPlacement::JitteredLattice { envelope, jitter } => (envelope, *jitter),
         GrainPlacement::RandomSequential { envelope } => (envelope, 0.0),
         GrainPlacement::Fragments { envelope, relaxation } => {
@@ -578,6 +582,11 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
         let has_no_fraction = grains.solid_fraction.is_none();
         report.require(has_no_fraction, &format!("{path}.solid_fraction"), "given for listed positions", "none");
         return;
+    }
+    if let GrainPlacement::File { .. } = grains.placement {
+        let holds = !grains.is_polyhedral() && grains.number.is_none() && grains.solid_fraction.is_none();
+        let found = "shape, number or solid_fraction given for the spheres of a file";
+        return report.require(holds, path, found, "none of them: the file has them");
     }
     if let (Some(count), Some(number)) = (radius_count, grains.number)
         && count != number

@@ -39,6 +39,7 @@
 //! | [`grain`] | grains and walls as bodies |
 //! | [`sizes`] | radii of grains |
 //! | [`shapes`] | polyhedra: hulls, solids at random, mass properties |
+//! | [`particles`] | particles from files of other programs |
 //! | [`placement`] | positions of grains |
 //! | [`motion`], `orbits` | initial velocities, orbits of groups of grains |
 //! | [`walls`] | plates and cylinders |
@@ -61,6 +62,7 @@ pub mod grain;
 pub mod motion;
 mod orbits;
 pub mod parse;
+pub mod particles;
 pub mod placement;
 pub mod population;
 pub mod random;

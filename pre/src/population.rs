@@ -12,8 +12,9 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::grain::{Grain, Population};
+use crate::particles::{self, ParticleState};
 use crate::placement::cells::SphereGrid;
-use crate::placement::{self, PlacedGrains};
+use crate::placement::{self, PlacedGrains, PlacementInput};
 use crate::random::{RandomStream, StreamPurpose};
 use crate::scene::{GrainPlacement, Grains, Scene, TimeFunction};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
@@ -46,9 +47,13 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
         });
         let region = grains.placement.envelope().map(|envelope| envelope.to_region(folder)).transpose();
         let region = region.map_err(|faults| report_file_faults(faults, &format!("grains.{group}.placement"), report));
-        let (Ok(mut shapes), Ok(region)) = (shapes, region) else { continue };
+        let particles = file_particles(scene, group, folder, report);
+        let (Ok(mut shapes), Ok(region), Ok((particles, particle_summary))) = (shapes, region, particles) else {
+            continue;
+        };
         let (region, file_summary) = region.map_or((None, String::new()), |(region, summary)| (Some(region), summary));
-        match placement::place_grains(grains, &mut shapes, region, scene.seed, group) {
+        let input = PlacementInput { region, particles };
+        match placement::place_grains(grains, &mut shapes, input, scene.seed, group) {
             Ok(placed) => {
                 let is_single = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
                 let expected = "several grains, or 0: a single grain has no motion about the mean";
@@ -58,8 +63,9 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
                     "given for one grain",
                     expected,
                 );
-                let summaries =
-                    [shapes.file_summary(), &file_summary].into_iter().filter(|summary| !summary.is_empty());
+                let summaries = [shapes.file_summary(), &file_summary, &particle_summary]
+                    .into_iter()
+                    .filter(|summary| !summary.is_empty());
                 population.file_summaries.push(summaries.collect::<Vec<_>>().join(", "));
                 population.regions.push(placed.region.clone());
                 let mut moving = grains_in_motion(scene, group, grains, placed);
@@ -82,6 +88,32 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
         check_drums(scene, &population, report);
     }
     population
+}
+
+/// Particles of the placement `File` of a group, and a note on them; faults go into the report.
+fn file_particles(
+    scene: &Scene,
+    group: usize,
+    folder: &Path,
+    report: &mut FaultReport,
+) -> Result<(Option<ParticleState>, String), ()> {
+    let grains = &scene.grains[group];
+    let GrainPlacement::File { path, format, .. } = &grains.placement else { return Ok((None, String::new())) };
+    let particles = particles::read_particles(&folder.join(path), *format)
+        .map_err(|faults| report_file_faults(faults, &format!("grains.{group}.placement.path"), report))?;
+    let has_motion = particles.velocities.is_some() || particles.spins.is_some();
+    if has_motion && (grains.driven.is_some() || grains.driven_spin.is_some()) {
+        let found = format!("{path} has velocities, and the motion is imposed as well");
+        report.add_fault(&format!("grains.{group}.placement"), found, "a file without velocities, or free grains");
+        return Err(());
+    }
+    let mut note = [path.as_str(), particles.part.as_str()].join(" ").trim_end().to_string();
+    let density = scene.materials.iter().find(|m| m.name == grains.material).map_or(1.0, |m| m.density);
+    if let Some(difference) = particles.mass_difference(density) {
+        note += &format!(": masses are those of the density {density} kg/m^3; those of the file differ by up to");
+        note += &format!(" {:.2} %", 100.0 * difference);
+    }
+    Ok((Some(particles), note))
 }
 
 /// Checks hollow cylinders, which push inwards only: bodies that touch one must be inside.
@@ -159,6 +191,10 @@ fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed
             velocity: rigid_velocities[k] + thermal_velocities[k],
             spin,
         };
+        if let Some(motions) = &placed.motions {
+            grain.velocity += motions[k].velocity;
+            grain.spin += motions[k].spin;
+        }
         if grains.driven_spin.is_some() {
             grain.spin = grain.axes().tr_mul(&imposed_spin_in_own_axes);
         }
@@ -249,8 +285,7 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
 /// Checks that no two grains, and no grain and wall, overlap, unless a List allows it.
 fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
-    let may_overlap: Vec<bool> =
-        scene.grains.iter().map(|g| matches!(g.placement, GrainPlacement::List { allow_overlap: true, .. })).collect();
+    let may_overlap: Vec<bool> = scene.grains.iter().map(|grains| grains.placement.allows_overlap()).collect();
     let group_starts: Vec<usize> =
         (0..scene.grains.len()).map(|group| grains.partition_point(|grain| grain.group < group)).collect();
     let name = |k: usize| format!("grain {} of grains {}", k + 1 - group_starts[grains[k].group], grains[k].group + 1);

@@ -331,6 +331,30 @@ pub enum GrainPlacement {
         #[serde(default)]
         allow_overlap: bool,
     },
+    /// Spheres of a file, with their motion, relative to `centre`.
+    File {
+        /// Relative to the folder of the scene.
+        path: String,
+        /// Default: given by the ending.
+        #[serde(default)]
+        format: Option<ParticleFormat>,
+        #[serde(default)]
+        allow_overlap: bool,
+    },
+}
+
+/// Format of a file of particles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum ParticleFormat {
+    /// Table with a header.
+    Csv,
+    /// XYZ or extended XYZ.
+    Xyz,
+    /// Text dump of LAMMPS or LIGGGHTS.
+    Lammps,
+    /// Binary `ss` file of pkdgrav.
+    Pkdgrav,
 }
 
 fn default_jitter() -> f64 {
@@ -588,8 +612,16 @@ impl GrainPlacement {
             GrainPlacement::JitteredLattice { envelope, .. }
             | GrainPlacement::RandomSequential { envelope }
             | GrainPlacement::Fragments { envelope, .. } => Some(envelope),
-            GrainPlacement::List { .. } => None,
+            GrainPlacement::List { .. } | GrainPlacement::File { .. } => None,
         }
+    }
+
+    /// Whether its grains may overlap others.
+    pub fn allows_overlap(&self) -> bool {
+        matches!(
+            self,
+            GrainPlacement::List { allow_overlap: true, .. } | GrainPlacement::File { allow_overlap: true, .. }
+        )
     }
 }
 
@@ -631,7 +663,8 @@ impl Grains {
     }
 }
 
-/// Files of the surfaces that grains are made from or placed in, and of those that are walls, as the scene names them.
+/// Files of the surfaces that grains are made from or placed in, of those that are walls, and of particles, as the
+/// scene names them.
 pub fn models<'a>(grains: &'a [Grains], walls: &'a [SceneWall]) -> impl Iterator<Item = &'a str> {
     let walls = walls.iter().filter_map(|wall| match wall {
         SceneWall::Mesh { file, .. } => Some(file.as_str()),
@@ -649,7 +682,11 @@ pub fn models<'a>(grains: &'a [Grains], walls: &'a [SceneWall]) -> impl Iterator
             Some(Envelope::Model { file, .. }) => Some(file),
             _ => None,
         };
-        shape.into_iter().chain(pieces).chain(envelope).map(String::as_str)
+        let particles = match &grains.placement {
+            GrainPlacement::File { path, .. } => Some(path),
+            _ => None,
+        };
+        shape.into_iter().chain(pieces).chain(envelope).chain(particles).map(String::as_str)
     });
     grains.chain(walls)
 }

@@ -1,9 +1,10 @@
-//! Scenes that start dense: polyhedra placed by their shapes.
+//! Scenes that start dense: polyhedra placed by their shapes, particles of other programs.
 
 use std::path::Path;
 
 use cd_pre::grain::Population;
 use cd_pre::scene::Scene;
+use nalgebra::Vector3;
 
 /// Scene with these grains, and further fields.
 fn scene(grains: &str, fields: &str) -> String {
@@ -56,4 +57,176 @@ fn rocks_whose_balls_do_not_fit_are_placed_by_their_shapes() {
     let faults = read(Path::new(""), &box_of(2.1)).unwrap_err();
     assert!(faults.contains("of 40 grains (largest first) could be placed in a box"), "{faults}");
     assert!(faults.contains("tries found no free position for the next by its shape; expected"), "{faults}");
+}
+
+/// Two spheres of a file, in a scene with further fields of the grains.
+fn from_file(name: &str, content: &[u8], fields: &str) -> Result<Population, String> {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join(name), content).unwrap();
+    let text = scene(&format!("placement: File(path: \"{name}\"{fields}"), "");
+    read(folder.path(), &text).map(|(_, population)| population)
+}
+
+/// Positions, radii, velocities and spins of two spheres, exact in the digits of DATBOX.
+fn expect_two(population: &Population, moves: bool) {
+    let [a, b] = population.grains.as_slice() else { panic!("{} grains", population.grains.len()) };
+    let vector = |x: f64, y: f64, z: f64| Vector3::new(x, y, z);
+    assert_eq!((a.position, a.radius), (vector(1.0, 2.0, 3.0), 0.5));
+    assert_eq!((b.position, b.radius), (vector(-1.0, 0.25, 0.0), 0.75));
+    if moves {
+        assert_eq!((a.velocity, b.velocity), (vector(0.5, 0.0, 0.0), vector(0.0, -0.5, 2.0)));
+        assert_eq!((a.spin, b.spin), (vector(0.0, 0.0, 1.0), vector(4.0, 0.0, 0.0)));
+    }
+}
+
+#[test]
+fn tables_dumps_and_xyz_files_give_the_same_spheres() {
+    let csv = "# a comment that names no column? no: the header\n";
+    assert!(from_file("a.csv", csv.as_bytes(), ")").unwrap_err().contains("expected one position"));
+    let csv = "x, y, z, radius, vx, vy, vz, wx, wy, wz, colour\n\
+               1, 2, 3, 0.5, 0.5, 0, 0, 0, 0, 1, red\n\
+               # between\n\
+               -1.0, 0.25, 0, 7.5e-1, 0, -0.5, 2, 4, 0, 0, blue\n";
+    expect_two(&from_file("a.csv", csv.as_bytes(), ")").unwrap(), true);
+    let tabs = csv.replace(", ", "\t");
+    expect_two(&from_file("table.txt", tabs.as_bytes(), ", format: Csv)").unwrap(), true);
+    let dump = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS ff ff ff\n0 1\n0 1\n0 1\n\
+                ITEM: ATOMS id x y z radius\n1 9 9 9 9\n\
+                ITEM: TIMESTEP\n2000\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp ff ff\n-1 1\n0 4\n0 6\n\
+                ITEM: ATOMS id type x y z vx vy vz omegax omegay omegaz radius\n\
+                7 1 -1 0.25 0 0 -0.5 2 4 0 0 0.75\n3 1 1 2 3 0.5 0 0 0 0 1 0.5\n";
+    let population = from_file("a.dump", dump.as_bytes(), ")").unwrap();
+    expect_two(&population, true);
+    assert_eq!(population.file_summaries, ["a.dump step 2000"]);
+    let scaled = "ITEM: TIMESTEP\n5\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n-3 1\n0 4\n-6 6\n\
+                  ITEM: ATOMS id xs ys zs diameter\n1 1 0.5 0.75 1\n2 0.5 0.0625 0.5 1.5\n";
+    expect_two(&from_file("dump.5", scaled.as_bytes(), ", format: Lammps)").unwrap(), false);
+    let xyz = "1\nfirst frame\nA 0 0 0 1\n2\nsecond frame\nA 1 2 3 0.5 0.5 0 0\nB -1 0.25 0 0.75 0 -0.5 2\n";
+    expect_two(&from_file("a.xyz", xyz.as_bytes(), ")").unwrap(), false);
+    let extended = "2\nLattice=\"9 0 0 0 9 0 0 0 9\" Properties=species:S:1:radius:R:1:pos:R:3:velo:R:3:omega:R:3\n\
+                    A 0.5 1 2 3 0.5 0 0 0 0 1\nB 0.75 -1 0.25 0 0 -0.5 2 4 0 0\n";
+    expect_two(&from_file("a.extxyz", extended.as_bytes(), ")").unwrap(), true);
+}
+
+#[test]
+fn files_of_pkdgrav_are_read_in_si_units() {
+    let file = |particles: &[[f64; 11]], mark: i32| {
+        let mut bytes = Vec::new();
+        bytes.extend(2.0f64.to_be_bytes());
+        bytes.extend((particles.len() as i32).to_be_bytes());
+        bytes.extend(mark.to_be_bytes());
+        for particle in particles {
+            particle.iter().for_each(|x| bytes.extend(x.to_be_bytes()));
+            bytes.extend([3i32, 0].iter().flat_map(|x| x.to_be_bytes()));
+        }
+        bytes
+    };
+    // A sphere of 1 km at 1 au moves once around a circle in a sidereal year, at 2 pi au per year.
+    let kilometre = 1e3 / 1.495978707e11;
+    let mass = 2000.0 * 4.0 / 3.0 * std::f64::consts::PI * 1e9 / 1.9884e30;
+    let particle = [mass, kilometre, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    let population = from_file("a.ss", &file(&[particle], -1), ")").unwrap();
+    let [grain] = population.grains.as_slice() else { panic!() };
+    let close = |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-7, "{found} {expected}");
+    close(grain.radius, 1e3); // eight digits
+    close(grain.position.x, 1.495978707e11);
+    close(grain.velocity.y, std::f64::consts::TAU * 1.495978707e11 / 3.15581497635e7);
+    close(grain.spin.z, std::f64::consts::TAU / 3.15581497635e7);
+    // The density of the scene counts: 2700 kg/m^3, with 2000 in the file.
+    close(grain.mass, 2700.0 * 4.0 / 3.0 * std::f64::consts::PI * 1e9);
+    let note = &population.file_summaries[0];
+    assert!(
+        note.starts_with("a.ss time 1.00452") && note.ends_with("those of the file differ by up to 25.93 %"),
+        "{note}"
+    );
+    for (bytes, fault) in [
+        (file(&[particle], -10101), "a.ss: header: a reduced ss file; expected an ss file with velocities"),
+        (file(&[particle], -1)[..50].to_vec(), "a.ss: header: 1 particles in 50 bytes; expected 16 bytes and 96"),
+        (vec![1, 2], "a.ss: header: 2 bytes; expected an ss file of pkdgrav"),
+        (file(&[[f64::NAN; 11]], -1), "a.ss: particle 1: mass NaN kg, radius NaN m; expected finite numbers"),
+        (file(&[], -1), "a.ss: file: no particles; expected at least one"),
+    ] {
+        let found = from_file("a.ss", &bytes, ")").unwrap_err();
+        assert!(found.contains(fault), "{found}");
+    }
+}
+
+#[test]
+fn faults_of_files_of_particles_have_line_and_column() {
+    for (name, content, fields, fault) in [
+        (
+            "a.csv",
+            "x,y,z,radius\n1,2,3,0.5\n1, 2,three,0.5\n",
+            ")",
+            "a.csv:3:6: particle 2: 'three'; expected a finite number",
+        ),
+        ("a.csv", "x,y,z,radius\n1,2,3,0\n", ")", "a.csv:2:7: particle 1: '0'; expected a number > 0"),
+        ("a.csv", "x,y,z,radius\n1,2,3\n", ")", "a.csv:2: particle 1: 3 values; expected 4, one for each column"),
+        ("a.csv", "1,2,3,4\n1,2,3,4\n", ")", "a.csv:1: header: numbers; expected the names of the columns"),
+        ("a.csv", "x,y,radius\n1,2,3\n", ")", "a.csv:1: columns: 'x y radius'; expected each of x y z once, or none"),
+        ("a.csv", "x,y,z,r,vx\n1,2,3,4,5\n", ")", "a.csv:1: columns: 'x y z r vx'; expected each of vx vy vz once"),
+        ("a.csv", "", ")", "a.csv: file: no particles; expected at least one"),
+        ("a.xyz", "two\n", ")", "a.xyz:1:1: number of particles: 'two'; expected an integer"),
+        (
+            "a.xyz",
+            "2\n\nA 0 0 0 1\n",
+            ")",
+            "a.xyz:1: number of particles: 1 lines for 2 particles; expected a line for each",
+        ),
+        ("a.xyz", "18446744073709551615\n\nA 0 0 0 1\n", ")", "1 lines for 18446744073709551615 particles"),
+        ("a.dump", "1 2 3\n", ")", "a.dump:1: dump: no time step; expected the line 'ITEM: TIMESTEP'"),
+        ("a.dump", "ITEM: TIMESTEP\n1\n", ")", "a.dump:1: dump: no atoms; expected 'ITEM: ATOMS'"),
+        (
+            "a.dump",
+            "ITEM: TIMESTEP\n1\nITEM: BOX BOUNDS xy xz yz pp pp pp\n0 1 0.5\n0 1 0\n0 1 0\n",
+            ")",
+            "a.dump:4: box bounds: '0 1 0.5'; expected the two ends of a rectangular box",
+        ),
+        ("a.dat", "", ")", "a.dat: file: an ending that names no format; expected .csv"),
+        (
+            "a.csv",
+            "x y z\n0 0 0\n",
+            ")",
+            "grains 1, placement: the file has no radii, and no sizes are given; expected sizes",
+        ),
+        (
+            "a.csv",
+            "x y z r\n0 0 0 1\n",
+            "), sizes: Single(1)",
+            "the file has radii, and sizes are given; expected no sizes",
+        ),
+        (
+            "a.csv",
+            "x y z r\n0 0 0 1\n",
+            "), number: 1",
+            "grains 1: shape, number or solid_fraction given for the spheres",
+        ),
+        (
+            "a.csv",
+            "x y z r\n0 0 0 1\n0 0 1.5 1\n",
+            ")",
+            "grain 1 of grains 1 and grain 2 of grains 1 overlap by 5.000e-1 m",
+        ),
+        (
+            "a.csv",
+            "x y z\n0 0 0\n0 0 5\n",
+            "), sizes: List([1, 1, 1])",
+            "grains 1, placement: 3 radii in sizes for 2 particles; expected one for each",
+        ),
+        (
+            "a.csv",
+            "x y z r vx vy vz\n0 0 0 1 0 0 0\n",
+            "), driven: (None, None, Constant(1))",
+            "a.csv has velocities, and the motion is imposed as well",
+        ),
+    ] {
+        let found = from_file(name, content.as_bytes(), fields).map(|_| ()).unwrap_err();
+        assert!(found.contains(fault), "{content}: {found}");
+    }
+    let missing = read(Path::new("/nowhere"), &scene("placement: File(path: \"a.csv\")", "")).unwrap_err();
+    assert!(missing.contains("grains 1, placement, path: ") && missing.contains("a.csv cannot be read"), "{missing}");
+    // Radii of the scene, and overlaps that are wanted.
+    let population =
+        from_file("a.csv", b"x y z\n0 0 0\n0 0 1\n", ", allow_overlap: true), sizes: List([1, 2])").unwrap();
+    assert_eq!(population.grains.iter().map(|grain| grain.radius).collect::<Vec<_>>(), [1.0, 2.0]);
 }

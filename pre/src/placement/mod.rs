@@ -25,6 +25,7 @@ use std::sync::Arc;
 use cd_formats::names::number_text;
 use nalgebra::{Matrix3, Vector3};
 
+use crate::particles::ParticleState;
 use crate::random::{RandomStream, StreamPurpose};
 use crate::rotation::rotation_matrix;
 use crate::rounding::{round_14_columns, round_point};
@@ -46,6 +47,26 @@ pub struct PlacedGrains {
     pub positions: Vec<Vector3<f64>>,
     /// Region in which they were placed, before it was moved and turned; none for listed positions.
     pub region: Option<GrainRegion>,
+    /// Velocity, m/s, and angular velocity, rad/s, of each grain of a file that has them, fixed axes.
+    pub motions: Option<Vec<GrainMotion>>,
+}
+
+/// Motion of a grain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GrainMotion {
+    /// m/s
+    pub velocity: Vector3<f64>,
+    /// rad/s
+    pub spin: Vector3<f64>,
+}
+
+/// Data of files and options by which a group of grains is placed.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PlacementInput {
+    /// Region of the envelope, if there is one.
+    pub region: Option<GrainRegion>,
+    /// Particles of the placement `File`.
+    pub particles: Option<ParticleState>,
 }
 
 /// Grains that do not fit: the value found and the value expected.
@@ -81,15 +102,16 @@ impl PlacementError {
 
 /// Sizes, shapes and positions of the grains of one (checked) group of grains, the `group`-th of the scene.
 ///
-/// `region` is the region of the envelope, if there is one. Polyhedra are placed as their bounding balls, in
+/// Polyhedra are placed as their bounding balls, in
 /// `RandomSequential` by their shapes where these do not fit. Grains in an envelope are returned in Z-order, so that
 /// neighbours in space have near numbers.
 ///
-/// Errors: grains that do not fit into the envelope, no grain or too many, a degenerate shape, no envelope.
+/// Errors: grains that do not fit into the envelope, no grain or too many, a degenerate shape, no envelope, radii from two
+/// sources or none.
 pub fn place_grains(
     grains: &Grains,
     shapes: &mut GrainSampler,
-    region: Option<GrainRegion>,
+    PlacementInput { region, particles }: PlacementInput,
     seed: u64,
     group: usize,
 ) -> Result<PlacedGrains, PlacementError> {
@@ -102,7 +124,7 @@ pub fn place_grains(
     let to_fixed_axes =
         |points: Vec<Vector3<f64>>| points.iter().map(|p| rounded_point(rotation * p + centre)).collect();
     let mut draw = |target| {
-        let in_order = matches!(grains.placement, GrainPlacement::List { .. });
+        let in_order = matches!(grains.placement, GrainPlacement::List { .. } | GrainPlacement::File { .. });
         draw_grains(
             grains.sizes.as_ref(),
             target,
@@ -115,7 +137,33 @@ pub fn place_grains(
         (GrainPlacement::List { positions, .. }, _) => {
             let points = positions.iter().map(|&p| p.into()).collect();
             let grains = draw(SampleTarget::Number(positions.len()))?;
-            return Ok(PlacedGrains { grains, positions: to_fixed_axes(points), region: None });
+            return Ok(PlacedGrains { grains, positions: to_fixed_axes(points), region: None, motions: None });
+        }
+        (GrainPlacement::File { .. }, _) => {
+            let particles = particles.unwrap_or_default();
+            let drawn = match (&particles.radii, &grains.sizes) {
+                (Some(radii), None) => radii.iter().map(|radius| SampledGrain::from_radius(*radius)).collect(),
+                (None, Some(_)) => draw(SampleTarget::Number(particles.centres.len()))?,
+                (Some(_), Some(_)) => {
+                    let found = "the file has radii, and sizes are given".to_string();
+                    return Err(PlacementError { found, expected: "no sizes" });
+                }
+                (None, None) => {
+                    let found = "the file has no radii, and no sizes are given".to_string();
+                    return Err(PlacementError { found, expected: "sizes" });
+                }
+            };
+            if drawn.len() != particles.centres.len() {
+                let found = format!("{} radii in sizes for {} particles", drawn.len(), particles.centres.len());
+                return Err(PlacementError { found, expected: "one for each" });
+            }
+            let motions = particle_motions(&particles, &rotation);
+            return Ok(PlacedGrains {
+                grains: drawn,
+                positions: to_fixed_axes(particles.centres),
+                region: None,
+                motions,
+            });
         }
         (GrainPlacement::Fragments { relaxation, .. }, Some(region)) => {
             let pose = FragmentPose { rotation, centre };
@@ -160,7 +208,17 @@ pub fn place_grains(
     // A margin that is a tenth of the grains or more may be the reason why they do not fit.
     let positions = positions
         .map_err(|misfit| if margin < 0.1 * largest_reach(&drawn) { misfit } else { misfit.with_margin(margin) })?;
-    Ok(PlacedGrains { grains: drawn, positions: to_fixed_axes(positions), region: Some(region) })
+    Ok(PlacedGrains { grains: drawn, positions: to_fixed_axes(positions), region: Some(region), motions: None })
+}
+
+/// Motions of particles turned by `rotation`; none if the file has neither velocities nor spins.
+fn particle_motions(particles: &ParticleState, rotation: &Matrix3<f64>) -> Option<Vec<GrainMotion>> {
+    let (velocities, spins) = (&particles.velocities, &particles.spins);
+    let turned = |vectors: &Option<Vec<Vector3<f64>>>, k: usize| {
+        vectors.as_ref().map_or(Vector3::zeros(), |vectors| rotation * vectors[k])
+    };
+    let motion = |k: usize| GrainMotion { velocity: turned(velocities, k), spin: turned(spins, k) };
+    (velocities.is_some() || spins.is_some()).then(|| (0..particles.centres.len()).map(motion).collect())
 }
 
 /// Rotation of a solid about its centre, and its position, m.
@@ -194,7 +252,7 @@ fn place_fragments(
     } else {
         region.clone()
     };
-    Ok(PlacedGrains { grains, positions, region: Some(region) })
+    Ok(PlacedGrains { grains, positions, region: Some(region), motions: None })
 }
 
 /// Draws grains with their sizes one after the other; without `sizes` all have the shape's own size.
@@ -346,7 +404,8 @@ mod tests {
         let folder = std::path::Path::new("");
         let region = grains.placement.envelope().map(|envelope| envelope.to_region(folder).unwrap().0);
         let mut shapes = GrainSampler::from_grains(grains, folder, seed, group).unwrap();
-        place_grains(grains, &mut shapes, region, seed, group)
+        let input = PlacementInput { region, ..PlacementInput::default() };
+        place_grains(grains, &mut shapes, input, seed, group)
     }
 
     #[test]

@@ -25,7 +25,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::random::{RandomStream, StreamPurpose};
 use crate::rotation::rotation_matrix;
-use crate::rounding::round_14_columns;
+use crate::rounding::{round_8_digits, round_14_columns};
 use crate::scene::{GrainOrientations, GrainShape, Grains, RadiusKind};
 use crate::sphere::sphere_volume;
 pub use principal::{OrientedPolyhedron, PrincipalSolid};
@@ -42,6 +42,12 @@ pub struct SampledGrain {
 }
 
 impl SampledGrain {
+    /// Sphere of `radius`, m, rounded to the digits of the files.
+    pub fn from_radius(radius: f64) -> SampledGrain {
+        let radius = round_8_digits(radius);
+        SampledGrain { radius, reach: radius, polyhedron: None }
+    }
+
     /// Volume, m^3.
     pub fn volume(&self) -> f64 {
         self.polyhedron.as_ref().map_or_else(|| sphere_volume(self.radius), OrientedPolyhedron::volume)

@@ -1,0 +1,30 @@
+//! Tables with a header, separated by commas, semicolons, tabs or blanks.
+
+use std::path::Path;
+
+use cd_formats::error::{Fault, Faults};
+
+use super::columns::{ParticleTable, words_with_columns};
+use super::state::ParticleState;
+
+/// Reads a table. Its first line that is not empty is the header, with or without a `#` before it; later lines that begin
+/// with `#` are comments.
+pub fn read(path: &Path, text: &str, faults: &mut Faults) -> ParticleState {
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
+    let Some((number, header)) = lines.next() else { return ParticleState::default() };
+    let header = header.trim().trim_start_matches('#').trim_start();
+    let separator = [',', ';', '\t'].into_iter().find(|separator| header.contains(*separator));
+    let unquoted = |word: &str| word.trim_matches('"').trim().to_string();
+    let names: Vec<String> = words_with_columns(header, separator).iter().map(|(_, word)| unquoted(word)).collect();
+    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
+        let expected = "expected the names of the columns, such as x,y,z,radius";
+        faults.push(Fault::new(path, Some(number), "header", "numbers", expected));
+        return ParticleState::default();
+    }
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let mut table = ParticleTable::new(path, number, &names, faults);
+    for (number, line) in lines.filter(|(_, line)| !line.trim_start().starts_with('#')) {
+        table.add_row(number, &words_with_columns(line, separator), faults);
+    }
+    table.into_state([[0.0, 1.0]; 3])
+}
