@@ -513,7 +513,7 @@ fn check_placement(report: &mut FaultReport, path: &str, placement: &GrainPlacem
             return report.require(!file.is_empty(), &format!("{path}.path"), "no name", "the name of a file");
         }
         GrainPlacement::JitteredLattice { envelope, jitter } => (envelope, *jitter),
-        GrainPlacement::RandomSequential { envelope } => (envelope, 0.0),
+        GrainPlacement::RandomSequential { envelope } | GrainPlacement::DensePacking { envelope } => (envelope, 0.0),
         GrainPlacement::Fragments { envelope, relaxation } => {
             let expected = format!("0 to {MAX_RELAXATIONS}");
             let path = format!("{path}.relaxation");
@@ -596,6 +596,10 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
             format!("{number} for {count} listed radii"),
             "their number, or none",
         );
+    }
+    if let GrainPlacement::DensePacking { .. } = grains.placement {
+        let expected = "spheres: polyhedra are poured or compressed to a dense packing by cd-solve";
+        report.require(!grains.is_polyhedral(), &format!("{path}.placement"), "a DensePacking of polyhedra", expected);
     }
     let has_envelope_size = grains.placement.envelope().is_none_or(Envelope::has_size);
     if let GrainPlacement::Fragments { .. } = grains.placement {

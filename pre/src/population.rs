@@ -37,6 +37,7 @@ const MAX_REPORTED_OVERLAPS: usize = 5;
 pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Population {
     let walls = walls::wall_bodies(&scene.walls, folder, report);
     let mut population = Population { grains: Vec::new(), walls, regions: Vec::new(), file_summaries: Vec::new() };
+    let periods = [scene.compute.xperiode, scene.compute.yperiode];
     for (group, grains) in scene.grains.iter().enumerate() {
         let shapes = GrainSampler::from_grains(grains, folder, scene.seed, group);
         let shapes = shapes.map_err(|error| match error {
@@ -52,7 +53,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
             continue;
         };
         let (region, file_summary) = region.map_or((None, String::new()), |(region, summary)| (Some(region), summary));
-        let input = PlacementInput { region, particles };
+        let input = PlacementInput { region, particles, periods };
         match placement::place_grains(grains, &mut shapes, input, scene.seed, group) {
             Ok(placed) => {
                 let is_single = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
@@ -77,8 +78,18 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
     }
     let bodies = population.grains.len() + population.walls.len();
     report.require(bodies <= MAX_BODIES, "grains", format!("{bodies} bodies"), &format!("at most {MAX_BODIES}"));
-    let balls = population.grains.iter().map(|grain| (grain.position, grain.reach));
-    check_extent(&scene.compute, balls, report);
+    // Grains of a packing that fills a period touch images across it: their centres are within the period.
+    let fills_period =
+        |group: usize, axis: usize| placement::filled_periods(&scene.grains[group], periods)[axis].is_some();
+    let groups_across: Vec<[bool; 2]> =
+        (0..scene.grains.len()).map(|group| [fills_period(group, 0), fills_period(group, 1)]).collect();
+    for axis in 0..2 {
+        let balls = population.grains.iter().map(|grain| {
+            let is_across = groups_across[grain.group][axis];
+            (grain.position, if is_across { 0.0 } else { grain.reach })
+        });
+        check_extent_along(&scene.compute, axis, balls, report);
+    }
     check_numbers(scene, &population, report);
     check_inclined_plates(scene, &population, report);
     if report.faults.0.is_empty() {
@@ -210,15 +221,23 @@ pub(crate) fn check_extent(
     balls: impl Iterator<Item = (Vector3<f64>, f64)> + Clone,
     report: &mut FaultReport,
 ) {
-    let periods = [("xperiode", options.xperiode), ("yperiode", options.yperiode)];
-    for (axis, (name, period)) in periods.into_iter().enumerate() {
-        let ends = balls.clone().flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
-        let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
-        if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING_TOLERANCE)) {
-            let found = format!("{}, but the grains extend over {} m", number_text(period), rounded_number(high - low));
-            let expected = format!("a period of at least {} m", rounded_number(high - low));
-            report.add_fault(&format!("compute.{name}"), found, expected);
-        }
+    (0..2).for_each(|axis| check_extent_along(options, axis, balls.clone(), report));
+}
+
+/// Checks the extent of balls as [`check_extent`] does, along x (`axis` 0) or y.
+fn check_extent_along(
+    options: &Compute,
+    axis: usize,
+    balls: impl Iterator<Item = (Vector3<f64>, f64)>,
+    report: &mut FaultReport,
+) {
+    let (name, period) = [("xperiode", options.xperiode), ("yperiode", options.yperiode)][axis];
+    let ends = balls.flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
+    let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
+    if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING_TOLERANCE)) {
+        let found = format!("{}, but the grains extend over {} m", number_text(period), rounded_number(high - low));
+        let expected = format!("a period of at least {} m", rounded_number(high - low));
+        report.add_fault(&format!("compute.{name}"), found, expected);
     }
 }
 
@@ -294,18 +313,25 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     // Pieces are made once, and only for grains that are near another.
     let piece_cache: Vec<OnceCell<Vec<ConvexPiece>>> = vec![OnceCell::new(); grains.len()];
     let pieces = |k: usize| piece_cache[k].get_or_init(|| grains[k].convex_pieces()).as_slice();
-    let overlap_with_ball = |k: usize, ball: &Grain| {
-        pieces(k).iter().map(|piece| piece.overlap_of_ball(&ball.position, ball.radius)).fold(0.0, f64::max)
+    let overlap_with_ball = |k: usize, centre: Vector3<f64>, radius: f64| {
+        pieces(k).iter().map(|piece| piece.overlap_of_ball(&centre, radius)).fold(0.0, f64::max)
     };
-    // Penetration of two grains, m, whose bounding balls overlap by `overlap`.
-    let penetration = |a: usize, b: usize, overlap: f64| match [a, b].map(|k| grains[k].polyhedron.is_some()) {
-        [false, false] => overlap,
-        [true, false] => overlap_with_ball(a, &grains[b]),
-        [false, true] => overlap_with_ball(b, &grains[a]),
-        [true, true] => {
-            deepest_overlap(pieces(a), pieces(b), TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius))
-        }
-    };
+    // Penetration of two grains, m, whose bounding balls overlap by `overlap`, the first one moved by `shift`.
+    let penetration =
+        |a: usize, b: usize, shift: Vector3<f64>, overlap: f64| match [a, b].map(|k| grains[k].polyhedron.is_some()) {
+            [false, false] => overlap,
+            [true, false] => overlap_with_ball(a, grains[b].position - shift, grains[b].radius),
+            [false, true] => overlap_with_ball(b, grains[a].position + shift, grains[a].radius),
+            [true, true] => {
+                let allowed = TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius);
+                if shift == Vector3::zeros() {
+                    return deepest_overlap(pieces(a), pieces(b), allowed);
+                }
+                let mut moved = pieces(a).to_vec();
+                moved.iter_mut().for_each(|piece| piece.centre += shift);
+                deepest_overlap(&moved, pieces(b), allowed)
+            }
+        };
 
     let mut order: Vec<usize> = (0..grains.len()).collect();
     order.par_sort_unstable_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
@@ -315,21 +341,35 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         cells.add(grains[k].position, grains[k].reach);
         numbers[k] = number;
     }
-    // Grains whose bounding balls overlap, the smaller first. Neighbours in the list of grains are mostly near in space.
+    // Shifts to the images that grains can overlap: none where all grains fit within a period.
+    let periods = [scene.compute.xperiode, scene.compute.yperiode];
+    let mut shifts = vec![Vector3::zeros()];
+    for axis in 0..2 {
+        let is_filled = |grains: &Grains| placement::filled_periods(grains, periods)[axis];
+        if let Some(period) = scene.grains.iter().find_map(is_filled) {
+            let unit = Vector3::from_fn(|row, _| if row == axis { period } else { 0.0 });
+            shifts = shifts.iter().flat_map(|shift| [*shift, shift + unit, shift - unit]).collect();
+        }
+    }
+    // Grains whose bounding balls overlap, the smaller first, and its shift. Neighbours in the list of grains are mostly near in
+    // space.
     let first_overlap = |(k, grain): (usize, &Grain)| {
         let mut found = Vec::new();
-        cells.for_each_overlap(&grain.position, grain.reach, |number, overlap| {
-            let is_allowed = || may_overlap[grain.group] || may_overlap[grains[order[number]].group];
-            if number < numbers[k] && overlap > TOUCHING_TOLERANCE * grain.radius && !is_allowed() {
-                found.push((k, order[number], overlap));
-            }
-        });
+        for shift in &shifts {
+            cells.for_each_overlap(&(grain.position + shift), grain.reach, |number, overlap| {
+                let is_allowed = || may_overlap[grain.group] || may_overlap[grains[order[number]].group];
+                if number < numbers[k] && overlap > TOUCHING_TOLERANCE * grain.radius && !is_allowed() {
+                    found.push((k, order[number], *shift, overlap));
+                }
+            });
+        }
         found
     };
-    let near: Vec<(usize, usize, f64)> = grains.par_iter().enumerate().flat_map_iter(first_overlap).collect();
-    for (k, other, overlap) in near {
+    let near: Vec<(usize, usize, Vector3<f64>, f64)> =
+        grains.par_iter().enumerate().flat_map_iter(first_overlap).collect();
+    for (k, other, shift, overlap) in near {
         let (a, b) = (k.min(other), k.max(other));
-        let overlap = penetration(k, other, overlap);
+        let overlap = penetration(k, other, shift, overlap);
         if overlap > TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius) {
             overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b))));
         }

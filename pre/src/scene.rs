@@ -318,6 +318,9 @@ pub enum GrainPlacement {
     },
     /// One after the other, largest first, at random free positions in the envelope.
     RandomSequential { envelope: Envelope },
+    /// Spheres up to random close packing: overlaps of spheres at random positions are removed by minimisation of their
+    /// energy.
+    DensePacking { envelope: Envelope },
     /// Convex fragments that fill a solid without gaps: the cells of points at random (Voronoi).
     Fragments {
         envelope: Envelope,
@@ -611,6 +614,7 @@ impl GrainPlacement {
         match self {
             GrainPlacement::JitteredLattice { envelope, .. }
             | GrainPlacement::RandomSequential { envelope }
+            | GrainPlacement::DensePacking { envelope }
             | GrainPlacement::Fragments { envelope, .. } => Some(envelope),
             GrainPlacement::List { .. } | GrainPlacement::File { .. } => None,
         }

@@ -1,4 +1,4 @@
-//! Scenes that start dense: polyhedra placed by their shapes, particles of other programs.
+//! Scenes that start dense: packings of spheres, polyhedra placed by their shapes, particles of other programs.
 
 use std::path::Path;
 
@@ -30,6 +30,12 @@ fn placed(text: &str) -> Population {
     read(Path::new(""), text).unwrap_or_else(|faults| panic!("{faults}")).1
 }
 
+/// Solid fraction of the grains in their envelope.
+fn solid_fraction(population: &Population) -> f64 {
+    let volume: f64 = population.grains.iter().map(|grain| grain.volume()).sum();
+    volume / population.regions[0].as_ref().unwrap().volume()
+}
+
 /// Rocks that are three times as long as thin: balls around them hardly fit at a solid fraction of 12 %.
 const ROCKS: &str = "shape: Random(vertices: (8, 14), ratios: (1, 0.7, 0.4), angularity: 0.6), \
                      sizes: Uniform(min: 0.2, max: 0.4)";
@@ -57,6 +63,85 @@ fn rocks_whose_balls_do_not_fit_are_placed_by_their_shapes() {
     let faults = read(Path::new(""), &box_of(2.1)).unwrap_err();
     assert!(faults.contains("of 40 grains (largest first) could be placed in a box"), "{faults}");
     assert!(faults.contains("tries found no free position for the next by its shape; expected"), "{faults}");
+}
+
+#[test]
+fn dense_packings_fill_every_envelope() {
+    for (envelope, amount, nu) in [
+        ("Ball()", "number: 250, solid_fraction: 0.5", 0.5),
+        ("Ellipsoid(ratios: (2, 1.5, 1))", "number: 250, solid_fraction: 0.45", 0.45),
+        ("Box(ratios: (1, 1, 2))", "number: 250, solid_fraction: 0.5", 0.5),
+        ("Cylinder(half_height: 6, radius: 5)", "solid_fraction: 0.45", 0.45),
+    ] {
+        let population = placed(&scene(
+            &format!(
+                "{amount}, sizes: Uniform(min: 0.8, max: 1.2), placement: DensePacking(envelope: {envelope}), \
+                 centre: (30, -20, 10), orientation: (axis: (1, 1, 1), angle: 0.7)"
+            ),
+            "",
+        ));
+        // Whole grains: half of the largest one in the given cylinder, 0.5 * 4.19 * 1.2^3 / 942.
+        assert!((solid_fraction(&population) - nu).abs() < 4e-3, "{envelope}: {}", solid_fraction(&population));
+        let region = population.regions[0].as_ref().unwrap();
+        let axis = nalgebra::Unit::new_normalize(Vector3::new(1.0, 1.0, 1.0));
+        let turn = nalgebra::Rotation3::from_axis_angle(&axis, 0.7);
+        for grain in &population.grains {
+            let local = turn.inverse() * (grain.position - Vector3::new(30.0, -20.0, 10.0));
+            assert!(region.contains_ball(&local, grain.radius), "{envelope}: {local}");
+        }
+    }
+}
+
+#[test]
+fn a_dense_box_as_long_as_the_periods_has_no_walls_along_them() {
+    let grains = "solid_fraction: 0.58, sizes: Single(0.5), \
+                  placement: DensePacking(envelope: Box(lengths: (6, 6, 8))), centre: (10, 0, 4)";
+    let population = placed(&scene(grains, "compute: (xperiode: 6.0, yperiode: 6.0),"));
+    let positions: Vec<Vector3<f64>> = population.grains.iter().map(|grain| grain.position).collect();
+    for axis in 0..2 {
+        let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), position| {
+            (low.min(position[axis]), high.max(position[axis]))
+        });
+        // Centres reach nearer to the ends than a radius, and no farther than a period apart.
+        assert!(high - low > 5.5 && high - low <= 6.0, "{low} {high}");
+    }
+    let image = |d: f64| d - 6.0 * (d / 6.0).round();
+    for (k, a) in positions.iter().enumerate() {
+        assert!((0.5..=7.5).contains(&a.z));
+        for b in &positions[..k] {
+            let separation = Vector3::new(image(a.x - b.x), image(a.y - b.y), a.z - b.z);
+            assert!(separation.norm() >= 1.0, "{separation}");
+        }
+    }
+    // With walls on all sides such a packing jams below.
+    let walled = read(Path::new(""), &scene(&grains.replace("0.58", "0.62"), "")).unwrap_err();
+    assert!(walled.contains("jam: they fit at 0.5"), "{walled}");
+}
+
+#[test]
+fn a_group_that_overlaps_the_image_of_a_dense_one_is_reported() {
+    let grains = "solid_fraction: 0.3, sizes: Single(0.5), placement: DensePacking(envelope: Box(lengths: (6, 6, 4)))), \
+                  (material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.5), \
+                  placement: List(positions: [POSITION])";
+    let of = |position: Vector3<f64>| {
+        let position = format!("({:?}, {:?}, {:?})", position.x, position.y, position.z);
+        read(Path::new(""), &scene(&grains.replace("POSITION", &position), "compute: (xperiode: 6.0, yperiode: 6.0),"))
+    };
+    let free = of(Vector3::new(0.0, 0.0, 3.0)).unwrap().1;
+    // The packed grain that is farthest along x: a grain a little more than half a period away overlaps its image.
+    let outermost = free.grains.iter().map(|grain| grain.position).max_by(|a, b| a.x.total_cmp(&b.x)).unwrap();
+    let faults = of(outermost - Vector3::new(5.5, 0.0, 0.0)).unwrap_err();
+    assert!(faults.contains("overlap by 5.000e-1 m"), "{faults}"); // distance 0.5 of spheres of radius 0.5
+}
+
+#[test]
+fn polyhedra_are_not_packed_densely() {
+    let faults = read(
+        Path::new(""),
+        &scene("number: 10, shape: Cube, sizes: Single(1), placement: DensePacking(envelope: Ball(radius: 9))", ""),
+    )
+    .unwrap_err();
+    assert!(faults.contains("grains 1, placement: a DensePacking of polyhedra; expected spheres"), "{faults}");
 }
 
 /// Two spheres of a file, in a scene with further fields of the grains.

@@ -112,7 +112,7 @@ fn expect_accepted(path: &Path, text: &str) -> usize {
 
 #[test]
 fn what_the_guides_show_is_accepted() {
-    for page in ["set-up", "run", "results"] {
+    for page in ["set-up", "dense-start", "run", "results"] {
         let (path, text) = page_of(&format!("how-to/{page}.md"));
         assert_eq!(expect_accepted(&path, &text), text.matches("```ron").count(), "{page}");
     }

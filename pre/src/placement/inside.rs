@@ -84,6 +84,18 @@ impl SurfaceRegion {
         nearest.is_inside && (nearest.point - point).length() >= radius / self.scale
     }
 
+    /// Distance of a point from the surface, m, negative outside, and the unit vector along which it grows; none for a point
+    /// on the surface.
+    pub fn nearest_wall(&self, point: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
+        let local = Point::new(point.x / self.scale, point.y / self.scale, point.z / self.scale);
+        let nearest = self.mesh.project_local_point(local, false);
+        let from_surface = local - nearest.point;
+        let length = from_surface.length();
+        let sign = if nearest.is_inside { 1.0 } else { -1.0 };
+        let inward = Vector3::new(from_surface.x, from_surface.y, from_surface.z) * (sign / length);
+        (length > f64::EPSILON).then_some((sign * length * self.scale, inward))
+    }
+
     /// Whether no point of the surface is nearer to the convex piece than `margin`, m. Then the piece lies inside as a
     /// whole if one of its points does.
     pub fn keeps_clear_of(&self, piece: &ConvexPiece, margin: f64) -> bool {
@@ -154,6 +166,21 @@ mod tests {
             counts[usize::from(number > 0.5)] += 1;
         }
         assert!(counts.iter().all(|count| *count > 500), "{counts:?}");
+    }
+
+    #[test]
+    fn walls_of_a_cube_have_their_distances_and_normals() {
+        let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { 4.0 } else { 6.0 });
+        let cube = hull::convex_hull(&(0..8).map(corner).collect::<Vec<_>>()).unwrap();
+        let inside = SurfaceRegion::new(&cube).unwrap();
+        for (x, expected) in [(0.75, 0.25), (1.5, -0.5)] {
+            let (distance, inward) = inside.nearest_wall(&Vector3::new(x, 0.2, -0.1)).unwrap();
+            // Rounding of lengths of about 1.
+            assert!(
+                (distance - expected).abs() < 1e-14 && (inward + Vector3::x()).norm() < 1e-14,
+                "{distance} {inward}"
+            );
+        }
     }
 
     #[test]

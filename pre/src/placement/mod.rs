@@ -6,12 +6,14 @@
 //! | [`inside`] | interior of a closed surface as a region |
 //! | [`lattice`] | sites of a face-centred cubic lattice |
 //! | [`sequential`] | random sequential placement |
+//! | [`dense`] | dense packings of spheres |
 //! | [`hulls`] | polyhedra compared by their shapes |
 //! | [`fragments`] | fragmentation of a solid without gaps |
 //! | `order` | order along the Z-curve |
 //! | [`cells`] | neighbours, for grains of any mixture of sizes |
 
 pub mod cells;
+pub mod dense;
 pub mod fragments;
 pub mod hulls;
 pub mod inside;
@@ -29,10 +31,11 @@ use crate::particles::ParticleState;
 use crate::random::{RandomStream, StreamPurpose};
 use crate::rotation::rotation_matrix;
 use crate::rounding::{round_14_columns, round_point};
-use crate::scene::{GrainPlacement, Grains, SizeDistribution};
+use crate::scene::{Envelope, GrainPlacement, Grains, SizeDistribution};
 use crate::shapes::{GrainSampler, OrientedPolyhedron, PrincipalSolid, SampledGrain};
 use crate::sizes::{MAX_BODIES, SampleTarget};
 use crate::sphere::sphere_volume;
+use dense::{PackingCell, PackingError};
 use hulls::GrainHulls;
 use inside::SurfaceRegion;
 use order::z_order;
@@ -67,6 +70,8 @@ pub struct PlacementInput {
     pub region: Option<GrainRegion>,
     /// Particles of the placement `File`.
     pub particles: Option<ParticleState>,
+    /// Periods of the scene along x and y, m.
+    pub periods: [Option<f64>; 2],
 }
 
 /// Grains that do not fit: the value found and the value expected.
@@ -111,7 +116,7 @@ impl PlacementError {
 pub fn place_grains(
     grains: &Grains,
     shapes: &mut GrainSampler,
-    PlacementInput { region, particles }: PlacementInput,
+    PlacementInput { region, particles, periods }: PlacementInput,
     seed: u64,
     group: usize,
 ) -> Result<PlacedGrains, PlacementError> {
@@ -170,7 +175,9 @@ pub fn place_grains(
             return place_fragments(&region, grains.number.unwrap_or(0), *relaxation, pose, &mut random);
         }
         (
-            GrainPlacement::JitteredLattice { envelope, .. } | GrainPlacement::RandomSequential { envelope },
+            GrainPlacement::JitteredLattice { envelope, .. }
+            | GrainPlacement::RandomSequential { envelope }
+            | GrainPlacement::DensePacking { envelope },
             Some(region),
         ) => (region, envelope.has_size()),
         (_, None) => return Err(PlacementError { found: "no envelope".to_string(), expected: "an envelope" }),
@@ -195,6 +202,7 @@ pub fn place_grains(
     if let (false, Some(fraction)) = (has_size, grains.solid_fraction) {
         region = region.scaled_to(drawn.iter().map(SampledGrain::volume).sum::<f64>() / fraction);
     }
+    let periods = filled_periods(grains, periods);
     expect_smaller(&region, &drawn)?;
     // Positions of spheres are rounded to 8 digits, by at most sqrt(3) 5e-8 of the largest coordinate, those of polyhedra
     // to more. Grains keep slightly more than that from each other and from the envelope.
@@ -202,6 +210,9 @@ pub fn place_grains(
     let positions = match &grains.placement {
         GrainPlacement::JitteredLattice { jitter, .. } => {
             jittered_lattice(&region, &drawn, margin, *jitter, &mut random)
+        }
+        GrainPlacement::DensePacking { .. } => {
+            dense_packing(&PackingCell { region: &region, periods }, &mut drawn, margin, &mut random)
         }
         _ => random_sequential(&region, &mut drawn, &rotation, margin, &mut random),
     };
@@ -219,6 +230,20 @@ fn particle_motions(particles: &ParticleState, rotation: &Matrix3<f64>) -> Optio
     };
     let motion = |k: usize| GrainMotion { velocity: turned(velocities, k), spin: turned(spins, k) };
     (velocities.is_some() || spins.is_some()).then(|| (0..particles.centres.len()).map(motion).collect())
+}
+
+/// Periods, m, of a scene with `periods` along x and y that the box of a dense packing fills exactly, without a rotation: it
+/// has no walls along these axes.
+pub fn filled_periods(grains: &Grains, periods: [Option<f64>; 2]) -> [Option<f64>; 3] {
+    let [x, y] = periods;
+    match &grains.placement {
+        GrainPlacement::DensePacking { envelope: Envelope::Box { lengths: Some(lengths), .. } }
+            if grains.orientation.angle == 0.0 =>
+        {
+            [x.filter(|period| *period == lengths[0]), y.filter(|period| *period == lengths[1]), None]
+        }
+        _ => [None; 3],
+    }
 }
 
 /// Rotation of a solid about its centre, and its position, m.
@@ -364,13 +389,40 @@ fn random_sequential(
     Ok(order.into_iter().map(|k| centres[k]).collect())
 }
 
+/// Packs spheres densely; reorders them like the returned positions.
+fn dense_packing(
+    cell: &PackingCell,
+    grains: &mut Vec<SampledGrain>,
+    margin: f64,
+    random: &mut RandomStream,
+) -> Result<Vec<Vector3<f64>>, PlacementError> {
+    let padded_radii: Vec<f64> = grains.iter().map(|grain| grain.reach + margin).collect();
+    let region = cell.region;
+    let centres = dense::pack_spheres(cell, &padded_radii, random).map_err(|error| {
+        let volume: f64 = grains.iter().map(SampledGrain::volume).sum();
+        let fraction = volume / region.volume();
+        let found = match error {
+            PackingError::Jammed { volume_ratio } => format!(
+                "{} grains at a solid fraction of {fraction:.4} in {region} jam: they fit at {:.4}",
+                grains.len(),
+                volume_ratio * fraction
+            ),
+            PackingError::NoPoint => format!("no random point lies in {region}: it is too thin"),
+        };
+        PlacementError { found, expected: "fewer or smaller grains, or a larger envelope (a smaller solid fraction)" }
+    })?;
+    let order = z_order(region, &centres);
+    *grains = order.iter().map(|&k| grains[k].clone()).collect();
+    Ok(order.into_iter().map(|k| centres[k]).collect())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::placement::cells::SphereGrid;
     use crate::rounding::round_8_digits;
     use crate::scene::Rotation;
-    use crate::scene::{Envelope, GrainOrientations, GrainShape, RadiusKind};
+    use crate::scene::{GrainOrientations, GrainShape, RadiusKind};
     use proptest::prelude::*;
 
     fn grains(

@@ -107,6 +107,40 @@ impl GrainRegion {
         }
     }
 
+    /// Calls `visit` with the distance of a point from walls of the region, m, negative beyond them, and their unit normals
+    /// inward: all walls of a box or cylinder, of the others the nearest point of the surface. A point on a surface from a
+    /// file has no wall.
+    pub fn for_each_wall(&self, point: &Vector3<f64>, mut visit: impl FnMut(f64, Vector3<f64>)) {
+        match self {
+            GrainRegion::Ball(radius) => visit(radius - point.norm(), -direction_or(point, Vector3::z())),
+            GrainRegion::Ellipsoid(axes) => {
+                let axes_vector = Vector3::from(*axes);
+                let nearest = nearest_on_ellipsoid(axes, point);
+                let sign = if point.component_div(&axes_vector).norm_squared() <= 1.0 { 1.0 } else { -1.0 };
+                let outward = nearest.component_div(&axes_vector).component_div(&axes_vector);
+                visit(sign * (nearest - point).norm(), -direction_or(&outward, Vector3::z()));
+            }
+            GrainRegion::Box(halves) => {
+                for (k, half) in halves.iter().enumerate() {
+                    let unit = Vector3::from_fn(|row, _| if row == k { 1.0 } else { 0.0 });
+                    visit(half - point[k], -unit);
+                    visit(half + point[k], unit);
+                }
+            }
+            GrainRegion::Cylinder { half_height, radius } => {
+                let from_axis = Vector3::new(point.x, point.y, 0.0);
+                visit(radius - from_axis.norm(), -direction_or(&from_axis, Vector3::x()));
+                visit(half_height - point.z, -Vector3::z());
+                visit(half_height + point.z, Vector3::z());
+            }
+            GrainRegion::Inside(inside) => {
+                if let Some((distance, inward)) = inside.nearest_wall(point) {
+                    visit(distance, inward);
+                }
+            }
+        }
+    }
+
     /// Whether the whole ball of `radius`, m, about `centre` lies in the region.
     pub fn contains_ball(&self, centre: &Vector3<f64>, radius: f64) -> bool {
         match self {
@@ -152,26 +186,51 @@ fn ellipsoid_contains_ball(axes: &[f64; 3], centre: &Vector3<f64>, radius: f64) 
     (1.0 - level) * shortest >= radius || distance_to_ellipsoid(axes, centre) >= radius
 }
 
+/// Unit vector along `vector`, or `other` if that has no direction.
+fn direction_or(vector: &Vector3<f64>, other: Vector3<f64>) -> Vector3<f64> {
+    let length = vector.norm();
+    if length > 0.0 { vector / length } else { other }
+}
+
 /// Distance, m, of a point inside an ellipsoid to its surface, to a relative 1e-12.
+fn distance_to_ellipsoid(axes: &[f64; 3], point: &Vector3<f64>) -> f64 {
+    (nearest_in_octant(axes, &point.abs()) - off_plane(axes, &point.abs())).norm()
+}
+
+/// Point of an ellipsoid's surface that is nearest to `point`, inside or outside, m.
+fn nearest_on_ellipsoid(axes: &[f64; 3], point: &Vector3<f64>) -> Vector3<f64> {
+    let nearest = nearest_in_octant(axes, &point.abs());
+    Vector3::from_fn(|k, _| nearest[k].copysign(point[k]))
+}
+
+/// Point with coordinates of at least 0, moved off the plane across the shortest axis: there the root that
+/// [`nearest_in_octant`] seeks can be lost at s = 0.
+fn off_plane(axes: &[f64; 3], point: &Vector3<f64>) -> Vector3<f64> {
+    let short = Vector3::from(*axes).imin();
+    let mut point = *point;
+    point[short] = point[short].max(1e-12 * axes[short]);
+    point
+}
+
+/// Point of an ellipsoid's surface that is nearest to `point`, m, with coordinates of at least 0.
 ///
 /// The nearest surface point is x_k = a_k^2 p_k / (a_k^2 - c^2 + s), c the shortest semi-axis, with the
-/// root s in (0, c^2] of sum (a_k p_k / (a_k^2 - c^2 + s))^2 = 1, whose left side falls with s (Eberly,
+/// root s > 0 of sum (a_k p_k / (a_k^2 - c^2 + s))^2 = 1, whose left side falls with s; s <= c^2 for points inside (Eberly,
 /// "Distance from a point to an ellipse, an ellipsoid, or a hyperellipsoid", 2013, with s = t + c^2).
-fn distance_to_ellipsoid(axes: &[f64; 3], point: &Vector3<f64>) -> f64 {
+fn nearest_in_octant(axes: &[f64; 3], point: &Vector3<f64>) -> Vector3<f64> {
     let short = Vector3::from(*axes).imin();
     let c = axes[short];
     let excess = axes.map(|a| (a - c) * (a + c));
-    let mut point = point.abs();
-    // In the plane across the shortest axis the root can be lost at s = 0: such a point is moved off it.
-    point[short] = point[short].max(1e-12 * c);
+    let point = off_plane(axes, point);
     let sum = |s: f64| (0..3).map(|k| (axes[k] * point[k] / (excess[k] + s)).powi(2)).sum::<f64>();
-    // At the lower end the term of the shortest axis alone is 1.
-    let (mut low, mut high) = (c * point[short], c * c);
+    // At the lower end the term of the shortest axis alone is 1. Outside, no term is larger than that of an excess of 0.
+    let farthest = if sum(c * c) > 1.0 { point.component_mul(&Vector3::from(*axes)).norm() } else { c * c };
+    let (mut low, mut high) = (c * point[short], farthest);
     for _ in 0..100 {
         let middle = 0.5 * (low + high);
         if sum(middle) >= 1.0 { low = middle } else { high = middle }
     }
-    (Vector3::from_fn(|k, _| axes[k] * axes[k] * point[k] / (excess[k] + low)) - point).norm()
+    Vector3::from_fn(|k, _| axes[k] * axes[k] * point[k] / (excess[k] + low))
 }
 
 #[cfg(test)]
@@ -202,7 +261,51 @@ mod tests {
         }
     }
 
+    #[test]
+    fn walls_are_where_the_closed_forms_put_them() {
+        let walls = |region: &GrainRegion, point: [f64; 3]| {
+            let mut found = Vec::new();
+            region.for_each_wall(&point.into(), |distance, inward| found.push((distance, inward)));
+            found
+        };
+        // Inside and outside; the normal of a sphere points to its centre.
+        for (region, x, distance) in [
+            (GrainRegion::Ball(2.0), 1.5, 0.5),
+            (GrainRegion::Ball(2.0), 2.5, -0.5),
+            (GrainRegion::Ellipsoid([2.0, 3.0, 4.0]), 2.5, -0.5),
+            (GrainRegion::Ellipsoid([2.0; 3]), 1.75, 0.25),
+            (GrainRegion::Ellipsoid([3.0, 2.0, 1.0]), -5.0, -2.0),
+        ] {
+            let found = walls(&region, [x, 0.0, 0.0]);
+            assert!((found[0].0 - distance).abs() < 1e-11, "{region}: {found:?}"); // a bisection to 1e-12
+            assert!((found[0].1 + x.signum() * Vector3::x()).norm() < 1e-11, "{region}: {found:?}");
+        }
+        let cylinder = GrainRegion::Cylinder { half_height: 1.0, radius: 2.0 };
+        let distances: Vec<f64> = walls(&cylinder, [0.0, -1.25, 0.5]).iter().map(|wall| wall.0).collect();
+        assert_eq!(distances, [0.75, 0.5, 1.5]);
+        // The sum over a closed box: each pair of faces is the full length apart.
+        let found = walls(&GrainRegion::Box([1.0, 2.0, 3.0]), [0.5, -0.5, 9.0]);
+        let lengths: Vec<f64> = found.chunks(2).map(|pair| pair[0].0 + pair[1].0).collect();
+        assert_eq!(lengths, [2.0, 4.0, 6.0]);
+        assert_eq!(found.iter().map(|wall| wall.0).fold(f64::INFINITY, f64::min), -6.0);
+    }
+
     proptest! {
+        /// The nearest point of an ellipsoid lies on it, and the vector to it is along its normal.
+        #[test]
+        fn vectors_to_an_ellipsoid_are_normal_to_it(
+            axes in prop::array::uniform3(0.5..2.0f64),
+            point in prop::array::uniform3(-3.0..3.0f64),
+        ) {
+            let (axes_vector, point) = (Vector3::from(axes), Vector3::from(point));
+            let nearest = nearest_on_ellipsoid(&axes, &point);
+            prop_assert!((nearest.component_div(&axes_vector).norm() - 1.0).abs() < 1e-9, "{nearest}");
+            let normal = nearest.component_div(&axes_vector).component_div(&axes_vector).normalize();
+            let vector = point - nearest;
+            // A relative error of 1e-12 of the root, enlarged where the point is near a centre of curvature.
+            prop_assert!(vector.cross(&normal).norm() < 1e-8 * (1.0 + vector.norm()), "{vector} {normal}");
+        }
+
         /// Compares with a fine sampling of the surface: no sample is nearer, and one is nearly as near.
         #[test]
         fn distance_is_that_of_the_nearest_surface_point(
