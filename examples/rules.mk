@@ -52,6 +52,7 @@ pre: $(call stage_files,DATBOX)
 solve: $(call stage_files,OUTBOX)
 ## All cases up to POSTPRO and DISPLAY.
 post: $(call stage_files,POSTPRO)
+## Figures of the example.
 figures: post
 	$(FIGURES)
 ## Continues from the last snapshots, after an interruption or, with other SOLVE_FLAGS, to a later end.

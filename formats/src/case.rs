@@ -1,4 +1,4 @@
-//! Folders of cases that command lines name, and messages about paths that are none.
+//! Folders of cases that command lines name, and messages about paths that are not case folders.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ pub enum CaseFolder {
     Datbox,
     /// OUTBOX, the results of cd-solve.
     Outbox,
-    /// Any folder.
+    /// Any folder: no subfolder is required.
     Any,
 }
 
@@ -26,7 +26,7 @@ impl CaseFolder {
     }
 }
 
-/// Fault of a path that is not a case with the folder `part`; `None` if it is one. `program` is the program that reads it.
+/// Fault of a path that is not a case with the folder `part`; `None` if it is such a case. `program` is the program that reads it.
 pub fn case_fault(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
     let own_part = part_name(path);
     if path.join(part.name()).is_dir() && (part != CaseFolder::Any || own_part.is_none()) {
@@ -105,7 +105,7 @@ fn expected_case(part: CaseFolder) -> String {
     }
 }
 
-/// Name of the part of a case that the folder itself is; `None` if it is none.
+/// Name of the subfolder of a case (DATBOX, OUTBOX, POSTPRO or DISPLAY) that `path` itself is; `None` for other paths.
 fn part_name(path: &Path) -> Option<&'static str> {
     let holds_snapshots = || {
         let entries = atomic::folder_entries(path).unwrap_or_default();

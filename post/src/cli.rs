@@ -62,7 +62,7 @@ enum Command {
         /// Step of the snapshot; default: the last
         #[arg(long, value_name = "STEP")]
         snapshot: Option<u64>,
-        /// Number of snapshots, of which that is the last, over which the layers of a bed are averaged
+        /// Number of snapshots over which the layers of a bed are averaged, ending with the analysed one
         #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
         mean: u32,
         #[command(flatten)]

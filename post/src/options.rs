@@ -123,8 +123,8 @@ pub struct ImpactFlags {
     /// Point of the impact, m; default: where a straight trajectory meets the target
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub point: Option<FlagVector>,
-    /// Distance from its centre of mass up to which grains belong to the target, m; default: what is bound by gravity, without
-    /// self-gravity the remnant and what is within the farthest point of the target before the impact
+    /// Distance from the target's centre of mass up to which grains belong to it, m; default: the remnant and the fragments bound
+    /// to it; without self-gravity the remnant and the grains within the farthest point of the target before the impact
     #[arg(long, value_name = "M", value_parser = parse_positive)]
     pub within: Option<f64>,
     /// Speed above which ejecta escape, m/s; default: escape speed of the target

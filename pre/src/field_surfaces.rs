@@ -31,7 +31,7 @@ pub fn take_surfaces(options: &mut Compute, folder: &Path, is_datbox: bool) -> R
             Some(_) => {}
             None => {
                 let text = if is_datbox && *surface == name {
-                    obj::read_surface(&source).and_then(|_| Ok(atomic::read_text(&source)?))
+                    obj::read_surface(&source).and_then(|_| atomic::read_text(&source))
                 } else {
                     read_surface(&source).map(|read| surface_text(&read.surface))
                 };

@@ -83,7 +83,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
         |group: usize, axis: usize| placement::filled_periods(&scene.grains[group], periods)[axis].is_some();
     let groups_across: Vec<[bool; 2]> =
         (0..scene.grains.len()).map(|group| [fills_period(group, 0), fills_period(group, 1)]).collect();
-    for axis in 0..2 {
+    for axis in [0, 1] {
         let balls = population.grains.iter().map(|grain| {
             let is_across = groups_across[grain.group][axis];
             (grain.position, if is_across { 0.0 } else { grain.reach })
@@ -344,7 +344,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     // Shifts to the images that grains can overlap: none where all grains fit within a period.
     let periods = [scene.compute.xperiode, scene.compute.yperiode];
     let mut shifts = vec![Vector3::zeros()];
-    for axis in 0..2 {
+    for axis in [0, 1] {
         let is_filled = |grains: &Grains| placement::filled_periods(grains, periods)[axis];
         if let Some(period) = scene.grains.iter().find_map(is_filled) {
             let unit = Vector3::from_fn(|row, _| if row == axis { period } else { 0.0 });

@@ -94,7 +94,7 @@ pub fn pieces_overlap(
 pub fn ball_overlap(wall: &ShapeRecord, centre: &Vector3<f64>, radius: f64) -> f64 {
     match *wall {
         ShapeRecord::Mesh { surface: Some(ref mesh), .. } => {
-            if mesh.sides() == MeshSides::One && mesh.is_closed() && mesh.is_behind(centre) {
+            if mesh.sides() == MeshSides::One && mesh.has_no_rim() && mesh.is_behind(centre) {
                 return radius + mesh.distance_bound(centre, 2.0 * mesh.radius() + centre.norm());
             }
             let nearest = mesh.ball_contacts(centre, radius, 0.0);

@@ -1,5 +1,5 @@
-//! Geometry of the bodies in the files, closed surfaces, surfaces of walls, convex faces and pieces, mass properties, and
-//! of convex regions of space.
+//! Geometry: shapes of the bodies in the files, closed surfaces, surfaces of walls, convex faces and pieces, mass properties,
+//! and convex regions of space.
 
 mod centred;
 pub mod convex_pieces;

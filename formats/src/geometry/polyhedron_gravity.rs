@@ -31,7 +31,8 @@ const MAX_NODE_RATIO: f64 = 0.2;
 /// Face number of nodes with several faces.
 const NO_FACE: u32 = u32::MAX;
 
-/// Cube root of the relative error of the expansion of the whole body: largest ratio of its extent to the distance.
+/// Largest ratio of the body's extent to the distance at which the whole body is expanded. Its cube, 9e-5, bounds the relative
+/// error.
 const MAX_FAR_RATIO: f64 = 0.045;
 
 /// Gravity of a homogeneous polyhedron, per G times density.

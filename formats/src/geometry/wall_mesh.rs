@@ -51,8 +51,8 @@ pub struct MeshContact {
 /// Largest number of triangles, so that features fit in 32 bits.
 pub const MAX_MESH_TRIANGLES: usize = 1 << 28;
 
-/// Regions of a triangle: its face, three edges and three corners.
-const REGIONS: u32 = 8;
+/// Feature numbers of a triangle: a face, three edges and three corners, and one that is not used.
+const FEATURES_PER_TRIANGLE: u32 = 8;
 
 /// Largest angle between the normals of two contacts of a ball that are one contact, rad. The gap of the contact that is left
 /// out is wrong by at most 5e-9 of the radius.
@@ -69,15 +69,15 @@ const ROUNDINGS: f64 = 64.0;
 /// assert_eq!((feature_of(5, 2), triangle_of(42)), (42, 5));
 /// ```
 pub fn feature_of(triangle: u32, region: u32) -> u32 {
-    REGIONS * triangle + region
+    FEATURES_PER_TRIANGLE * triangle + region
 }
 
 /// Triangle of a feature, from 0.
 pub fn triangle_of(feature: u32) -> u32 {
-    feature / REGIONS
+    feature / FEATURES_PER_TRIANGLE
 }
 
-/// Region of a triangle that has the point nearest to another one.
+/// Region of a triangle in which its point nearest to a given point lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum TriangleRegion {
     Face,
@@ -105,7 +105,7 @@ pub struct WallMesh {
     sides: MeshSides,
     /// Unit normals of the triangles.
     normals: Vec<Vec3>,
-    /// Triangles of each vertex, rising, and where those of each vertex begin.
+    /// Triangles of each vertex, ascending, and where those of each vertex begin.
     fans: Vec<u32>,
     fan_starts: Vec<u32>,
     /// Whether each vertex is on the rim, where an edge belongs to one triangle.
@@ -204,7 +204,8 @@ impl WallMesh {
         })
     }
 
-    /// Reads an OBJ file of triangles, as cd-pre writes it. Errors: all faults of the file and of the surface.
+    /// Reads an OBJ file of triangles, as cd-pre writes it. Errors: all faults of the
+    /// file; of the surface the first [`MAX_PRINTED_FAULTS`], and the number of others.
     pub fn read(path: &Path, sides: MeshSides) -> Result<WallMesh, Faults> {
         let text = atomic::read_text(path)?;
         let mut faults = Faults::default();
@@ -262,7 +263,7 @@ impl WallMesh {
     }
 
     /// Whether each edge belongs to two triangles or more.
-    pub fn is_closed(&self) -> bool {
+    pub fn has_no_rim(&self) -> bool {
         !self.rim.contains(&true)
     }
 
@@ -272,7 +273,7 @@ impl WallMesh {
     }
 
     /// Contacts of a ball whose surface is at most `range` from the surface, m; centre and radius in m. They are at local
-    /// minima of the distance of the centre, see the module, nearest first. Of contacts with one normal the nearest is
+    /// minima of the distance of the centre, see the module, nearest first. Of contacts with the same normal the nearest is
     /// returned: it is in front of the others.
     ///
     /// Behind a surface with one side the nearest point alone is returned, if it is no farther from the centre than the
@@ -290,7 +291,7 @@ impl WallMesh {
         let mut minima: SmallVec<[NearTriangle; 4]> =
             triangles.iter().filter(|found| self.is_minimum(found, &triangles, rounding)).copied().collect();
         minima.retain(|found| self.is_in_front(found, centre));
-        // Of equal distances a face comes first.
+        // Nearest first. Of contacts with the same normal and, up to rounding, the same distance the loop below keeps a face.
         minima.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         let mut contacts: SmallVec<[MeshContact; 2]> = SmallVec::new();
         for found in &minima {
@@ -352,13 +353,13 @@ impl WallMesh {
         NearTriangle { triangle, region, point: nearest, distance: (point - nearest).norm() }
     }
 
-    /// Triangles of a vertex, rising.
+    /// Triangles of a vertex, ascending.
     fn fan(&self, vertex: u32) -> &[u32] {
         let [start, end] = [vertex, vertex + 1].map(|k| self.fan_starts[k as usize] as usize);
         &self.fans[start..end]
     }
 
-    /// Triangles that have the feature of `found`, rising.
+    /// Triangles that have the feature of `found`, ascending.
     fn triangles_at(&self, found: &NearTriangle) -> SmallVec<[u32; 8]> {
         let triangle = &self.triangles[found.triangle as usize];
         match found.region {
@@ -372,7 +373,7 @@ impl WallMesh {
         }
     }
 
-    /// Whether no triangle at the nearest point is nearer than that point; `triangles`: all up to its distance.
+    /// Whether no triangle with the feature of `found` is nearer to the centre than `found`; `triangles`: all in reach, by number.
     fn is_minimum(&self, found: &NearTriangle, triangles: &[NearTriangle], rounding: f64) -> bool {
         if found.region == TriangleRegion::Face {
             return true;
@@ -449,7 +450,7 @@ const MAX_PRINTED_FAULTS: usize = 5;
 
 /// Whether a feature is a face.
 fn is_face(feature: u32) -> bool {
-    feature.is_multiple_of(REGIONS)
+    feature.is_multiple_of(FEATURES_PER_TRIANGLE)
 }
 
 fn tree_point(point: &Vec3) -> TreePoint {
@@ -510,10 +511,10 @@ fn orientation_faults(edges: &EdgeTable) -> Vec<String> {
             [_] => None,
             [(i, forward), (j, other)] => (forward == other).then(|| {
                 let [i, j] = [i, j].map(|k| k + 1);
-                format!("triangles {i} and {j} at {edge} are seen from different sides; expected one side, or both sides to push")
+                format!("triangles {i} and {j} at {edge} are seen from different sides; expected the same side, or a wall of which both sides push (`side: Both`)")
             }),
             _ => Some(format!(
-                "{edge} belongs to {}; expected at most 2, or both sides to push",
+                "{edge} belongs to {}; expected at most 2, or a wall of which both sides push (`side: Both`)",
                 count_text(triangles.len(), "triangle")
             )),
         }

@@ -2,7 +2,7 @@
 //!
 //! [`syntax_faults`] finds all faults of the text itself (brackets, commas, quotes, comments) at once. A text without
 //! such faults is parsed by the RON library. Its error is described with the value at its position, and reading continues
-//! behind it; the library's own text never reaches the user.
+//! after it; the library's own text never reaches the user.
 
 mod parse;
 mod recovery;

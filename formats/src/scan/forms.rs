@@ -23,7 +23,7 @@ pub enum LenientForm {
     JoinedVertex,
     /// Vertex of a POLYR that is no corner of a triangle.
     UnusedVertex,
-    /// Row for bodies or contactors of deformable bodies or of 2D.
+    /// Row of the visibility table for bodies or contactors that are deformable or of 2D.
     ForeignRow,
     /// Material of springs, which no rigid body has.
     SpringMaterial,

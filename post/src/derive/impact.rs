@@ -25,8 +25,9 @@ const BODY_REACH: f64 = 0.866;
 /// Share for a bed: the farthest grain of a box is in a corner, and 1/√2 of its distance reaches the middle of a side.
 const BED_REACH: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// Component of the projectile's momentum along an axis, over its length, below which no ratio along this axis is defined.
-const ACROSS_SHARE: f64 = 1e-6;
+/// Smallest ratio of the component of the projectile's momentum along an axis to its magnitude for which a ratio along this axis
+/// is defined.
+const MIN_ALONG_SHARE: f64 = 1e-6;
 
 /// Bodies as the command line gives them.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -96,7 +97,8 @@ pub struct ImpactOptions {
     pub projectile: BodyList,
     /// Bodies of the target; None: all grains but the projectile.
     pub target: Option<BodyList>,
-    /// Direction d of `beta`; None: that of the projectile's momentum.
+    /// Direction d of `beta`; None: that of the projectile's velocity relative to the target in the
+    /// first snapshot.
     pub direction: Option<Vec3>,
     /// Outward normal n of the surface; None: measured.
     pub normal: Option<Vec3>,
@@ -136,7 +138,7 @@ impl ImpactError {
         }
     }
 
-    /// Returns the phrase about what was found.
+    /// Returns the words for the fault.
     pub fn found(self) -> &'static str {
         match self {
             ImpactError::NoProjectile => "is not in the first snapshot",
@@ -148,7 +150,7 @@ impl ImpactError {
         }
     }
 
-    /// Returns the phrase about what is expected.
+    /// Returns the words for the valid input.
     pub fn expectation(self) -> &'static str {
         match self {
             ImpactError::NoProjectile => "expected a free body that is in the run from the start",
@@ -271,9 +273,11 @@ pub struct ImpactRun {
     surface: Option<OldSurface>,
     /// Positions of the target's grains in the first snapshot, m.
     first_positions: BTreeMap<u64, Vec3>,
+    /// Last known states of the bodies of target and projectile, by number.
     seen: BTreeMap<u64, SeenState>,
     /// Ejecta of a bed so far, which may have fallen back, and the projectile once it rebounds.
     launched: BTreeMap<u64, EjectaGrain>,
+    /// Whether another body has touched the projectile so far.
     is_struck: bool,
 }
 
@@ -445,7 +449,7 @@ impl ImpactRun {
     pub fn enhancement(&self, state: &ImpactState) -> MomentumEnhancement {
         let ratio = |axis: &Vec3| {
             let (gained, incident) = (state.gained.dot(axis), self.incident.dot(axis));
-            if incident.abs() > ACROSS_SHARE * self.incident.norm() { gained / incident } else { f64::NAN }
+            if incident.abs() > MIN_ALONG_SHARE * self.incident.norm() { gained / incident } else { f64::NAN }
         };
         let carried = state.carried.norm_squared();
         MomentumEnhancement {

@@ -162,7 +162,7 @@ impl<'a> ParticleTable<'a> {
 
 /// Words of a line with their columns, from 1, between any of the `separators`. Repeated blanks separate once, other
 /// separators each time.
-pub fn words_with_columns<'a>(line: &'a str, separator: Option<char>) -> Vec<(usize, &'a str)> {
+pub fn words_with_columns(line: &str, separator: Option<char>) -> Vec<(usize, &str)> {
     let mut words = Vec::new();
     let mut start = 0;
     let column = |word: &str, start: usize| {

@@ -9,15 +9,15 @@ use crate::scene::Scene;
 use crate::state::messages::SolvedContactMessage;
 use crate::state::{CandidateDivision, DetectionCache, PairVirial, SolvedContact, State};
 
-/// Number of groups of consecutive spheres whose pairs are counted, and between which runs are cut. Chosen: a thousandth of
-/// the pairs is a small part of those of a rank.
+/// Number of groups of consecutive spheres whose pairs are counted; the cuts between the spheres of the ranks are at ends of
+/// groups. Chosen: a thousandth of the pairs is a small part of those of a rank.
 const COUNTED_GROUPS: usize = 1024;
 
-/// Largest ratio of the pairs of a rank to the mean with which the cuts stay. Chosen: to move them costs a search, and
-/// contacts are sent.
+/// Largest ratio of the pairs of a rank to the mean over the ranks up to which the cuts are kept. Chosen: moving them costs a
+/// search for neighbours and the sending of contacts.
 const MAX_UNEVENNESS: f64 = 1.1;
 
-/// Moves the cuts between the candidates of the ranks if these have uneven numbers of neighbour pairs. Returns whether cuts
+/// Moves the cuts between the candidates of the ranks if the ranks have uneven numbers of neighbour pairs. Returns whether cuts
 /// have moved; the pairs are then still those of the earlier cuts.
 pub fn rebalance_cuts(cache: &mut DetectionCache) -> bool {
     let DetectionCache { division: Some(division), neighbours, .. } = cache else { return false };
@@ -37,8 +37,8 @@ pub fn rebalance_cuts(cache: &mut DetectionCache) -> bool {
     true
 }
 
-/// Cuts between groups of `spheres` with these numbers of pairs, such that ranks have about as many; `None` if the earlier cuts
-/// are about as good.
+/// Cuts between groups of `spheres` with these numbers of pairs, for about equal numbers on all ranks; `None` if the earlier cuts
+/// exceed the mean by no more than [`MAX_UNEVENNESS`], or the new ones are no better.
 fn even_cuts(counts: &[u64], spheres: usize, earlier: &[u32]) -> Option<Vec<u32>> {
     let size = earlier.len() - 1;
     let total: u64 = counts.iter().sum();

@@ -19,7 +19,7 @@ pub struct MortonKey {
 }
 
 /// `count` points, not yet on a curve. They start in the order `approximate_order`, if it has this length: a nearly sorted
-/// order reduces the time to sort, and no order changes the result.
+/// order reduces the time to sort, and does not change the result, except that points that all coincide keep it.
 pub fn unsorted_keys(count: usize, approximate_order: &[u32]) -> Vec<MortonKey> {
     let key = |index| MortonKey { key: 0, index };
     if approximate_order.len() == count {
@@ -43,7 +43,7 @@ fn sort_key(key: &MortonKey) -> (u64, u32) {
     (key.key, key.index)
 }
 
-/// Spreads the low 21 bits of `x` to every third.
+/// Spreads the low 21 bits of `x` to every third bit.
 fn spread_bits(x: u64) -> u64 {
     let x = (x | x << 32) & 0x001f_0000_0000_ffff;
     let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
@@ -52,8 +52,8 @@ fn spread_bits(x: u64) -> u64 {
     (x | x << 2) & 0x1249_2492_4924_9249
 }
 
-/// Sets the positions of `keys` on the curve through the cube around their points, and sorts them by these and their index.
-/// Returns false if all points coincide.
+/// Computes the keys of the points on the curve through the cube around them, and sorts by key, then by index. Returns false, with
+/// `keys` unchanged, if all points coincide.
 pub fn sort_keys(keys: &mut [MortonKey], positions: &[Vec3]) -> bool {
     let bounds = |keys: &[MortonKey]| {
         let none = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
@@ -101,8 +101,8 @@ fn try_insertion_sort(keys: &mut [MortonKey]) -> bool {
     true
 }
 
-/// Sorts `parts` parts in parallel and merges them. The result is in `buffer`, which has the same content at first, if
-/// `into_buffer`, else in `keys`. It does not depend on the parts: no two keys are equal in key and index.
+/// Sorts `parts` parts in parallel and merges them, into `buffer` if `into_buffer`, else into `keys`. At first `buffer` is a copy
+/// of `keys`. The result does not depend on `parts`: no two keys are equal in key and index.
 fn merge_sort(keys: &mut [MortonKey], buffer: &mut [MortonKey], parts: usize, into_buffer: bool) {
     if parts <= 1 {
         radix_sort(keys, buffer);

@@ -98,22 +98,22 @@ pub fn chunk_results<T: Pod + Sync, R: Pod + Send>(
     let own: Vec<R> = part[head..head + whole].par_chunks_exact(chunk_length).map(&evaluate).collect();
     let mut results = all_gather_lists(&own).into_iter();
     let mut ends = all_gather_lists(&[&part[..head], &part[head + whole..]].concat()).into_iter();
-    // Items of the chunk that is not complete yet.
-    let (mut all, mut open, mut start) = (Vec::new(), Vec::<T>::new(), 0);
+    // `unfinished`: items of the chunk that is not complete yet.
+    let (mut all, mut unfinished, mut start) = (Vec::new(), Vec::<T>::new(), 0);
     for count in counts {
         let [head, _] = whole_chunks(start, count, chunk_length);
         let (mut results, ends) = (results.next().unwrap_or_default(), ends.next().unwrap_or_default());
         let (head, tail) = ends.split_at(head);
-        open.extend_from_slice(head);
-        if open.len() == chunk_length {
-            all.push(evaluate(&std::mem::take(&mut open)));
+        unfinished.extend_from_slice(head);
+        if unfinished.len() == chunk_length {
+            all.push(evaluate(&std::mem::take(&mut unfinished)));
         }
         all.append(&mut results);
-        open.extend_from_slice(tail);
+        unfinished.extend_from_slice(tail);
         start += count;
     }
-    if !open.is_empty() {
-        all.push(evaluate(&open));
+    if !unfinished.is_empty() {
+        all.push(evaluate(&unfinished));
     }
     all
 }

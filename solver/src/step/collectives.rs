@@ -46,8 +46,11 @@ fn whole_problem(contact_problem: &ContactProblem) -> (ContactProblem, usize) {
     (ContactProblem { order: contact_problem.order.clone(), ..whole }, first)
 }
 
-/// [`conflicting_bodies`](super::conflict::conflicting_bodies) of a problem of which each rank has a part of the rows; `worst`:
-/// bodies of the contact with the largest residual. Each rank gathers the bodies of all rows, and the rows near the worst.
+/// Searches for a conflict as [`conflicting_bodies`](super::conflict::conflicting_bodies) does, in a problem of which each rank has
+/// a part of the rows. Returns on every rank the bodies of the contact with the largest part in it; `None` if there is none.
+///
+/// `worst`: bodies of the contact with the largest residual; `tol`: tolerance of the residual. Gathers the bodies of the rows
+/// that can be in conflict, then the rows nearest to `worst`.
 pub fn conflicting_bodies_of_ranks(
     contact_problem: &ContactProblem,
     worst: [BodyId; 2],
@@ -82,7 +85,7 @@ pub fn contact_of_ranks(row: ContactId, contacts: &[SolvedContact]) -> Option<Co
     all_gather_lists(&messages).into_iter().flatten().next().map(Contact::from)
 }
 
-/// Returns the deepest overlap of all ranks on every rank, the first if there are several.
+/// Returns on every rank the overlap of all ranks with the largest ratio to the smaller radius, the first if there are several.
 pub fn deepest_overlap_of_ranks(own: Option<Overlap>) -> Option<Overlap> {
     all_gather_values(OverlapMessage::from(own)).into_iter().filter_map(Option::from).fold(None, deeper_overlap)
 }
@@ -107,7 +110,7 @@ pub fn finish_divided_contacts(
     let [head, _] = whole_chunks(start, contacts.len(), ITEMS_PER_TASK);
     let begins_inside_chunk = !start.is_multiple_of(ITEMS_PER_TASK);
     let ends_inside_chunk = !end.is_multiple_of(ITEMS_PER_TASK) && rank + 1 < size;
-    // Whether this rank has only a middle part of a chunk, whose totals it receives from the rank before and sends to the next.
+    // Whether this rank has only a middle part of a chunk, whose totals it receives from the previous rank and sends to the next.
     let has_middle_part = begins_inside_chunk && head == contacts.len() && ends_inside_chunk;
 
     let (head_contacts, later_contacts) = solved_contacts.split_at_mut(head);
@@ -128,7 +131,7 @@ pub fn finish_divided_contacts(
     (all, [head_virials].into_iter().chain(later_virials).collect())
 }
 
-/// Sends the totals of an unfinished chunk to the next rank, if there are any. Returns those that the rank before has sent if
+/// Sends the totals of an unfinished chunk to the next rank, if there are any. Returns those that the previous rank has sent if
 /// `receives`, else zeros.
 fn pass_totals(unfinished: Option<ContactTotals>, receives: bool) -> ContactTotals {
     let rank = communicator().rank();
@@ -149,6 +152,7 @@ fn pass_totals(unfinished: Option<ContactTotals>, receives: bool) -> ContactTota
 struct OverlapMessage {
     bodies: [u32; 2],
     depth: f64,
+    /// Ratio of the depth to the smaller radius.
     share: f64,
     /// 1 for an overlap, 0 for none.
     exists: u64,

@@ -57,13 +57,13 @@ pub struct RowDivision {
 /// Task that sweeps a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum RowTask {
-    /// No body of it moves: it is evaluated, and has no solution to find.
+    /// No body of the row moves: the row is evaluated but not swept.
     Fixed,
     /// Inside this block.
     Inside(u32),
     /// Between these blocks, in order.
     Border([u32; 2]),
-    /// Between these blocks, with a body that reaches many: in the last task.
+    /// Between these blocks, with a large body, which reaches many blocks: swept in the last task.
     Large([u32; 2]),
 }
 
@@ -351,14 +351,14 @@ fn sweep_tasks(
             RowTask::Large(_) => large.push(constraint),
         }
     }
-    let last = plan.tasks.len();
+    let task_count = plan.tasks.len();
     let border_task = |(task, borders_of_task): (usize, &Vec<u32>)| {
         if !sweeps_border[task] {
             return BorderTask { constraints: Vec::new(), curve_indices: Vec::new() };
         }
         let constraints_of = |&border: &u32| border_constraints.get(&borders[border as usize].blocks);
         let mut constraints: Vec<u32> = borders_of_task.iter().filter_map(constraints_of).flatten().copied().collect();
-        if task + 1 == last {
+        if task + 1 == task_count {
             constraints.extend_from_slice(&large);
         }
         BorderTask::new(constraints, &pairs)
