@@ -608,8 +608,8 @@ fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> Rea
             ShapeRecord::Mesh { radius, sides, file, .. } => {
                 put_grid(out, &head, &["byrd="], &[*radius], real);
                 out.pop();
-                put_text(out, 51, format_args!("side={}\n", if *sides == MeshSides::One { "one" } else { "both" }));
-                put_text(out, 30, format_args!("{MESH_FILE_LABEL}{file}\n"));
+                put_text(out, 51, format_args!("side= {}\n", if *sides == MeshSides::One { "one" } else { "both" }));
+                put_text(out, 30, format_args!("{MESH_FILE_LABEL} {file}\n"));
             }
         }
         if let Some(LocalFrame { axes: [a, b, c], offset }) = local_frame.as_deref() {
