@@ -94,6 +94,7 @@ fn arrays_of_the_paraview_files() {
             .collect();
         let documented: Vec<(String, String)> = table("paraview.md", &format!("## {kind}-NNNNNN.vtp"))
             .into_iter()
+            .filter(|row| !row.iter().any(|cell| cell.contains("only if there is a Mesh"))) // the scene has none
             .map(|row| (row[0].clone(), row[1].split(", of ").next().unwrap().to_string()))
             .collect();
         assert_eq!(documented, written, "{kind}");
