@@ -14,7 +14,7 @@ use crate::names::number_text;
 use crate::ron_text::known_names;
 use crate::scan::parts::{put_records, read_records};
 use crate::scan::{
-    AsciiText, GRID_COLUMNS, LenientForm, LineScanner, RealText, TextLine, format_e14, format_long14, put_grid,
+    AcceptedDeviation, AsciiText, GRID_COLUMNS, LineScanner, RealText, TextLine, format_e14, format_long14, put_grid,
     put_text,
 };
 use crate::words::CONTACTOR_TYPES;
@@ -291,8 +291,8 @@ fn read_body(scan: &mut LineScanner, begin: usize, position: u64) -> Option<Body
     // LMGC90 ignores the number, and writes stars for bodies above 99 999.
     match line.columns(7, 15).replace(' ', "").parse::<u64>() {
         Ok(number) if number == position => {}
-        Ok(_) => scan.add_form(LenientForm::BodyNumber, line.number),
-        Err(_) => scan.add_form(LenientForm::BodyWithoutNumber, line.number),
+        Ok(_) => scan.add_form(AcceptedDeviation::BodyNumber, line.number),
+        Err(_) => scan.add_form(AcceptedDeviation::BodyWithoutNumber, line.number),
     }
 
     scan.expect_keyword("blmty")?;
@@ -448,15 +448,15 @@ fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord
         return None;
     }
     let (mut vertices, mut triangles) = read_mesh(scan, counts[0], &lines);
-    let mut replace_by = |cleaned: CleanedSurface, form: LenientForm| {
+    let mut replace_by = |cleaned: CleanedSurface, form: AcceptedDeviation| {
         (0..cleaned.removed).for_each(|_| scan.add_form(form, line.number));
         (cleaned.vertices, cleaned.triangles)
     };
     if let Some(joined) = with_joined_vertices(&vertices, &triangles, FLATNESS_OF_FILES) {
-        (vertices, triangles) = replace_by(joined, LenientForm::JoinedVertex);
+        (vertices, triangles) = replace_by(joined, AcceptedDeviation::JoinedVertex);
     }
     if let Some(used) = without_unused_vertices(&vertices, &triangles, FLATNESS_OF_FILES) {
-        (vertices, triangles) = replace_by(used, LenientForm::UnusedVertex);
+        (vertices, triangles) = replace_by(used, AcceptedDeviation::UnusedVertex);
     }
     Some(ShapeRecord::Polyhedron { vertices, triangles })
 }
@@ -481,7 +481,7 @@ fn read_patches(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord> {
         scan.add_fault(line.number, found, format!("expected {patch_count}, as announced"));
         return None;
     }
-    scan.add_form(LenientForm::PatchedSurface, line.number);
+    scan.add_form(AcceptedDeviation::PatchedSurface, line.number);
     let (vertices, triangles) = join_patches(&patches);
     Some(ShapeRecord::Polyhedron { vertices, triangles })
 }

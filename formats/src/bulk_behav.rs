@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{AsciiText, LenientForm, LineScanner, RealText, TextLine, format_e14, format_long14, put_text};
+use crate::scan::{AcceptedDeviation, AsciiText, LineScanner, RealText, TextLine, format_e14, format_long14, put_text};
 
 /// Content of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -64,12 +64,12 @@ impl BulkBehav {
                     scan.set_object(format!("material {name}"));
                     let law = scan.read_name(line, (9, 38), "law");
                     if law == "DISCRETE" {
-                        scan.add_form(LenientForm::SpringMaterial, line.number);
+                        scan.add_form(AcceptedDeviation::SpringMaterial, line.number);
                         while scan.next_line_if(TextLine::is_continuation).is_some() {}
                         continue;
                     }
                     if law != "RIGID" {
-                        scan.add_form(LenientForm::OtherMaterialLaw, line.number);
+                        scan.add_form(AcceptedDeviation::OtherMaterialLaw, line.number);
                     }
                     let density = scan.read_positive(line, 46, "density Umas");
                     if !name.is_empty() && materials.iter().any(|known| known.name == name) {

@@ -7,8 +7,8 @@ use std::path::Path;
 use crate::atomic::path_exists;
 use crate::error::Faults;
 use crate::scan::{
-    AsciiText, LenientForm, LineScanner, RealText, TextLine, format_e14, format_integer, format_long14, free_real,
-    put_text,
+    AcceptedDeviation, AsciiText, LineScanner, RealText, TextLine, format_e14, format_integer, format_long14,
+    free_real, put_text,
 };
 
 /// Driven components, in the order of the file.
@@ -289,7 +289,7 @@ fn read_evolution(scan: &mut LineScanner, line: TextLine, folder: &Path) -> Opti
     }
     let (points, is_sorted) = scan.gather_result(read_table(&folder.join(&name)))?;
     if !is_sorted {
-        scan.add_form(LenientForm::UnsortedTable, line.number);
+        scan.add_form(AcceptedDeviation::UnsortedTable, line.number);
     }
     Some(Evolution::Table { name, points })
 }

@@ -8,7 +8,7 @@ use crate::error::{Fault, Faults};
 use crate::law_table::{FileLimit, LawEntry, LawError, LawModel, law_entry, rejection_reason};
 use crate::ron_text::known_names;
 use crate::scan::{
-    AsciiText, LenientForm, LineScanner, RealText, TextLine, format_e14, format_long14, fortran_real, put_text,
+    AcceptedDeviation, AsciiText, LineScanner, RealText, TextLine, format_e14, format_long14, fortran_real, put_text,
 };
 use crate::words::{CONTACTOR_TYPES, is_foreign_row};
 
@@ -146,7 +146,7 @@ impl TactBehav {
                 _ if begin.is_data() && names_law(begin) => skipped_laws.push(begin),
                 // Rows may have a line with a halo.
                 _ if begin.is_data() && begin.text().starts_with('+') => {}
-                _ if begin.is_data() => scan.add_form(LenientForm::OutsideLine, begin.number),
+                _ if begin.is_data() => scan.add_form(AcceptedDeviation::OutsideLine, begin.number),
                 _ => scan.reject_unknown_keyword(begin, "expected $behav or $seety"),
             }
         }
@@ -160,7 +160,7 @@ impl TactBehav {
                 scan.set_object("file");
                 scan.add_fault(line.number, "a law that LMGC90 would skip", "expected $behav before it, from column 1");
             } else {
-                scan.add_form(LenientForm::OutsideLine, line.number);
+                scan.add_form(AcceptedDeviation::OutsideLine, line.number);
             }
         }
         let visibility = check_rows(scan, rows);
@@ -329,7 +329,7 @@ fn read_row(scan: &mut LineScanner) -> Option<VisibilityRow> {
     let name = |first: usize| line.columns(first, first + 4);
     let sides = [CANDIDATE_COLUMNS, ANTAGONIST_COLUMNS].map(|[body, contactor, _]| [name(body), name(contactor)]);
     if is_foreign_row(sides) {
-        scan.add_form(LenientForm::ForeignRow, line.number);
+        scan.add_form(AcceptedDeviation::ForeignRow, line.number);
         return None;
     }
     if !(scan.expect_rigid_body(line, CANDIDATE_COLUMNS[0]) && scan.expect_rigid_body(line, ANTAGONIST_COLUMNS[0])) {

@@ -13,7 +13,7 @@ use crate::error::Faults;
 use crate::law_table::INTERFACE_SLIDING;
 use crate::ron_text::known_names;
 use crate::scan::{
-    AsciiText, FRAME_TOLERANCE, GRID_COLUMNS, LenientForm, LineScanner, TextLine, format_d14, format_integer,
+    AcceptedDeviation, AsciiText, FRAME_TOLERANCE, GRID_COLUMNS, LineScanner, TextLine, format_d14, format_integer,
     frame_defect, put_grid, put_steps, put_text,
 };
 
@@ -420,10 +420,10 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
     if kind.rows.contains('t') {
         contact.is_left_handed = make_right_handed(&mut contact);
         if contact.is_left_handed {
-            scan.add_form(LenientForm::LeftHandedAxes, line);
+            scan.add_form(AcceptedDeviation::LeftHandedAxes, line);
         }
         if make_orthonormal(&mut contact) {
-            scan.add_form(LenientForm::SkewAxes, line);
+            scan.add_form(AcceptedDeviation::SkewAxes, line);
         }
         scan.check_orthonormal(line, "n, t, s", &contact.frame);
     }

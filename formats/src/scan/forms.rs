@@ -6,7 +6,7 @@ use crate::names::count_text;
 
 /// Accepted deviation, whose meaning is unambiguous.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum LenientForm {
+pub enum AcceptedDeviation {
     /// Line outside of all records.
     OutsideLine,
     /// Comment whose `!` or `#` is not in column 1.
@@ -37,64 +37,66 @@ pub enum LenientForm {
     UnsortedTable,
 }
 
-impl LenientForm {
+impl AcceptedDeviation {
     /// Sentence about `count` occurrences of the form.
     fn sentence(self, count: usize) -> String {
         let one = count == 1;
         let are = if one { "is" } else { "are" };
         match self {
-            LenientForm::OutsideLine => format!("{} outside of the records {are} skipped", count_text(count, "line")),
-            LenientForm::IndentedComment => {
+            AcceptedDeviation::OutsideLine => {
+                format!("{} outside of the records {are} skipped", count_text(count, "line"))
+            }
+            AcceptedDeviation::IndentedComment => {
                 format!(
                     "{} that {} with ! or # {are} skipped",
                     count_text(count, "line"),
                     if one { "begins" } else { "begin" }
                 )
             }
-            LenientForm::UnsortedTable => format!(
+            AcceptedDeviation::UnsortedTable => format!(
                 "{} {} a table whose times do not increase; its lines are taken by increasing time, in LMGC90 in their order",
                 count_text(count, "component"),
                 if one { "has" } else { "have" }
             ),
-            LenientForm::ShiftedHead => "step number and time are read next to $steps and time=".into(),
-            LenientForm::BodyNumber => format!(
+            AcceptedDeviation::ShiftedHead => "step number and time are read next to $steps and time=".into(),
+            AcceptedDeviation::BodyNumber => format!(
                 "{} {} a number other than the position; bodies are counted by position",
                 count_text(count, "body"),
                 if one { "has" } else { "have" }
             ),
-            LenientForm::BodyWithoutNumber => format!(
+            AcceptedDeviation::BodyWithoutNumber => format!(
                 "{} {} no whole number after RBDY3; bodies are counted by position",
                 count_text(count, "body"),
                 if one { "has" } else { "have" }
             ),
-            LenientForm::PatchedSurface => {
+            AcceptedDeviation::PatchedSurface => {
                 format!("{count} POLYF {are} read as POLYR, with the patches joined at their common vertices")
             }
-            LenientForm::JoinedVertex => format!(
+            AcceptedDeviation::JoinedVertex => format!(
                 "{} of POLYR {are} joined to another at the same position, up to the digits of the file",
                 count_text(count, "vertex")
             ),
-            LenientForm::UnusedVertex => format!(
+            AcceptedDeviation::UnusedVertex => format!(
                 "{} of POLYR that no triangle has as a corner {are} dropped: {} inside of the body",
                 count_text(count, "vertex"),
                 if one { "it is" } else { "they are" }
             ),
-            LenientForm::SpringMaterial => {
+            AcceptedDeviation::SpringMaterial => {
                 format!("{} of law DISCRETE {are} skipped", count_text(count, "material"))
             }
-            LenientForm::OtherMaterialLaw => format!(
+            AcceptedDeviation::OtherMaterialLaw => format!(
                 "{} {} a law other than RIGID, of which only the density is used",
                 count_text(count, "material"),
                 if one { "has" } else { "have" }
             ),
-            LenientForm::SkewAxes => format!(
+            AcceptedDeviation::SkewAxes => format!(
                 "the axes t and s of {} of spheres are not orthogonal; they are turned about n",
                 count_text(count, "contact")
             ),
-            LenientForm::LeftHandedAxes => {
+            AcceptedDeviation::LeftHandedAxes => {
                 format!("the axes n, t, s of {} on plates are left-handed; s is reversed", count_text(count, "contact"))
             }
-            LenientForm::ForeignRow => {
+            AcceptedDeviation::ForeignRow => {
                 format!("{} for 2D or deformable bodies {are} skipped", count_text(count, "visibility row"))
             }
         }
@@ -103,7 +105,7 @@ impl LenientForm {
 
 /// Occurrences of a deviation in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct FormOccurrences {
+struct DeviationOccurrences {
     count: usize,
     /// Line of the first, from 1.
     first_line: usize,
@@ -111,28 +113,33 @@ struct FormOccurrences {
 
 /// Deviations found in a file, by form.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct LenientForms(BTreeMap<LenientForm, FormOccurrences>);
+pub struct AcceptedDeviations(BTreeMap<AcceptedDeviation, DeviationOccurrences>);
 
-impl LenientForms {
+impl AcceptedDeviations {
     /// Counts an occurrence in `line`.
-    pub fn add(&mut self, form: LenientForm, line: usize) {
-        self.add_occurrences(form, FormOccurrences { count: 1, first_line: line });
+    pub fn add(&mut self, form: AcceptedDeviation, line: usize) {
+        self.add_occurrences(form, DeviationOccurrences { count: 1, first_line: line });
     }
 
     /// Adds the occurrences in a later part of the same file.
-    pub(super) fn append(&mut self, later: LenientForms) {
+    pub(super) fn append(&mut self, later: AcceptedDeviations) {
         later.0.into_iter().for_each(|(form, occurrences)| self.add_occurrences(form, occurrences));
     }
 
-    fn add_occurrences(&mut self, form: LenientForm, FormOccurrences { count, first_line }: FormOccurrences) {
-        self.0.entry(form).or_insert(FormOccurrences { count: 0, first_line }).count += count;
+    fn add_occurrences(
+        &mut self,
+        form: AcceptedDeviation,
+        DeviationOccurrences { count, first_line }: DeviationOccurrences,
+    ) {
+        self.0.entry(form).or_insert(DeviationOccurrences { count: 0, first_line }).count += count;
     }
 
-    /// Notices for the user about the file `name`, one a form: `BODIES.DAT:12: 2 bodies have a number ...`.
+    /// Notices for the user about the file `name`, one for each kind: `BODIES.DAT:12: 2 bodies have a number ...`.
     pub fn notices(&self, name: &str) -> Vec<String> {
-        let notice = |(form, FormOccurrences { count, first_line }): (&LenientForm, &FormOccurrences)| {
-            format!("{name}:{first_line}: {}", form.sentence(*count))
-        };
+        let notice =
+            |(form, DeviationOccurrences { count, first_line }): (&AcceptedDeviation, &DeviationOccurrences)| {
+                format!("{name}:{first_line}: {}", form.sentence(*count))
+            };
         self.0.iter().map(notice).collect()
     }
 }

@@ -1,7 +1,7 @@
 //! Reading of lines outside of records, which are skipped, and of heads of state files whose numbers are not in their
 //! columns.
 
-use super::{LenientForm, LineScanner, NumberError, REAL_WIDTH, TextLine, fortran_real, free_real};
+use super::{AcceptedDeviation, LineScanner, NumberError, REAL_WIDTH, TextLine, fortran_real, free_real};
 use crate::words::is_data_word;
 
 /// Smallest number of `$` in a line that ends a record.
@@ -28,7 +28,7 @@ impl<'a> LineScanner<'a> {
         let follows_record = self.last_line().is_some_and(|line| line.keyword() == "$$$$$");
         let may_be_data = |line: TextLine| names_data(line) || (has_value(line) && !follows_record);
         while let Some(line) = self.next_line_if(|line| line.keyword() != keyword && !may_be_data(line)) {
-            self.forms.add(LenientForm::OutsideLine, line.number);
+            self.forms.add(AcceptedDeviation::OutsideLine, line.number);
         }
     }
 
@@ -75,7 +75,7 @@ impl<'a> LineScanner<'a> {
             Ok(value) if is_shifted => {
                 let lmgc90_value = lmgc90_real(line.columns(time_column, time_column + REAL_WIDTH - 1)).ok();
                 self.expect_same_number(line, "time", value, lmgc90_value);
-                self.forms.add(LenientForm::ShiftedHead, line.number);
+                self.forms.add(AcceptedDeviation::ShiftedHead, line.number);
                 value
             }
             _ => self.read_real(line, time_column, "time"),

@@ -31,7 +31,7 @@ use std::path::Path;
 use crate::error::{Fault, Faults};
 use crate::names::number_text;
 pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
-pub use forms::{LenientForm, LenientForms};
+pub use forms::{AcceptedDeviation, AcceptedDeviations};
 pub use numbers::{
     NumberError, RealText, format_d14, format_e14, format_integer, format_long14, fortran_real, free_real,
 };
@@ -218,7 +218,7 @@ pub struct LineScanner<'a> {
     object: String,
     faults: Faults,
     /// Forms that are read although they deviate.
-    forms: LenientForms,
+    forms: AcceptedDeviations,
     /// Numbers of the lines with a comment that does not begin in column 1.
     indented_comments: BTreeSet<usize>,
 }
@@ -235,8 +235,8 @@ impl<'a> LineScanner<'a> {
             part.lines().filter(|line| line.first_letter().is_some()).partition(|line| line.is_comment());
         let indented = comments.iter().filter(|line| !line.text.starts_with(['!', '#'])).map(|line| line.number);
         let indented_comments: BTreeSet<usize> = indented.collect();
-        let mut forms = LenientForms::default();
-        indented_comments.iter().for_each(|&line| forms.add(LenientForm::IndentedComment, line));
+        let mut forms = AcceptedDeviations::default();
+        indented_comments.iter().for_each(|&line| forms.add(AcceptedDeviation::IndentedComment, line));
         let last = lines.last().map_or(1, |line| line.number);
         let (object, faults) = ("file".into(), Faults::default());
         LineScanner { path, lines, next: 0, last, object, faults, forms, indented_comments }
@@ -260,7 +260,7 @@ impl<'a> LineScanner<'a> {
     }
 
     /// Counts a form that is read although it deviates.
-    pub fn add_form(&mut self, form: LenientForm, line: usize) {
+    pub fn add_form(&mut self, form: AcceptedDeviation, line: usize) {
         self.forms.add(form, line);
     }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::{AsciiText, LenientForms, LineScanner, TextPart};
+use super::{AcceptedDeviations, AsciiText, LineScanner, TextPart};
 use crate::error::Faults;
 
 /// Smallest size of a part of a text, bytes, which then ends with its record: enough to hide the cost of a task.
@@ -105,7 +105,7 @@ fn read_blocks<T: Send>(
     keyword: &str,
     block_size: usize,
     read: &(impl Fn(&mut LineScanner, usize) -> T + Sync),
-) -> Option<Vec<(T, LenientForms)>> {
+) -> Option<Vec<(T, AcceptedDeviations)>> {
     let begin = format!("\n${keyword}");
     let mut file = File::open(path).ok()?;
     let (mut block, mut before, mut values) = (Vec::new(), TextCounts::default(), Vec::new());
@@ -132,7 +132,7 @@ fn read_parts<T: Send>(
     path: &Path,
     parts: &[TextPart],
     read: &(impl Fn(&mut LineScanner, usize) -> T + Sync),
-) -> Option<Vec<(T, LenientForms)>> {
+) -> Option<Vec<(T, AcceptedDeviations)>> {
     let read_part = |part: &TextPart| {
         let scan = &mut LineScanner::from_part(path, *part);
         let value = read(scan, part.records_before);
@@ -145,8 +145,8 @@ fn read_parts<T: Send>(
 }
 
 /// Values of all parts of a file, and its notices.
-fn joined_parts<T>(path: &Path, parts: Vec<(T, LenientForms)>) -> (Vec<T>, Vec<String>) {
-    let mut forms = LenientForms::default();
+fn joined_parts<T>(path: &Path, parts: Vec<(T, AcceptedDeviations)>) -> (Vec<T>, Vec<String>) {
+    let mut forms = AcceptedDeviations::default();
     let values = parts.into_iter().map(|(value, part_forms)| {
         forms.append(part_forms);
         value

@@ -140,7 +140,7 @@ fn impact_files(run: &ImpactRun, states: &[ImpactState], last: &ImpactState) -> 
     let beta_row = |state: &ImpactState| {
         let enhancement = run.enhancement(state);
         let mut row = vec![state.time, enhancement.along_direction, enhancement.along_normal, enhancement.along_ejecta];
-        row.extend(enhancement.vector.iter().chain(&state.gained).chain(&state.carried));
+        row.extend(enhancement.vector.iter().chain(&state.momentum_gained).chain(&state.momentum_carried));
         row.push(state.target_mass);
         let [ejecta, escaping] = [ejecta_sums(state.ejecta.iter()), ejecta_sums(state.ejecta.iter().filter(escapes))];
         let escaping = if run.escape_speed.is_nan() { [f64::NAN; 2] } else { escaping };

@@ -225,9 +225,9 @@ pub struct ImpactState {
     /// Mass of the target, kg, with the projectile if this stays.
     pub target_mass: f64,
     /// Momentum that the target has gained, kg m/s.
-    pub gained: Vec3,
+    pub momentum_gained: Vec3,
     /// Momentum that ejecta and projectile carry away, kg m/s.
-    pub carried: Vec3,
+    pub momentum_carried: Vec3,
     /// Ejecta, by number.
     pub ejecta: Vec<EjectaGrain>,
     /// Crater; None if there is no surface at the point of the impact.
@@ -426,37 +426,48 @@ impl ImpactRun {
         let is_projectile = |grain: &EjectaGrain| self.projectile.contains(&grain.body);
         let time = frame.meta.time;
         if !self.is_bed() {
-            let (gained, carried) =
+            let (momentum_gained, momentum_carried) =
                 (target_states().map(momentum).sum(), outside.iter().map(|body| momentum(&self.seen[body])).sum());
             let ejecta = launched.into_iter().filter(|grain| !is_projectile(grain)).collect();
-            return ImpactState { time, target_mass, gained, carried, ejecta, crater };
+            return ImpactState { time, target_mass, momentum_gained, momentum_carried, ejecta, crater };
         }
         let thrown = launched.into_iter().filter(|grain| self.is_struck || !is_projectile(grain)).collect::<Vec<_>>();
         self.launched.extend(thrown.into_iter().map(|grain| (grain.body, grain)));
         let leaves = |grain: &&EjectaGrain| self.escape_speed.is_nan() || grain.speed() >= self.escape_speed;
-        let mut carried: Vec3 =
+        let mut momentum_carried: Vec3 =
             self.launched.values().filter(leaves).map(|grain| grain.mass * grain.launch_velocity).sum();
         if self.axis.is_none() {
-            carried = Vec3::repeat(f64::NAN);
+            momentum_carried = Vec3::repeat(f64::NAN);
         } else if !self.is_struck {
-            carried += self.incident;
+            momentum_carried += self.incident;
         }
         let ejecta = self.launched.values().filter(|grain| !self.projectile.contains(&grain.body)).copied().collect();
-        ImpactState { time, target_mass, gained: self.incident - carried, carried, ejecta, crater }
+        ImpactState {
+            time,
+            target_mass,
+            momentum_gained: self.incident - momentum_carried,
+            momentum_carried,
+            ejecta,
+            crater,
+        }
     }
 
     /// Returns the ratios of the momentum that the target has gained to that of the projectile.
     pub fn enhancement(&self, state: &ImpactState) -> MomentumEnhancement {
         let ratio = |axis: &Vec3| {
-            let (gained, incident) = (state.gained.dot(axis), self.incident.dot(axis));
-            if incident.abs() > MIN_ALONG_SHARE * self.incident.norm() { gained / incident } else { f64::NAN }
+            let (momentum_gained, incident) = (state.momentum_gained.dot(axis), self.incident.dot(axis));
+            if incident.abs() > MIN_ALONG_SHARE * self.incident.norm() { momentum_gained / incident } else { f64::NAN }
         };
-        let carried = state.carried.norm_squared();
+        let momentum_carried = state.momentum_carried.norm_squared();
         MomentumEnhancement {
             along_direction: ratio(&self.direction),
             along_normal: self.axis.map_or(f64::NAN, |axis| ratio(&axis.normal)),
-            along_ejecta: if carried == 0.0 { 1.0 } else { 1.0 - carried / self.incident.dot(&state.carried) },
-            vector: state.gained / self.incident.norm(),
+            along_ejecta: if momentum_carried == 0.0 {
+                1.0
+            } else {
+                1.0 - momentum_carried / self.incident.dot(&state.momentum_carried)
+            },
+            vector: state.momentum_gained / self.incident.norm(),
         }
     }
 
@@ -676,12 +687,12 @@ mod tests {
         set_velocity(&mut scene, 125, [drift[0], drift[1], drift[2] - 8.0]);
         let mut run = ImpactRun::new(&scene.frame(), &options("126")).unwrap();
         let before = run.next_state(&scene.frame());
-        assert!(before.gained.norm() < 1e-12 * run.incident.norm()); // rounding of sums
+        assert!(before.momentum_gained.norm() < 1e-12 * run.incident.norm()); // rounding of sums
         (0..125).for_each(|row| set_velocity(&mut scene, row, [drift[0], drift[1], drift[2] + target]));
         set_velocity(&mut scene, 125, [drift[0], drift[1], drift[2] + shot]);
         scene.snapshot.bodies.body_x[125][2] = height;
         let after = run.next_state(&scene.frame());
-        let momentum = run.incident - after.gained - after.carried;
+        let momentum = run.incident - after.momentum_gained - after.momentum_carried;
         // Rounding of sums over a hundred grains.
         assert!(momentum.norm() < 1e-12 * run.incident.norm(), "{momentum:?}");
         run.enhancement(&after)
@@ -846,7 +857,10 @@ mod tests {
         presence[3] = 2;
         scene.snapshot.presence = Some(cd_formats::snapshot::PresenceArrays { body_presence: presence });
         let removed = run.next_state(&scene.frame());
-        assert_eq!((removed.carried, removed.ejecta.len(), removed.target_mass), (seen.carried, 1, seen.target_mass));
+        assert_eq!(
+            (removed.momentum_carried, removed.ejecta.len(), removed.target_mass),
+            (seen.momentum_carried, 1, seen.target_mass)
+        );
     }
 
     #[test]
