@@ -205,7 +205,7 @@ impl WallMesh {
     }
 
     /// Reads an OBJ file of triangles, as cd-pre writes it. Errors: all faults of the
-    /// file; of the surface the first [`MAX_PRINTED_FAULTS`], and the number of others.
+    /// file; of the surface the first five, and the number of others.
     pub fn read(path: &Path, sides: MeshSides) -> Result<WallMesh, Faults> {
         let text = atomic::read_text(path)?;
         let mut faults = Faults::default();
