@@ -9,5 +9,6 @@ help:
 	    /^## / { text = text (text == "" ? "" : " ") substr($$0, 4); next } \
 	    text != "" && match($$0, /^[A-Za-z_][A-Za-z_ -]*(\?=|:)/) { \
 	        name = $$0; sub(/ *\?= */, "=", name); sub(/[:$$].*/, "", name); key = name; sub(/=.*/, "=", key); \
+	        if (name ~ /=.* /) { sub(/=/, "=\047", name); name = name "\047" } \
 	        if (!seen[key]++) printf "  make %-23s%s%s\n", name, (length(name) > 22 ? sprintf("\n%31s", "") : " "), text } \
 	    { text = "" }' $(wildcard *.ron) $(MAKEFILE_LIST)

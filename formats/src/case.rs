@@ -47,7 +47,7 @@ pub fn case_fault(path: &Path, part: CaseFolder, program: &str) -> Option<Fault>
     }
     if let Some(name) = own_part {
         let article = if name == "OUTBOX" { "an" } else { "a" };
-        return fault("folder", format!("is {article} {name}"), "expected the folder that it is in".into());
+        return fault("folder", format!("is {article} {name}"), "expected the case folder, which contains it".into());
     }
     match part {
         CaseFolder::Datbox if scene.is_file() => {
@@ -146,9 +146,9 @@ mod tests {
         fs::create_dir(case.join("DATBOX")).unwrap();
         fs::write(case.join("DATBOX/BODIES.DAT"), "").unwrap();
         assert_eq!(outbox("scene.ron"), "CASE/scene.ron: file: is a scene, not a case; run cd-solve CASE first");
-        assert_eq!(outbox("DATBOX"), "CASE/DATBOX: folder: is a DATBOX; expected the folder that it is in");
+        assert_eq!(outbox("DATBOX"), "CASE/DATBOX: folder: is a DATBOX; expected the case folder, which contains it");
         fs::create_dir(case.join("OUTBOX")).unwrap();
-        assert_eq!(outbox("OUTBOX"), "CASE/OUTBOX: folder: is an OUTBOX; expected the folder that it is in");
+        assert_eq!(outbox("OUTBOX"), "CASE/OUTBOX: folder: is an OUTBOX; expected the case folder, which contains it");
         fs::write(case.join("OUTBOX/snapshot-000001.npz"), "").unwrap();
         assert_eq!(outbox("scene.ron"), "CASE/scene.ron: file: is a scene, not a case; did you mean CASE?");
         let snapshot = "CASE/OUTBOX/snapshot-000001.npz: file: is a snapshot, not a case; did you mean CASE?";

@@ -55,7 +55,7 @@ fn what_is_no_case_says_what_to_do() {
     fs::create_dir(folder.path().join("OUTBOX")).unwrap();
     fs::write(folder.path().join("OUTBOX/snapshot-000003.npz"), "").unwrap();
     assert_eq!(said("scene.ron"), "cd-post: scene.ron: file: is a scene, not a case; did you mean .?\n");
-    assert_eq!(said("OUTBOX"), "cd-post: OUTBOX: folder: is an OUTBOX; expected the folder that it is in\n");
+    assert_eq!(said("OUTBOX"), "cd-post: OUTBOX: folder: is an OUTBOX; expected the case folder, which contains it\n");
     let snapshot = "OUTBOX/snapshot-000003.npz";
     assert_eq!(said(snapshot), format!("cd-post: {snapshot}: file: is a snapshot, not a case; did you mean .?\n"));
     let absent = "folder: there is no such folder; expected the folder of a case";

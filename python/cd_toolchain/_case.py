@@ -132,7 +132,7 @@ class Case:
         if not self.path.is_dir():
             raise CdError(f"{self.path}: folder: there is no such folder; expected the folder of a case")
         if self.path.name in ("OUTBOX", "DATBOX", "POSTPRO", "DISPLAY") or snapshot_paths(self.path):
-            raise CdError(f"{self.path}: folder: is a part of a case; expected the folder that it is in")
+            raise CdError(f"{self.path}: folder: is a part of a case; expected the case folder, which contains it")
 
     def __repr__(self) -> str:
         return f"Case({str(self.path)!r})"

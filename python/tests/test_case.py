@@ -200,7 +200,7 @@ class RejectedFileTest(CaseTest):
             (self.folder / "none", "there is no such folder"),
             (self.file, "Snapshot.path. reads a single snapshot"),
             (self.case.path / "scene.ron", "is not a folder"),
-            (self.case.path / "OUTBOX", "expected the folder that it is in"),
+            (self.case.path / "OUTBOX", "expected the case folder, which contains it"),
             (self.folder, "is a part of a case"),
         ]:
             with self.assertRaisesRegex(CdError, message):
