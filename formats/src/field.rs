@@ -156,19 +156,39 @@ impl FieldModel {
                 let potential = -strength / distance * (1.0 - 0.5 * e * (3.0 * s * s - 1.0));
                 ((r + flattening) * factor, potential)
             }
-            FieldModel::Polyhedron { strength, shape, position, rotation: None } => {
-                let (attraction, potential) = shape.attraction_and_potential(&(x - position));
-                (attraction * *strength, potential * strength)
-            }
-            FieldModel::Polyhedron { strength, shape, position, rotation: Some(rotation) } => {
-                let point = rotation.inverse_transform_vector(&(x - position));
-                (rotation * shape.attraction_and_potential(&point).0 * *strength, 0.0)
-            }
+            FieldModel::Polyhedron { .. } => self.accelerations_and_potentials(std::slice::from_ref(x))[0],
             FieldModel::RotatingAxes { rate, centre } => {
                 let frame_velocity = rate.cross(&(x - centre));
                 (-rate.cross(&frame_velocity), -0.5 * frame_velocity.norm_squared())
             }
         }
+    }
+
+    /// [`acceleration_and_potential`](Self::acceleration_and_potential) at each of the points `x`, the same numbers in less time
+    /// for polyhedra.
+    pub fn accelerations_and_potentials(&self, x: &[Vec3]) -> Vec<(Vec3, f64)> {
+        let FieldModel::Polyhedron { strength, shape, position, rotation } = self else {
+            return x.iter().map(|x| self.acceleration_and_potential(x)).collect();
+        };
+        let to_shape = |x: &Vec3| match rotation {
+            Some(rotation) => rotation.inverse_transform_vector(&(x - position)),
+            None => x - position,
+        };
+        let points: Vec<Vec3> = x.iter().map(to_shape).collect();
+        let mut values = shape.attractions_and_potentials(&points);
+        for (attraction, potential) in &mut values {
+            (*attraction, *potential) = match rotation {
+                Some(rotation) => (rotation * *attraction * *strength, 0.0),
+                None => (*attraction * *strength, *potential * strength),
+            };
+        }
+        values
+    }
+
+    /// Whether the field is that of a polyhedron, for which
+    /// [`accelerations_and_potentials`](Self::accelerations_and_potentials) takes less time than a point at a time.
+    pub fn is_polyhedron(&self) -> bool {
+        matches!(self, FieldModel::Polyhedron { .. })
     }
 
     /// Whether the field is that of a moving or turning primary, whose work is external work.

@@ -63,6 +63,8 @@ struct FieldEffect {
     impulse: Vec3,
     /// Angular impulse about the origin by uniform gravity and outer fields, N m s.
     angular_impulse: Vec3,
+    /// Force of moving and turning primaries, N.
+    moving_force: Vec3,
 }
 
 /// Free velocities: V + h F/m with all forces in the contact configuration; imposed velocities at the step's end.
@@ -72,7 +74,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     let near_field = near_field(scene, &q_c.x, &q_c.q);
     self_gravity.energy += near_field.energy;
     let outside = state.external_fields(scene, (1.0 - scene.options.theta) * h);
-    let moving: Vec<FieldModel> = outside.iter().filter(|field| field.is_moving()).cloned().collect();
+    let any_is_moving = outside.iter().any(FieldModel::is_moving);
     let mut free = FreeMotion {
         v: state.v.clone(),
         w: q_c.w.clone(),
@@ -85,45 +87,53 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         primary_impulse: Vec3::zeros(),
         reaction_work: 0.0,
     };
-    let effect_on = |(k, &i): (usize, &BodyId)| {
+    // `field`: external field at the body, if it is known.
+    let effect_on = |k: usize, i: BodyId, field: Option<FieldValue>| {
         let i = i.index();
         let (mass, x) = (scene.bodies[i].mass, q_c.x[i]);
-        let (acceleration, potential) = external_field(&outside, state.gravity, &x);
+        let field = field.unwrap_or_else(|| external_field(&outside, state.gravity, &x));
         let attraction = self_gravity.acceleration.get(k).copied().unwrap_or_default();
-        let impulse = acceleration * (mass * h);
+        let impulse = field.acceleration * (mass * h);
         FieldEffect {
-            velocity_change: (acceleration + attraction) * h,
-            potential_energy: mass * potential,
+            velocity_change: (field.acceleration + attraction) * h,
+            potential_energy: mass * field.potential,
             impulse,
             angular_impulse: x.cross(&impulse),
+            moving_force: field.moving_acceleration * mass,
         }
     };
     let mut effects: Vec<FieldEffect> = Vec::new();
     for first in (0..scene.free.len()).step_by(BODIES_AT_ONCE) {
         let bodies = &scene.free[first..scene.free.len().min(first + BODIES_AT_ONCE)];
+        let fields = polyhedron_fields(&outside, state.gravity, &q_c.x, bodies);
         let effects_on = bodies.par_iter().enumerate().with_min_len(PAR_MIN_LEN);
-        effects_on.map(|(k, i)| effect_on((first + k, i))).collect_into_vec(&mut effects);
+        effects_on.map(|(k, &i)| effect_on(first + k, i, fields.get(k).copied())).collect_into_vec(&mut effects);
         // Sums in the order of the bodies.
-        for (i, effect) in bodies.iter().zip(&effects) {
-            free.v[i.index()] += effect.velocity_change;
+        for (&body, effect) in bodies.iter().zip(&effects) {
+            let i = body.index();
+            free.v[i] += effect.velocity_change;
             free.potential += effect.potential_energy;
             free.impulse += effect.impulse;
             free.angular_impulse += effect.angular_impulse;
+            if any_is_moving {
+                free.loads.push(BodyLoad { body, force: effect.moving_force, torque: Vec3::zeros() });
+            }
         }
     }
     free.potential += tidal_energy(scene, &outside, &q_c.q);
     for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i.index()].is_driven_in_part()) {
         let i = body.index();
-        let (acceleration, potential) = external_field(&outside, state.gravity, &q_c.x[i]);
-        free.v[i] += acceleration * h;
+        let field = external_field(&outside, state.gravity, &q_c.x[i]);
+        free.v[i] += field.acceleration * h;
         if !scene.walls[i] {
-            free.potential += scene.bodies[i].mass * potential;
+            free.potential += scene.bodies[i].mass * field.potential;
         }
     }
-    if !moving.is_empty() {
-        free.loads.extend(scene.free.iter().chain(&scene.held_grains).map(|&body| {
-            let (acceleration, _) = external_field(&moving, Vec3::zeros(), &q_c.x[body.index()]);
-            BodyLoad { body, force: acceleration * scene.bodies[body.index()].mass, torque: Vec3::zeros() }
+    if any_is_moving {
+        free.loads.extend(scene.held_grains.iter().map(|&body| {
+            let field = external_field(&outside, state.gravity, &q_c.x[body.index()]);
+            let force = field.moving_acceleration * scene.bodies[body.index()].mass;
+            BodyLoad { body, force, torque: Vec3::zeros() }
         }));
         free.primary_impulse = free.loads.iter().map(|load| load.force * h).sum();
     }
@@ -161,21 +171,62 @@ fn reaction_work(scene: &Scene, state: &State, q_c: &ContactConfiguration, free:
     let (body, theta) = (&scene.bodies[i], scene.options.theta);
     let (before, after) = (body.imposed_part(&state.v[i]), body.imposed_part(&free.v[i]));
     let outside = state.external_fields(scene, (1.0 - theta) * q_c.h);
-    let (acceleration, _) = external_field(&outside, state.gravity, &q_c.x[i]);
-    let field_work = acceleration.dot(&(before * (1.0 - theta) + after * theta)) * q_c.h;
+    let field = external_field(&outside, state.gravity, &q_c.x[i]);
+    let field_work = field.acceleration.dot(&(before * (1.0 - theta) + after * theta)) * q_c.h;
     let q = &q_c.q[i];
     let rotational = |w: &Vec3| body.rotational_energy(q, &body.imposed_rotation_part(q, w));
     body.mass * (0.5 * (after.norm_squared() - before.norm_squared()) - field_work) + rotational(&free.w[i])
         - rotational(&q_c.w[i])
 }
 
-/// Acceleration (m/s²) and potential (J/kg) at `x` by uniform gravity and outer fields on a body at rest.
-fn external_field(outside: &[FieldModel], gravity: Vec3, x: &Vec3) -> (Vec3, f64) {
-    let uniform = (gravity, -gravity.dot(x));
-    outside
-        .iter()
-        .map(|field| field.acceleration_and_potential(x))
-        .fold(uniform, |sum, term| (sum.0 + term.0, sum.1 + term.1))
+/// Uniform gravity and outer fields at a point, on a body at rest.
+#[derive(Clone, Copy)]
+struct FieldValue {
+    /// m/s²
+    acceleration: Vec3,
+    /// J/kg
+    potential: f64,
+    /// Part of the acceleration by moving and turning primaries, m/s².
+    moving_acceleration: Vec3,
+}
+
+impl FieldValue {
+    /// Uniform gravity at `x`.
+    fn uniform(gravity: Vec3, x: &Vec3) -> FieldValue {
+        FieldValue { acceleration: gravity, potential: -gravity.dot(x), moving_acceleration: Vec3::zeros() }
+    }
+
+    /// Adds the acceleration and potential of `field` at the point.
+    fn add(&mut self, field: &FieldModel, (acceleration, potential): (Vec3, f64)) {
+        self.acceleration += acceleration;
+        self.potential += potential;
+        if field.is_moving() {
+            self.moving_acceleration += acceleration;
+        }
+    }
+}
+
+/// Uniform gravity and outer fields at `x`.
+fn external_field(outside: &[FieldModel], gravity: Vec3, x: &Vec3) -> FieldValue {
+    let mut value = FieldValue::uniform(gravity, x);
+    outside.iter().for_each(|field| value.add(field, field.acceleration_and_potential(x)));
+    value
+}
+
+/// [`external_field`] at each of the bodies, if one of the fields is that of a polyhedron, of which many points at once take
+/// less time; else nothing.
+fn polyhedron_fields(outside: &[FieldModel], gravity: Vec3, x: &[Vec3], bodies: &[BodyId]) -> Vec<FieldValue> {
+    if !outside.iter().any(FieldModel::is_polyhedron) {
+        return Vec::new();
+    }
+    let points: Vec<Vec3> = bodies.iter().map(|i| x[i.index()]).collect();
+    let mut values: Vec<FieldValue> = points.iter().map(|x| FieldValue::uniform(gravity, x)).collect();
+    for field in outside {
+        for (value, term) in values.iter_mut().zip(field.accelerations_and_potentials(&points)) {
+            value.add(field, term);
+        }
+    }
+    values
 }
 
 /// Returns u with u + k x u = b.
@@ -245,7 +296,7 @@ fn contact_velocity_changes(scene: &Scene, state: &State, h: f64) -> Vec<Vec3> {
 pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     let (positions, masses) = point_masses(scene, x);
     let outside = state.external_fields(scene, 0.0);
-    let energy_at = |x: &Vec3, mass: f64| mass * external_field(&outside, state.gravity, x).1;
+    let energy_at = |x: &Vec3, mass: f64| mass * external_field(&outside, state.gravity, x).potential;
     let outer_energy: f64 = positions.iter().zip(&masses).map(|(x, m)| energy_at(x, *m)).sum();
     let held_energy: f64 =
         scene.held_grains.iter().map(|i| energy_at(&x[i.index()], scene.bodies[i.index()].mass)).sum();

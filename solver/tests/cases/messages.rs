@@ -66,7 +66,10 @@ fn what_is_no_case_says_what_to_run() {
     assert!(said("notes.txt").starts_with("cd-solve: CASE/notes.txt: file: is not a folder; expected the folder"));
     fs::create_dir(case.join("DATBOX")).unwrap();
     fs::write(case.join("DATBOX/BODIES.DAT"), "").unwrap();
-    assert_eq!(said("DATBOX"), "cd-solve: CASE/DATBOX: folder: is a DATBOX; expected the case folder, which contains it\n");
+    assert_eq!(
+        said("DATBOX"),
+        "cd-solve: CASE/DATBOX: folder: is a DATBOX; expected the case folder, which contains it\n"
+    );
     let (code, _, text) = ran(case, case, &["resume"]);
     assert_eq!((code, text.as_str()), (2, "cd-solve: resume: is not expected here; did you mean --resume?\n"));
 }
