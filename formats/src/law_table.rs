@@ -38,6 +38,7 @@ pub enum ParameterQuantity {
     Friction,
     Force,
     Length,
+    Speed,
     Stress,
     Stiffness,
     Viscosity,
@@ -56,6 +57,7 @@ impl ParameterQuantity {
             ParameterQuantity::Number | ParameterQuantity::Friction => "",
             ParameterQuantity::Force => "N",
             ParameterQuantity::Length => "m",
+            ParameterQuantity::Speed => "m/s",
             ParameterQuantity::Stress => "Pa",
             ParameterQuantity::Stiffness => "N/m",
             ParameterQuantity::Viscosity => "N s/m",
@@ -140,6 +142,12 @@ law_parameters! {
     NormalRestitution: "rstn", "normal_restitution", "e_n", Number, ZeroToOne, NonNegative;
     /// Newton's coefficient of restitution in the tangent plane.
     TangentialRestitution: "rstt", "tangential_restitution", "e_t", Number, ZeroToOne, Finite;
+    /// Speed of approach above which the restitution falls.
+    RestitutionSpeed: "vrst", "restitution_speed", "v_e", Speed, Positive, NonNegative;
+    /// Power of the ratio of speeds by which it falls.
+    RestitutionExponent: "prst", "restitution_exponent", "p", Number, NonNegative, NonNegative;
+    /// Speed of sliding at which friction has fallen from the static coefficient by 63 % of the way to the dynamic one.
+    FrictionSpeed: "vfri", "friction_speed", "v_f", Speed, Positive, NonNegative;
     /// Attraction at each point of contact.
     LiquidCohesion: "cohn", "cohesion", "cohesion", Force, NonNegative, NonNegative;
     /// Second cohesion of LMGC90's laws with a liquid, which its 3D solver does not use. Not in scenes; written as 0.
@@ -225,6 +233,7 @@ impl LawParameter {
             ParameterQuantity::Number | ParameterQuantity::Friction => "finite number",
             ParameterQuantity::Force => "force",
             ParameterQuantity::Length => "distance",
+            ParameterQuantity::Speed => "speed",
             ParameterQuantity::Stress => "stress",
             ParameterQuantity::Stiffness => "stiffness",
             ParameterQuantity::Viscosity | ParameterQuantity::DamageViscosity | ParameterQuantity::StrainViscosity => {
@@ -520,6 +529,7 @@ macro_rules! contact_laws {
     (computed { $($(#[doc = $help:literal])+ $law:ident $label:literal {
         lines: [$([$($field:ident: $parameter:ident),* $(; $unused:ident)?]),*],
         friction: $friction:expr
+        $(, friction_speed: $friction_speed:expr)?
         $(, cohesion: $cohesion:expr)?
         $(, rolling: $rolling:expr)?
         $(, remembers: $memory:ident)?
@@ -576,6 +586,12 @@ macro_rules! contact_laws {
                 match *self { $(LawModel::$law { $($($field,)*)* } => $friction,)+ }
             }
 
+            /// Speed of sliding over which friction falls from the static to the dynamic coefficient, m/s, if it does.
+            #[allow(unused_variables)]
+            pub fn friction_speed(&self) -> Option<f64> {
+                match *self { $(LawModel::$law { $($($field,)*)* } => None$(.or(Some($friction_speed)))?,)+ }
+            }
+
             /// Attraction or bond, if the law has one.
             #[allow(unused_variables)]
             pub fn cohesion(&self) -> Option<LawCohesion> {
@@ -603,7 +619,7 @@ macro_rules! contact_laws {
 }
 
 // A row: lines of TACT_BEHAV.DAT, `field: parameter` where the field has the name of the parameter, behind `;` one that is
-// not used; then the friction, cohesion and rolling friction, made of the fields; memory of its own (`remembers`), the
+// not used; then the friction, the speed over which it falls, cohesion and rolling friction, made of the fields; memory of its own (`remembers`), the
 // internal variables in Vloc_Rloc files (`internals`), and the elastic interface, made of the fields, next to which the contact
 // acts (`interface`).
 contact_laws! {
@@ -775,6 +791,23 @@ contact_laws! {
                 [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
             ],
             friction: FrictionPair { static_friction, dynamic_friction }
+        }
+        /// as `IQS_DS_CLB`, with friction that falls with the speed of sliding
+        IqsVelDsClb "IQS_VEL_DS_CLB" {
+            lines: [[dynamic_friction: DynamicFriction, static_friction: StaticFriction], [friction_speed: FrictionSpeed]],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            friction_speed: friction_speed
+        }
+        /// as `RST_DS_CLB`, with restitution that falls with the speed of approach and friction that falls with the speed of sliding
+        RstVelDsClb "RST_VEL_DS_CLB" {
+            lines: [
+                [normal_restitution: NormalRestitution, tangential_restitution: TangentialRestitution],
+                [restitution_speed: RestitutionSpeed, restitution_exponent: RestitutionExponent],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [friction_speed: FrictionSpeed]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            friction_speed: friction_speed
         }
         /// as `RST_DS_CLB`, with attraction by the constant force `cohesion` while the gap is at most `range`
         RstWetClb "RST_WET_CLB" {
@@ -990,7 +1023,8 @@ impl LawModel {
             Some(LawCohesion::Liquid { remembers: true, .. }) => Some(ContactMemory::LiquidBridge),
             Some(LawCohesion::Bond { .. }) => Some(ContactMemory::Bond),
         };
-        let sliding = two_coefficients.then_some(ContactMemory::Sliding);
+        let chooses = two_coefficients && self.friction_speed().is_none();
+        let sliding = chooses.then_some(ContactMemory::Sliding);
         let moment = self.has_moments().then_some(ContactMemory::Moment);
         [sliding, cohesion, moment, self.named_memory()].into_iter().flatten().collect()
     }

@@ -15,6 +15,7 @@ const OPTIONS: &str = "docs/reference/options.md";
 const LAWS: &str = "docs/reference/laws.md";
 const PAIR_LAWS: &str = "docs/reference/laws-pairs.md";
 const SPRING_LAWS: &str = "docs/reference/laws-springs.md";
+const SPEED_LAWS: &str = "docs/reference/laws-speed.md";
 const SNAPSHOTS: &str = "docs/reference/files/snapshots.md";
 
 fn page_of(name: &str) -> (PathBuf, String) {
@@ -214,7 +215,7 @@ fn kept_state(model: &LawModel) -> String {
 #[test]
 fn laws_are_those_of_the_table() {
     let (path, text) = page_of(LAWS);
-    let text = text + &page_of(PAIR_LAWS).1 + &page_of(SPRING_LAWS).1;
+    let text = text + &page_of(PAIR_LAWS).1 + &page_of(SPRING_LAWS).1 + &page_of(SPEED_LAWS).1;
     let laws = computed_laws();
     let (mut documented, mut labels) = (names_of_sections(&text), laws.iter().map(|law| law.label).collect::<Vec<_>>());
     documented.sort_unstable();

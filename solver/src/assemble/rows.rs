@@ -424,7 +424,19 @@ impl AssemblyContext<'_> {
         let bonded = bond_state.bond.is_some();
         let slid_before = previous.is_some_and(|old| old.status == ContactStatus::Slide);
         let gap = contact.gap - memory.reference_gap;
-        let input = LawInput { gap, h, closing_time, gap_forecast, u_n, radius, slid_before, bonded, pair_attraction };
+        let sliding_speed = law.friction_speed.map_or(0.0, |_| (u_before - n * n.dot(&u_before)).norm());
+        let input = LawInput {
+            gap,
+            h,
+            closing_time,
+            gap_forecast,
+            u_n,
+            sliding_speed,
+            radius,
+            slid_before,
+            bonded,
+            pair_attraction,
+        };
         // Bodies are held together within the alert distance, as in LMGC90.
         let is_coupled = law.is_coupled() && self.alert_distance(contact).is_some_and(|alert| contact.gap <= alert);
         let shift = law.contact_shift(&input).filter(|_| is_coupled || !law.is_coupled());
@@ -532,6 +544,7 @@ impl AssemblyContext<'_> {
                 closing_time,
                 gap_forecast: self.gap_forecast(contact, law, closing_time, 0.0),
                 u_n: row.u_before.x,
+                sliding_speed: 0.0,
                 radius: self.contact_radius(contact),
                 slid_before: false,
                 bonded: row.bond.is_some(),

@@ -257,6 +257,7 @@ mod tests {
                 closing_time: 0.5,
                 gap_forecast: GapForecast::Due,
                 u_n: -1.0,
+                sliding_speed: 0.0,
                 radius: 2.0,
                 slid_before: false,
                 bonded: true,

@@ -255,6 +255,50 @@ fn friction_is_dynamic_from_the_first_step_in_which_a_contact_slides() {
     }
 }
 
+#[test]
+fn restitution_falls_with_the_speed_of_approach() {
+    // e = 0.8 up to 1 m/s and 0.8 v^(-1/2) above.
+    for (v, e) in [(0.5, 0.8), (1.0, 0.8), (4.0, 0.4), (16.0, 0.2)] {
+        let mut case = Case::new();
+        case.law("RST_VEL_DS_CLB", &[0.8, 0.0, 1.0, 0.5, 0.3, 0.3, 1.0]);
+        case.options.dt = 1.0 / 1024.0;
+        case.floor();
+        let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
+        case.launch(ball, [0.0, 0.0, -v], [0.0; 3]);
+        // Rounding.
+        near(case.run(1).v(ball), [0.0, 0.0, e * v], 1e-15 * v);
+    }
+}
+
+/// The contact of a ball slides with s' = -7/2 g μ(s), whose solution is s = v_f ln((e^(s_0/v_f) + D) e^(-7/2 g μ_d t/v_f) - D), D =
+/// (μ_s - μ_d)/μ_d.
+#[test]
+fn friction_falls_with_the_speed_of_sliding() {
+    const G: f64 = 8.0;
+    let (dynamic, still, speed, start) = (0.125, 0.5, 2.0, 4.0f64);
+    let error = |law: &str, before: &[f64], steps: u64| {
+        let mut case = Case::new();
+        case.law(law, &[before, &[dynamic, still, speed]].concat());
+        case.gravity = [0.0, 0.0, -G];
+        case.options.dt = 0.5 / steps as f64;
+        case.floor();
+        let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
+        case.launch(ball, [start, 0.0, 0.0], [0.0; 3]);
+        let end = case.run(steps);
+        let sliding = end.v(ball) + end.w(ball).cross(&(Vec3::z() * -0.5));
+        let rest = (still - dynamic) / dynamic;
+        let decay = (-3.5 * G * dynamic * 0.5 / speed).exp();
+        let expected = speed * (((start / speed).exp() + rest) * decay - rest).ln();
+        assert!(expected > 0.5, "{expected}"); // it still slides
+        (sliding.x - expected).abs() / expected
+    };
+    for (law, before) in [("IQS_VEL_DS_CLB", &[][..]), ("RST_VEL_DS_CLB", &[0.0, 0.0, 1.0, 0.0])] {
+        let errors = [256, 512].map(|steps| error(law, before, steps));
+        // Friction of the beginning of a step: first order.
+        assert!((1.8..2.2).contains(&(errors[0] / errors[1])) && errors[1] < 0.01, "{law}: {errors:?}");
+    }
+}
+
 /// How a face shares its friction among its points is not determined: one at its limit says nothing of the others.
 #[test]
 fn a_face_has_the_static_friction_of_all_its_points_until_it_slides() {
