@@ -799,7 +799,7 @@ fn mean_side_distance(a: TangentVector, b: TangentVector, c: TangentVector) -> f
     let h = cross_product(from_a, side).abs() / l;
     let integral = |p: TangentVector| {
         let u = (p[0] * side[0] + p[1] * side[1]) / l;
-        let curved_part = if h > 0.0 { h * h * (u / h).asinh() } else { 0.0 };
+        let curved_part = if h > 0.0 { h * h * libm::asinh(u / h) } else { 0.0 };
         0.5 * (u * vector_length(p) + curved_part)
     };
     (integral(from_b) - integral(from_a)) / l

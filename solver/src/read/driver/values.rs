@@ -542,12 +542,12 @@ fn call_function(name: &str, arguments: &[ScriptValue]) -> Option<Evaluation> {
         ("sqrt", [_]) => Some(ScriptValue::Real(x()?.sqrt())).filter(|_| x() >= Some(0.0)),
         ("exp" | "log" | "sin" | "cos" | "tan" | "log10", [_]) => {
             let apply = match function {
-                "exp" => f64::exp,
-                "log" => f64::ln,
-                "sin" => f64::sin,
-                "cos" => f64::cos,
-                "tan" => f64::tan,
-                _ => f64::log10,
+                "exp" => libm::exp,
+                "log" => libm::log,
+                "sin" => libm::sin,
+                "cos" => libm::cos,
+                "tan" => libm::tan,
+                _ => libm::log10,
             };
             Some(ScriptValue::Real(apply(x()?))).filter(|value| value.number().is_some_and(f64::is_finite))
         }
