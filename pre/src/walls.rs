@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::drv_dof::{Evolution as FileFunction, table_text};
-use cd_formats::error::Fault;
 use cd_formats::report::FaultReport;
 use cd_formats::surface::MassProperties;
 use cd_formats::wall_mesh::{MeshSides, OrientedTriangles, WallMesh, oriented_triangles};
@@ -159,8 +158,7 @@ fn mesh_body(index: usize, wall: &SceneWall, folder: &Path, report: &mut FaultRe
         Ok(mesh) => mesh,
         Err(faults) => {
             for fault in faults.0.iter().take(MAX_PRINTED_FAULTS) {
-                let (found, expected) = fault.split_once("; ").unwrap_or((fault, "expected a surface of triangles"));
-                report.faults.push(Fault::new(&path, None, "surface", found, expected));
+                report.faults.push(fault.file_fault(&path));
             }
             return None;
         }

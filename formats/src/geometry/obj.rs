@@ -118,10 +118,7 @@ pub fn read_surface(path: &Path) -> Result<Surface, Faults> {
         return Err(Fault::new(path, None, "file", "polygons of other than three corners", expected).into());
     };
     Surface::new(&mesh.points, &triangles).map_err(|found| {
-        for fault in found.0 {
-            let (found, expected) = fault.split_once("; ").unwrap_or((&fault, "expected a closed surface"));
-            faults.push(Fault::new(path, None, "surface", found, expected));
-        }
+        found.0.iter().for_each(|fault| faults.push(fault.file_fault(path)));
         faults
     })
 }

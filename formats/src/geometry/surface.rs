@@ -1,9 +1,11 @@
 //! Closed triangulated surfaces of POLYR contactors: their faults, and the mass properties of their inside.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
+use crate::error::Fault;
 use crate::names::count_text;
 
 type Vec3 = Vector3<f64>;
@@ -31,13 +33,40 @@ const FLAT_TRIANGLE: f64 = 1e-14;
 /// Ratio of volume to area times extent, below which a surface encloses no volume; rounding leaves about 1e-16.
 const FLAT_BODY: f64 = 1e-12;
 
-/// Faults of a triangulated surface, each with the value that is expected; at least one.
+/// Fault of a triangulated surface.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SurfaceFaults(pub Vec<String>);
+pub struct SurfaceFault {
+    /// Element with the fault and the value found: `vertex 3 is not used`.
+    pub found: String,
+    /// Phrase about the expected value: `expected a corner of triangles`.
+    pub expected: String,
+}
+
+impl SurfaceFault {
+    /// Fault from the text of both members.
+    pub fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
+        SurfaceFault { found: found.into(), expected: expected.into() }
+    }
+
+    /// Fault of the file that holds the surface.
+    pub fn file_fault(&self, file: &Path) -> Fault {
+        Fault::new(file, None, "surface", self.found.as_str(), self.expected.as_str())
+    }
+}
+
+impl std::fmt::Display for SurfaceFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}; {}", self.found, self.expected)
+    }
+}
+
+/// Faults of a triangulated surface, at least one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SurfaceFaults(pub Vec<SurfaceFault>);
 
 impl std::fmt::Display for SurfaceFaults {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0.join("; "))
+        f.write_str(&self.0.iter().map(SurfaceFault::to_string).collect::<Vec<_>>().join("; "))
     }
 }
 
@@ -72,8 +101,8 @@ impl Surface {
         }
         // A volume that is NaN, by overflow, is rejected too.
         if volume.is_nan() || volume.abs() <= FLAT_BODY * area * surface.longest_side() {
-            let fault = format!("the surface encloses a volume of {volume:e}; expected a body");
-            return Err(SurfaceFaults(vec![fault]));
+            let found = format!("the surface encloses a volume of {volume:e}");
+            return Err(SurfaceFaults(vec![SurfaceFault::new(found, "expected a body")]));
         }
         if volume < 0.0 {
             surface.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
@@ -193,22 +222,18 @@ fn mean_vertex(vertices: &[[f64; 3]]) -> Vec3 {
 }
 
 /// Faults of elements: numbers that are not finite, vertices missing or unused, triangles without area.
-pub(super) fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> {
+pub(super) fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<SurfaceFault> {
     let mut faults = Vec::new();
     for (k, vertex) in vertices.iter().enumerate().filter(|(_, v)| v.iter().any(|x| !x.is_finite())) {
         let [x, y, z] = vertex;
-        faults.push(format!("vertex {} is ({x}, {y}, {z}); expected finite numbers", k + 1));
+        faults.push(SurfaceFault::new(format!("vertex {} is ({x}, {y}, {z})", k + 1), "expected finite numbers"));
     }
     let mut used = vec![false; vertices.len()];
     for (k, triangle) in triangles.iter().enumerate() {
         let missing: Vec<u32> = triangle.iter().copied().filter(|&v| v as usize >= vertices.len()).collect();
         for v in &missing {
-            faults.push(format!(
-                "triangle {} names vertex {}; expected 1 to {}",
-                k + 1,
-                u64::from(*v) + 1,
-                vertices.len()
-            ));
+            let found = format!("triangle {} names vertex {}", k + 1, u64::from(*v) + 1);
+            faults.push(SurfaceFault::new(found, format!("expected 1 to {}", vertices.len())));
         }
         triangle.iter().filter(|&&v| (v as usize) < vertices.len()).for_each(|&v| used[v as usize] = true);
         if !missing.is_empty() {
@@ -218,14 +243,15 @@ pub(super) fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> V
         let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
         if (b - a).cross(&(c - a)).norm() <= FLAT_TRIANGLE * longest * longest {
             let corners = triangle.map(|v| (v + 1).to_string()).join(", ");
-            faults.push(format!("triangle {} of vertices {corners} has no area; expected a triangle", k + 1));
+            let found = format!("triangle {} of vertices {corners} has no area", k + 1);
+            faults.push(SurfaceFault::new(found, "expected a triangle"));
         }
     }
     if triangles.is_empty() {
-        faults.push("there are no triangles; expected a closed surface".into());
+        faults.push(SurfaceFault::new("there are no triangles", "expected a closed surface"));
     } else {
         for (k, _) in used.iter().enumerate().filter(|(_, used)| !**used) {
-            faults.push(format!("vertex {} is not used; expected a corner of triangles", k + 1));
+            faults.push(SurfaceFault::new(format!("vertex {} is not used", k + 1), "expected a corner of triangles"));
         }
     }
     faults
@@ -333,12 +359,11 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaul
                 neighbours[i].push((j, along_i == along_j));
                 neighbours[j].push((i, along_i == along_j));
             }
-            _ => faults.push(format!(
-                "the edge of vertices {} and {} belongs to {}; expected 2",
-                a + 1,
-                b + 1,
-                count_text(sides.len(), "triangle")
-            )),
+            _ => {
+                let count = count_text(sides.len(), "triangle");
+                let found = format!("the edge of vertices {} and {} belongs to {count}", a + 1, b + 1);
+                faults.push(SurfaceFault::new(found, "expected 2"));
+            }
         }
     }
     // Whether each triangle is oriented against the first; `None` before it is reached from there.
@@ -357,10 +382,11 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaul
         }
     }
     if one_sided {
-        faults.push("the surface is one-sided; expected a surface that encloses a volume".into());
+        faults.push(SurfaceFault::new("the surface is one-sided", "expected a surface that encloses a volume"));
     }
     if let (true, Some(unconnected)) = (faults.is_empty(), is_reversed.iter().position(Option::is_none)) {
-        faults.push(format!("triangle {} is not connected with triangle 1; expected one piece", unconnected + 1));
+        let found = format!("triangle {} is not connected with triangle 1", unconnected + 1);
+        faults.push(SurfaceFault::new(found, "expected one piece"));
     }
     if !faults.is_empty() {
         return Err(SurfaceFaults(faults));
@@ -548,8 +574,10 @@ mod tests {
     #[test]
     fn every_fault_is_reported() {
         let cube = corners([1.0; 3], &UnitQuaternion::identity(), Vec3::zeros());
-        let faults =
-            |vertices: &[[f64; 3]], triangles: &[[u32; 3]]| Surface::new(vertices, triangles).unwrap_err().0.join("\n");
+        let faults = |vertices: &[[f64; 3]], triangles: &[[u32; 3]]| {
+            let faults = Surface::new(vertices, triangles).unwrap_err();
+            faults.0.iter().map(SurfaceFault::to_string).collect::<Vec<_>>().join("\n")
+        };
         let mut wrong = BOX.to_vec();
         wrong[3] = [5, 7, 9];
         wrong[4] = [0, 1, 1];

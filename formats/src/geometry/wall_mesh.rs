@@ -18,7 +18,7 @@ use smallvec::SmallVec;
 
 use super::mesh::{PolygonMesh, ReadError, lines};
 use super::obj;
-use super::surface::{SurfaceFaults, element_faults};
+use super::surface::{SurfaceFault, SurfaceFaults, element_faults};
 use crate::atomic;
 use crate::error::{Fault, Faults};
 use crate::names::count_text;
@@ -146,7 +146,8 @@ impl WallMesh {
     pub fn new(vertices: &[[f64; 3]], triangles: &[[u32; 3]], sides: MeshSides) -> Result<WallMesh, SurfaceFaults> {
         let mut faults = element_faults(vertices, triangles);
         if triangles.len() > MAX_MESH_TRIANGLES {
-            faults.push(format!("there are {} triangles; expected at most {MAX_MESH_TRIANGLES}", triangles.len()));
+            let found = format!("there are {} triangles", triangles.len());
+            faults.push(SurfaceFault::new(found, format!("expected at most {MAX_MESH_TRIANGLES}")));
         }
         if !faults.is_empty() {
             return Err(SurfaceFaults(faults));
@@ -229,8 +230,7 @@ impl WallMesh {
         WallMesh::new(&points, &triangles, sides).map_err(|found| {
             let shown = found.0.iter().take(MAX_PRINTED_FAULTS);
             for fault in shown {
-                let (found, expected) = fault.split_once("; ").unwrap_or((fault, "expected a surface of triangles"));
-                faults.push(Fault::new(path, None, "surface", found, expected));
+                faults.push(fault.file_fault(path));
             }
             if let Some(others) = found.0.len().checked_sub(MAX_PRINTED_FAULTS).filter(|others| *others > 0) {
                 let found = count_text(others, "more fault");
@@ -504,18 +504,19 @@ fn triangles_of_edges(triangles: &[[u32; 3]]) -> EdgeTable {
 }
 
 /// Faults of a surface with one side: edges of more than two triangles, or of two that are seen from different sides.
-fn orientation_faults(edges: &EdgeTable) -> Vec<String> {
+fn orientation_faults(edges: &EdgeTable) -> Vec<SurfaceFault> {
     let fault = |([a, b], triangles): (&[u32; 2], &EdgeTriangles)| {
         let edge = format!("the edge of vertices {} and {}", a + 1, b + 1);
         match triangles[..] {
             [_] => None,
             [(i, forward), (j, other)] => (forward == other).then(|| {
                 let [i, j] = [i, j].map(|k| k + 1);
-                format!("triangles {i} and {j} at {edge} are seen from different sides; expected the same side, or a wall of which both sides push (`side: Both`)")
+                let found = format!("triangles {i} and {j} at {edge} are seen from different sides");
+                SurfaceFault::new(found, "expected the same side, or a wall of which both sides push (`side: Both`)")
             }),
-            _ => Some(format!(
-                "{edge} belongs to {}; expected at most 2, or a wall of which both sides push (`side: Both`)",
-                count_text(triangles.len(), "triangle")
+            _ => Some(SurfaceFault::new(
+                format!("{edge} belongs to {}", count_text(triangles.len(), "triangle")),
+                "expected at most 2, or a wall of which both sides push (`side: Both`)",
             )),
         }
     };

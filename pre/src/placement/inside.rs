@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use cd_formats::surface::{Surface, SurfaceFaults};
+use cd_formats::surface::{Surface, SurfaceFault, SurfaceFaults};
 use nalgebra::Vector3;
 use parry3d_f64::math::{Pose, Vector as Point};
 use parry3d_f64::query::{self, PointQuery};
@@ -44,11 +44,9 @@ impl SurfaceRegion {
         let points = vertices.iter().map(|&[x, y, z]| Point::new(x, y, z)).collect();
         let unit = Surface::new(&vertices, surface.triangles())?;
         let mesh = TriMesh::with_flags(points, unit.triangles().to_vec(), TriMeshFlags::ORIENTED);
-        Ok(SurfaceRegion {
-            surface: Arc::new(unit),
-            mesh: Arc::new(mesh.map_err(|_| SurfaceFaults(vec!["its triangles enclose no volume".into()]))?),
-            scale,
-        })
+        let no_volume = || SurfaceFault::new("its triangles enclose no volume", "expected a closed surface");
+        let mesh = mesh.map_err(|_| SurfaceFaults(vec![no_volume()]))?;
+        Ok(SurfaceRegion { surface: Arc::new(unit), mesh: Arc::new(mesh), scale })
     }
 
     /// Volume, m^3.

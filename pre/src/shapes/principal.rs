@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use cd_formats::surface::Surface;
+use cd_formats::surface::{Surface, SurfaceFault};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::rounding::{round_14_columns, round_axes};
@@ -61,8 +61,9 @@ impl PrincipalSolid {
                     }
                 })
                 .collect();
-            Surface::new(&vertices, surface.triangles())
-                .map_err(|faults| hull::HullError::Moved(faults.0.first().cloned().unwrap_or_default()))
+            Surface::new(&vertices, surface.triangles()).map_err(|faults| {
+                hull::HullError::Moved(faults.0.first().map(SurfaceFault::to_string).unwrap_or_default())
+            })
         };
         let pieces: Vec<Surface> = pieces.iter().map(centred_surface).collect::<Result<_, _>>()?;
         let vertices = pieces.iter().flat_map(|piece| piece.vertices());

@@ -94,8 +94,7 @@ fn read_faults(path: &Path, errors: &[ReadError]) -> Faults {
 fn surface_faults(path: &Path, found: &SurfaceFaults) -> Faults {
     let mut faults = Faults::default();
     for fault in found.0.iter().take(MAX_PRINTED_FAULTS) {
-        let (found, expected) = fault.split_once("; ").unwrap_or((fault, "expected a closed surface"));
-        faults.push(Fault::new(path, None, "surface", found, expected));
+        faults.push(fault.file_fault(path));
     }
     if found.0.len() > MAX_PRINTED_FAULTS {
         let others = format!("{} more faults", found.0.len() - MAX_PRINTED_FAULTS);
