@@ -71,7 +71,7 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
     for (k, law) in scene.laws.iter().enumerate() {
         check_law(report, &format!("laws.{k}"), law);
     }
-    report.require(!scene.grains.is_empty(), "grains", "an empty list", "at least one body of grains");
+    report.require(!scene.grains.is_empty(), "grains", "an empty list", "at least one group of grains");
     for (k, grains) in scene.grains.iter().enumerate() {
         let path = format!("grains.{k}");
         check_material_and_colour(scene, report, &path, &grains.material, &grains.colour);
@@ -90,7 +90,7 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
         is_some_free,
         "grains",
         "none is free to move",
-        "at least one body of grains whose motion is not all imposed",
+        "at least one group of grains whose motion is not all imposed",
     );
     scene.compute.check_in(report, "compute.");
     check_rotating_frame(report, &scene.compute, partly_driven_paths(&scene.grains, &scene.walls));

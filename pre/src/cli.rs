@@ -13,7 +13,7 @@ use crate::{from_outbox, study};
 
 /// Converts a scene to DATBOX, the input of cd-solve.
 ///
-/// A scene contains materials, contact laws, bodies of grains (sizes, positions, initial motion), walls and
+/// A scene contains materials, contact laws, groups of grains (sizes, positions, initial motion), walls and
 /// the options of the run; docs/reference/scene/ describes all fields. All errors of a scene are reported together,
 /// and nothing is written then.
 #[derive(Debug, Parser)]

@@ -9,7 +9,7 @@ use cd_formats::surface::Surface;
 use cd_pre::write;
 use nalgebra::{Matrix3, Vector3};
 
-/// A scene of one body of grains, with the given fields and an envelope that suits `number` grains of radius 1.
+/// A scene of one group of grains, with the given fields and an envelope that suits `number` grains of radius 1.
 fn scene(fields: &str) -> String {
     format!(
         r#"(

@@ -273,7 +273,7 @@ fn places_and_motion() {
         (
             "0.1),",
             "0.1), driven: (Constant(0), Constant(0), Constant(0))",
-            "11:40: grains 1, driven: the grains have a velocity, spin or thermal_velocity as well; expected their motion imposed or initial, not both\nscene.ron:6:13: grains: none is free to move; expected at least one body of grains whose motion is not all imposed",
+            "11:40: grains 1, driven: the grains have a velocity, spin or thermal_velocity as well; expected their motion imposed or initial, not both\nscene.ron:6:13: grains: none is free to move; expected at least one group of grains whose motion is not all imposed",
         ),
         (
             "0.1),",

@@ -6,7 +6,7 @@ use std::path::Path;
 use cd_formats::compute::ComputeFlags;
 use cd_tests::case::{Case, pre};
 
-/// A scene of one body of grains with this shape; `more` are further fields of it.
+/// A scene of one group of grains with this shape; `more` are further fields of it.
 fn scene(shape: &str, more: &str) -> String {
     format!(
         r#"(
