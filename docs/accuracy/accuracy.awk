@@ -118,7 +118,7 @@ function verdict(    s, file, k, r, name, low, high, x, both, all, lmgc) {
             if (x > high) high = x
             if (value(file, r, "nu") <= 0.01 && value(file, r, "pressure") <= 0.01) { both++; if (value(file, r, "Z") <= 0.01) all++ }
         }
-        printf "- `%s`: %.1f to %.1f times as fast as LMGC90's parameters, %s were aimed at; ν and pressure within 1 %% in %d of %d scenes, Z as well in %d.\n", \
+        printf "- `%s`: %.1f to %.1f times as fast as LMGC90's parameters (target: %s); ν and pressure within 1 %% in %d of %d scenes, Z as well in %d.\n", \
             name, low, high, k == 1 ? "10" : "3", both, scenes, all
     }
     both = all = 0
