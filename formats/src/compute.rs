@@ -393,7 +393,7 @@ options! {
     adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];
     /// Relative tolerance of the contact solver: violation of the contact laws over that without contact impulses, |F(r)|/|F(r_0)|; divided by n in steps of n times dt. Default: set by accuracy.
     tol: Option<f64> = None, f64, [value_parser = parse_number, value_name = "X"];
-    /// Largest mean penetration, over the mean radius, that unconverged solutions may leave. If it is p, larger than this, the tolerance is reduced to tol times (penetration_tol/p)². Default: set by accuracy.
+    /// Largest mean penetration, over the mean radius, that unconverged solutions may leave. If it is p, larger than this, the tolerance is reduced to tol times (penetration_tol/p)², but not below tol/100. Default: set by accuracy.
     penetration_tol: Option<f64> = None, f64, [value_parser = parse_number, value_name = "X"];
     /// Contact solver. nlgs: nonlinear Gauss-Seidel. nlgs-anderson, prox-newton, admm, interior-point: on the stored matrix, for small scenes. auto: nlgs, with the others as fallback if a small problem, or a cluster of contacts in a large one, stagnates.
     solver: ContactSolver = ContactSolver::Auto, ContactSolver, [value_enum, value_name = "SOLVER"];
