@@ -15,24 +15,24 @@ use crate::scene::{
 use crate::sizes::{MAX_BODIES, normal_share};
 
 /// Smallest number that DATBOX cannot hold: exponents in its files have two digits. Numbers below the inverse become 0.
-const LARGEST_NUMBER: f64 = 1e99;
+const FILE_NUMBER_LIMIT: f64 = 1e99;
 
 /// Whether DATBOX can hold a number.
 pub(crate) fn fits_files(x: f64) -> bool {
-    x.abs() < LARGEST_NUMBER
+    x.abs() < FILE_NUMBER_LIMIT
 }
 
 /// Whether a number is positive in DATBOX.
 pub(crate) fn is_positive(x: f64) -> bool {
-    x >= 1.0 / LARGEST_NUMBER && fits_files(x)
+    x >= 1.0 / FILE_NUMBER_LIMIT && fits_files(x)
 }
 
 /// Expectation `expected` about a number, with the bound of DATBOX where only that is violated.
 fn expected_in_files(x: f64, expected: &str) -> String {
     if x.is_finite() && !fits_files(x) {
-        format!("{expected}, below {LARGEST_NUMBER:e} in magnitude")
-    } else if x > 0.0 && x < 1.0 / LARGEST_NUMBER {
-        format!("{expected}, at least {:e}", 1.0 / LARGEST_NUMBER)
+        format!("{expected}, below {FILE_NUMBER_LIMIT:e} in magnitude")
+    } else if x > 0.0 && x < 1.0 / FILE_NUMBER_LIMIT {
+        format!("{expected}, at least {:e}", 1.0 / FILE_NUMBER_LIMIT)
     } else {
         expected.to_string()
     }

@@ -43,9 +43,9 @@ impl Probes {
             | EndCondition::WallTime(_) => [Vec::new(), Vec::new()],
         };
         let probes = &scene.options.probes;
-        let selected =
+        let bodies_of_probe =
             |probe: &Probe| probe.quantity.bodies().map_or(Vec::new(), |bodies| scene.selected_bodies(bodies));
-        let probe_bodies: Vec<Vec<BodyId>> = probes.iter().map(selected).collect();
+        let probe_bodies: Vec<Vec<BodyId>> = probes.iter().map(bodies_of_probe).collect();
         let bodies_beyond = |(probe, bodies): (&Probe, &Vec<BodyId>)| match &probe.quantity {
             ProbeQuantity::Crossing { through, .. } => {
                 bodies.iter().map(|body| through.is_beyond(&state.x[body.index()].into())).collect()

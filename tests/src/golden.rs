@@ -90,81 +90,81 @@ pub struct Tolerance {
     pub column: &'static str,
     /// Allowed change in units of the scale.
     pub relative: f64,
-    /// Column of the same file whose largest value is the scale, `OWN` or `ONE`.
+    /// Column of the same file whose largest value is the scale, `OWN_MAXIMUM` or `UNIT_SCALE`.
     pub scale: &'static str,
 }
 
-const fn within(column: &'static str, relative: f64, scale: &'static str) -> Tolerance {
+const fn allowed_change(column: &'static str, relative: f64, scale: &'static str) -> Tolerance {
     Tolerance { column, relative, scale }
 }
 
 /// Relative change of a column that must only exist.
-const ANY: f64 = f64::INFINITY;
+const UNLIMITED: f64 = f64::INFINITY;
 /// Scale of a column that is its own largest value.
-const OWN: &str = "";
+const OWN_MAXIMUM: &str = "";
 /// Scale 1, for pure numbers.
-const ONE: &str = "1";
+const UNIT_SCALE: &str = "1";
 
 /// Columns that are not named here are exact: numbers of contacts, which bodies touch, stick or slide, time, masses.
 ///
 /// The scenes require a residual of 1e-10, make a few hundred steps and have few contacts at once. The errors that the
 /// solver leaves, 1e-10 of the impulses, and round-off, 1e-16, grow by the collisions that follow.
 const SOLVE_TOLERANCES: &[Tolerance] = &[
-    within("body_x", 1e-9, OWN),
-    within("body_q", 1e-8, ONE),
-    within("body_v", 1e-7, OWN),
-    within("body_w", 1e-7, OWN),
-    within("body_w_world", 1e-7, OWN),
-    within("body_radius", 1e-14, OWN), // of plates: a cube root
-    within("contact_point", 1e-9, "body_x"),
-    within("contact_gap", 1e-9, "body_x"),
-    within("contact_frame", 1e-7, ONE),
+    allowed_change("body_x", 1e-9, OWN_MAXIMUM),
+    allowed_change("body_q", 1e-8, UNIT_SCALE),
+    allowed_change("body_v", 1e-7, OWN_MAXIMUM),
+    allowed_change("body_w", 1e-7, OWN_MAXIMUM),
+    allowed_change("body_w_world", 1e-7, OWN_MAXIMUM),
+    allowed_change("body_radius", 1e-14, OWN_MAXIMUM), // of plates: a cube root
+    allowed_change("contact_point", 1e-9, "body_x"),
+    allowed_change("contact_gap", 1e-9, "body_x"),
+    allowed_change("contact_frame", 1e-7, UNIT_SCALE),
     // An impulse is a difference of velocities, and where contacts share a load it is worse determined than these.
-    within("contact_force", 1e-6, OWN),
-    within("contact_impulse", 1e-6, OWN),
-    within("contact_velocity", 1e-7, "body_v"), // zero of contacts that stick: no scale of its own
-    within("contact_area", 1e-7, OWN),
-    within("interval_virial", 1e-6, OWN), // adds up impulses
-    within("turning_momentum", 1e-7, OWN),
-    within("pair_memory", ANY, OWN), // features, but where a direction is remembered its bits
-    within("meta.ledger.energy_start", 1e-12, OWN),
-    within("meta.ledger.contact_work", 1e-7, OWN),
-    within("meta.ledger.friction_work", 1e-7, "meta.ledger.contact_work"),
-    within("meta.ledger.outside_work", 1e-7, OWN),
-    within("meta.ledger.momentum_expected", 1e-7, "meta.ledger.momentum_scale"),
-    within("meta.ledger.angular_momentum_expected", 1e-7, OWN),
-    within("meta.ledger.momentum_scale", 1e-7, OWN),
-    within("meta.ledger.penetration_largest", 1e-8, ONE),
-    within("meta.ledger.penetration_left", 1e-8, ONE),
+    allowed_change("contact_force", 1e-6, OWN_MAXIMUM),
+    allowed_change("contact_impulse", 1e-6, OWN_MAXIMUM),
+    allowed_change("contact_velocity", 1e-7, "body_v"), // zero of contacts that stick: no scale of its own
+    allowed_change("contact_area", 1e-7, OWN_MAXIMUM),
+    allowed_change("interval_virial", 1e-6, OWN_MAXIMUM), // adds up impulses
+    allowed_change("turning_momentum", 1e-7, OWN_MAXIMUM),
+    allowed_change("pair_memory", UNLIMITED, OWN_MAXIMUM), // features, but where a direction is remembered its bits
+    allowed_change("meta.ledger.energy_start", 1e-12, OWN_MAXIMUM),
+    allowed_change("meta.ledger.contact_work", 1e-7, OWN_MAXIMUM),
+    allowed_change("meta.ledger.friction_work", 1e-7, "meta.ledger.contact_work"),
+    allowed_change("meta.ledger.outside_work", 1e-7, OWN_MAXIMUM),
+    allowed_change("meta.ledger.momentum_expected", 1e-7, "meta.ledger.momentum_scale"),
+    allowed_change("meta.ledger.angular_momentum_expected", 1e-7, OWN_MAXIMUM),
+    allowed_change("meta.ledger.momentum_scale", 1e-7, OWN_MAXIMUM),
+    allowed_change("meta.ledger.penetration_largest", 1e-8, UNIT_SCALE),
+    allowed_change("meta.ledger.penetration_left", 1e-8, UNIT_SCALE),
     // Another order of the sweeps needs another number of them.
-    within("meta.ledger.sweeps", ANY, OWN),
-    within("sweeps", ANY, OWN),
-    within("contacts_solved", ANY, OWN),
-    within("residual", ANY, OWN), // at most tol where `converged` is 1
-    within("penetration_largest", 1e-8, ONE),
-    within("penetration_mean", ANY, OWN), // of the contacts with a gap below 0, which round-off decides for those that touch
-    within("virial", 1e-6, OWN),          // adds up impulses
-    within("flight_error", 1e-20, ONE),   // exact under uniform gravity: what is left is round-off, squared
-    within("kinetic_energy", 1e-7, OWN),
-    within("rotational_energy", 1e-7, OWN),
-    within("potential_energy", 1e-9, OWN),
-    within("contact_work", 1e-7, OWN),
-    within("friction_work", 1e-7, "contact_work"),
-    within("outside_work", 1e-7, OWN),
-    within("momentum_drift", 1e-12, ONE), // round-off itself
-    within("gravity_removed", 1e-12, ONE),
+    allowed_change("meta.ledger.sweeps", UNLIMITED, OWN_MAXIMUM),
+    allowed_change("sweeps", UNLIMITED, OWN_MAXIMUM),
+    allowed_change("contacts_solved", UNLIMITED, OWN_MAXIMUM),
+    allowed_change("residual", UNLIMITED, OWN_MAXIMUM), // at most tol where `converged` is 1
+    allowed_change("penetration_largest", 1e-8, UNIT_SCALE),
+    allowed_change("penetration_mean", UNLIMITED, OWN_MAXIMUM), // of the contacts with a gap below 0, which round-off decides for those that touch
+    allowed_change("virial", 1e-6, OWN_MAXIMUM),                // adds up impulses
+    allowed_change("flight_error", 1e-20, UNIT_SCALE), // exact under uniform gravity: what is left is round-off, squared
+    allowed_change("kinetic_energy", 1e-7, OWN_MAXIMUM),
+    allowed_change("rotational_energy", 1e-7, OWN_MAXIMUM),
+    allowed_change("potential_energy", 1e-9, OWN_MAXIMUM),
+    allowed_change("contact_work", 1e-7, OWN_MAXIMUM),
+    allowed_change("friction_work", 1e-7, "contact_work"),
+    allowed_change("outside_work", 1e-7, OWN_MAXIMUM),
+    allowed_change("momentum_drift", 1e-12, UNIT_SCALE), // round-off itself
+    allowed_change("gravity_removed", 1e-12, UNIT_SCALE),
 ];
 
 /// cd-post adds up values of the snapshots: round-off of sums.
 const POST_TOLERANCE: f64 = 1e-12;
 
 fn tolerance(stage: Stage, file: &str, column: &str) -> Tolerance {
-    let exact = within("", 0.0, ONE);
+    let exact = allowed_change("", 0.0, UNIT_SCALE);
     match stage {
         Stage::Pre => exact,
         Stage::Solve => SOLVE_TOLERANCES.iter().find(|tolerance| tolerance.column == column).copied().unwrap_or(exact),
         Stage::Post if file.ends_with(".pvd") => exact,
-        Stage::Post => within("", POST_TOLERANCE, OWN),
+        Stage::Post => allowed_change("", POST_TOLERANCE, OWN_MAXIMUM),
     }
 }
 
@@ -238,12 +238,12 @@ fn changed_columns(stage: Stage, file: &str, expected: &Columns, found: &Columns
         (Some(a), Some(b)) => {
             let Tolerance { relative, scale, .. } = tolerance(stage, file, name);
             let scale = match scale {
-                ONE => 1.0,
-                OWN => magnitude(a),
+                UNIT_SCALE => 1.0,
+                OWN_MAXIMUM => magnitude(a),
                 other => expected.get(other).map_or(0.0, |column| magnitude(column)),
             };
             let largest = a.iter().zip(b).map(|(x, y)| difference(*x, *y)).fold(0.0, f64::max);
-            let allowed = if relative == ANY { ANY } else { relative * scale };
+            let allowed = if relative == UNLIMITED { UNLIMITED } else { relative * scale };
             let (file, column, note) = (file.to_string(), name.clone(), String::new());
             (largest != 0.0).then_some(Change { file, column, largest, scale, allowed, note })
         }

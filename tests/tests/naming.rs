@@ -14,10 +14,11 @@ const ONE_WORD_FUNCTIONS: f64 = 0.30;
 /// Prepositions, adverbs, participles and adjectives that do not name the value of a function or closure.
 const NAMELESS_WORDS: &str = "\
     about above across added after again against all along alone apart around at before behind below beside \
-    between beyond broken by centred chosen concatenated current down due equal every evaluated far farther \
-    farthest finer finite first fitted for found from held idle imposed in inside joined known last listed lower \
-    lowest measured moved moving named near next numbered of on other others out over own present reduced renamed \
-    replaced rotated scaled shifted sorted stored swapped through to toward towards until with within";
+    between beyond borne bounded broken by centred chosen concatenated crossed current down due equal every \
+    evaluated far farther farthest finer finite first fitted for found from held idle imposed in inside joined known \
+    last listed lower lowest measured moved moving named near next numbered of on other others out over own present \
+    reduced renamed replaced rotated scaled selected shifted sorted stored swapped through to toward towards turned \
+    unquoted unscaled until with within";
 
 /// Words of these that name arguments and fields well, in a pair or a range: `own` and `other`, `from` and `to`.
 const ARGUMENT_WORDS: &str = "current every first found from last lower next other others out own present to";

@@ -145,8 +145,8 @@ impl ConvexRegion {
             ConvexRegion::Box { centre, half } => {
                 let d = x - centre;
                 let [low, high] = [-half - d, half - d];
-                let crossed = |k: usize| half[k] - d[k].abs() < r;
-                match [crossed(0), crossed(1), crossed(2)] {
+                let is_crossed = |k: usize| half[k] - d[k].abs() < r;
+                match [is_crossed(0), is_crossed(1), is_crossed(2)] {
                     [true, false, false] => share_between(low.x, high.x, r),
                     [false, true, false] => share_between(low.y, high.y, r),
                     [false, false, true] => share_between(low.z, high.z, r),

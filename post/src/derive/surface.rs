@@ -150,9 +150,9 @@ fn acceleration_in_own_axes(
 ) -> Vec3 {
     let mut own = vec![false; frame.grains.len()];
     members.iter().for_each(|&i| own[i.index()] = true);
-    let borne =
+    let is_support =
         |contact: &Contact| contact.grain_pair().is_none() && contact.on_grains().any(|(i, _, _)| own[i.index()]);
-    if frame.active_contacts().any(borne) {
+    if frame.active_contacts().any(is_support) {
         let turning = fields.iter().filter(|field| matches!(field, FieldModel::RotatingAxes { .. }));
         return Vec3::from(frame.meta.parameters.uniform_gravity)
             + turning.map(|f| f.acceleration_and_potential(&sums.x).0).sum::<Vec3>();

@@ -146,8 +146,10 @@ impl<'a> ParticleTable<'a> {
             let column = position(quantity)?;
             Some(self.rows.iter().map(|row| row[column]).collect::<Vec<f64>>())
         };
-        let unscaled = |v: &Vector3<f64>| Vector3::from_fn(|k, _| bounds[k][0] + v[k] * (bounds[k][1] - bounds[k][0]));
-        let scaled = vectors(ColumnQuantity::ScaledPosition).map(|points| points.iter().map(unscaled).collect());
+        let position_of_share =
+            |v: &Vector3<f64>| Vector3::from_fn(|k, _| bounds[k][0] + v[k] * (bounds[k][1] - bounds[k][0]));
+        let scaled =
+            vectors(ColumnQuantity::ScaledPosition).map(|points| points.iter().map(position_of_share).collect());
         ParticleState {
             centres: vectors(ColumnQuantity::Position).or(scaled).unwrap_or_default(),
             radii: numbers(ColumnQuantity::Radius)

@@ -14,8 +14,8 @@ pub fn read(path: &Path, text: &str, faults: &mut Faults) -> ParticleState {
     let Some((number, header)) = lines.next() else { return ParticleState::default() };
     let header = header.trim().trim_start_matches('#').trim_start();
     let separator = [',', ';', '\t'].into_iter().find(|separator| header.contains(*separator));
-    let unquoted = |word: &str| word.trim_matches('"').trim().to_string();
-    let names: Vec<String> = words_with_columns(header, separator).iter().map(|(_, word)| unquoted(word)).collect();
+    let column_name = |word: &str| word.trim_matches('"').trim().to_string();
+    let names: Vec<String> = words_with_columns(header, separator).iter().map(|(_, word)| column_name(word)).collect();
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
         let expected = "expected the names of the columns, such as x,y,z,radius";
         faults.push(Fault::new(path, Some(number), "header", "numbers", expected));

@@ -97,7 +97,7 @@ pub fn pack_spheres(
     // Spheres that are near in space are near in memory.
     let order = z_order(cell.region, &centres);
     centres = order.into_iter().map(|k| centres[k]).collect();
-    let mut packing = SpherePacking::new(cell, radii, centres);
+    let mut packing = MovingSpheres::new(cell, radii, centres);
     for padding in PADDINGS {
         if packing.relax(1.0, padding) {
             packing.move_into_cell();
@@ -131,7 +131,7 @@ struct SphereLoad {
 }
 
 /// Spheres that move to positions without overlap.
-struct SpherePacking<'a> {
+struct MovingSpheres<'a> {
     cell: &'a PackingCell<'a>,
     radii: &'a [f64],
     mean_radius: f64,
@@ -155,12 +155,12 @@ struct NeighbourLists {
     centres: Vec<Vector3<f64>>,
 }
 
-impl<'a> SpherePacking<'a> {
+impl<'a> MovingSpheres<'a> {
     fn new(cell: &'a PackingCell, radii: &'a [f64], centres: Vec<Vector3<f64>>) -> Self {
         let mean_radius = radii.iter().sum::<f64>() / radii.len() as f64;
         let masses = radii.iter().map(|radius| (radius / mean_radius).powi(2)).collect();
         let skin = SKINS[0] * mean_radius;
-        SpherePacking { cell, radii, mean_radius, masses, centres, neighbours: NeighbourLists::default(), skin }
+        MovingSpheres { cell, radii, mean_radius, masses, centres, neighbours: NeighbourLists::default(), skin }
     }
 
     /// Minimises the energy at radii of `scale` times their own and `padding` until no sphere overlaps without padding, or

@@ -25,14 +25,14 @@ pub enum FragmentError {
     /// No random point lies in the solid: it is too thin.
     NoSeed,
     /// A fragment is degenerate.
-    NoBody(SurfaceFaults),
+    DegenerateFragment(SurfaceFaults),
 }
 
 impl std::fmt::Display for FragmentError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             FragmentError::NoSeed => write!(f, "no point inside the solid in {MAX_ATTEMPTS} random trials"),
-            FragmentError::NoBody(faults) => write!(f, "an invalid fragment: {faults}"),
+            FragmentError::DegenerateFragment(faults) => write!(f, "an invalid fragment: {faults}"),
         }
     }
 }
@@ -308,7 +308,7 @@ impl VoronoiCell {
                 .collect();
             triangles.extend(face[1..].windows(2).map(|pair| [face[0], pair[0], pair[1]]));
         }
-        Surface::new(&vertices, &triangles).map_err(FragmentError::NoBody)
+        Surface::new(&vertices, &triangles).map_err(FragmentError::DegenerateFragment)
     }
 }
 

@@ -225,10 +225,10 @@ pub fn place_grains(
 /// Motions of particles turned by `rotation`; none if the file has neither velocities nor spins.
 fn particle_motions(particles: &ParticleState, rotation: &Matrix3<f64>) -> Option<Vec<GrainMotion>> {
     let (velocities, spins) = (&particles.velocities, &particles.spins);
-    let turned = |vectors: &Option<Vec<Vector3<f64>>>, k: usize| {
+    let rotated_vector = |vectors: &Option<Vec<Vector3<f64>>>, k: usize| {
         vectors.as_ref().map_or(Vector3::zeros(), |vectors| rotation * vectors[k])
     };
-    let motion = |k: usize| GrainMotion { velocity: turned(velocities, k), spin: turned(spins, k) };
+    let motion = |k: usize| GrainMotion { velocity: rotated_vector(velocities, k), spin: rotated_vector(spins, k) };
     (velocities.is_some() || spins.is_some()).then(|| (0..particles.centres.len()).map(motion).collect())
 }
 

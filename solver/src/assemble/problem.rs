@@ -373,12 +373,12 @@ impl BlockData {
 
     /// Whether a moving body has an imposed velocity along some fixed axis.
     pub fn has_locked_axes(&self, body: usize) -> bool {
-        self.locked_axes.get(body).is_some_and(|held| *held != Vec3::zeros())
+        self.locked_axes.get(body).is_some_and(|locked| *locked != Vec3::zeros())
     }
 
     /// 1 for each fixed axis along which impulses move a body, else 0.
     pub fn free_axes(&self, body: usize) -> Vec3 {
-        self.locked_axes.get(body).map_or(Vec3::repeat(1.0), |held| Vec3::repeat(1.0) - held)
+        self.locked_axes.get(body).map_or(Vec3::repeat(1.0), |locked| Vec3::repeat(1.0) - locked)
     }
 
     /// W_nn and the mean of W_tt and W_ss of row `k`, 1/kg.

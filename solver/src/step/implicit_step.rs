@@ -68,12 +68,12 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
             (contact.antagonist, contact.part_numbers.antagonist),
         );
         let find_old = || state.contacts.binary_search_by_key(&contact.key(), |old| old.contact.key());
-        let bounded = || match find_old() {
+        let is_bounded = || match find_old() {
             _ if longer => false,
             Ok(k) if state.step > scene.start.step => u >= state.contacts[k].velocity.x - SPEED_DIGITS * u.abs(),
             _ => file.as_ref().is_some_and(|file| file.bounds(contact)),
         };
-        -time_before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !bounded()
+        -time_before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !is_bounded()
     };
     let closes = contacts.iter().any(is_closing);
     if state.detection_cache.is_divided() { any_rank(closes) } else { closes }

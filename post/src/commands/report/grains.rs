@@ -26,7 +26,7 @@ pub struct PageState {
     /// Centre of the view, m: the centre of mass of all grains, or the origin if there are walls or borders, to show how
     /// the grains pass them.
     centre: Vec3,
-    /// Numbers of the grains, which rise.
+    /// Numbers of the grains, ascending.
     ids: Vec<u64>,
     /// Positions of the grains, m.
     positions: Vec<Vec3>,
@@ -34,11 +34,11 @@ pub struct PageState {
     rotations: Vec<f32>,
     /// Values of the grains, in the order of [`VARYING_QUANTITIES`].
     values: [Vec<f64>; VARYING_QUANTITIES.len()],
-    walls: Vec<WallPlace>,
+    walls: Vec<WallPose>,
 }
 
 /// Number, position and rotation of a wall in a state.
-struct WallPlace {
+struct WallPose {
     id: u64,
     position: Vec3,
     rotation: [f32; 4],
@@ -81,7 +81,7 @@ impl PageState {
             walls: frame
                 .walls
                 .iter()
-                .map(|wall| WallPlace {
+                .map(|wall| WallPose {
                     id: wall.id,
                     position: drawn_position(wall, &frame.cell()),
                     rotation: wall.rotation.coords.map(|component| component as f32).into(),
@@ -129,7 +129,7 @@ fn grain_rotation(grain: &Grain) -> [f32; 4] {
 /// all states.
 pub fn page_json(states: &[PageState], last: &Frame) -> String {
     let grains = &last.grains;
-    let wall_places: Vec<&[WallPlace]> = states.iter().map(|state| &state.walls[..]).collect();
+    let wall_poses: Vec<&[WallPose]> = states.iter().map(|state| &state.walls[..]).collect();
     let hidden: Vec<PageState>;
     let states = if states.iter().all(|state| state.ids.iter().copied().eq(grains.iter().map(|grain| grain.id))) {
         states
@@ -178,7 +178,7 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
         reaches.filter(|reach| reach.is_finite()).fold(radius, f64::max)
     };
     let reach = relative_positions.iter().map(farthest_reach).fold(radius, f64::max);
-    let walls = wall_json(last, &wall_places, &origins, reach);
+    let walls = wall_json(last, &wall_poses, &origins, reach);
 
     let varying = (0..VARYING_QUANTITIES.len()).map(|k| {
         let values: Vec<&[f64]> = states.iter().map(|state| &state.values[k][..]).collect();
@@ -236,7 +236,7 @@ struct WallJson {
 const MAX_WALL_REACH: f64 = 30.0;
 
 /// Returns the walls of the last state; `origins`: middle of the view in each state, m; `reach`: that of the grains, m.
-fn wall_json(last: &Frame, places: &[&[WallPlace]], origins: &[Vec3], reach: f64) -> WallJson {
+fn wall_json(last: &Frame, poses: &[&[WallPose]], origins: &[Vec3], reach: f64) -> WallJson {
     let (mut balls, mut ball_owners) = (Vec::new(), Vec::new());
     // Triangles of opaque and of translucent walls, and lines: coordinates and owners.
     let [mut solid, mut glass, mut lines] = [(); 3].map(|()| (Vec::new(), Vec::new()));
@@ -263,19 +263,19 @@ fn wall_json(last: &Frame, places: &[&[WallPlace]], origins: &[Vec3], reach: f64
         extents.push(drawn.vertices.iter().map(|v| v.norm()).chain(balls).fold(0.0, f64::max));
     }
     let mut farthest = 0.0_f64;
-    let states = places.iter().zip(origins).map(|(places, origin)| {
-        let found = last.walls.iter().map(|wall| places.iter().find(|place| place.id == wall.id));
-        let found: Vec<Option<&WallPlace>> = found.collect();
-        for (place, extent) in found.iter().zip(&extents) {
-            farthest = farthest.max(place.map_or(0.0, |place| (place.position - origin).norm() + extent));
+    let states = poses.iter().zip(origins).map(|(poses, origin)| {
+        let found = last.walls.iter().map(|wall| poses.iter().find(|pose| pose.id == wall.id));
+        let found: Vec<Option<&WallPose>> = found.collect();
+        for (pose, extent) in found.iter().zip(&extents) {
+            farthest = farthest.max(pose.map_or(0.0, |pose| (pose.position - origin).norm() + extent));
         }
         // Walls that are not in the state are out of sight.
         let hidden = Vec3::repeat(HIDDEN_DISTANCE * reach);
-        let positions = found.iter().flat_map(|place| {
-            let x = place.map_or(hidden, |place| place.position - origin);
+        let positions = found.iter().flat_map(|pose| {
+            let x = pose.map_or(hidden, |pose| pose.position - origin);
             [x.x, x.y, x.z]
         });
-        let turns = found.iter().flat_map(|place| place.map_or([0.0, 0.0, 0.0, 1.0], |place| place.rotation));
+        let turns = found.iter().flat_map(|pose| pose.map_or([0.0, 0.0, 0.0, 1.0], |pose| pose.rotation));
         json!({ "places": base64_of_f64(positions), "turns": base64_of_f32(&turns.collect::<Vec<f32>>()) })
     });
     let states: Vec<Value> = states.collect();

@@ -179,10 +179,10 @@ impl BodyPartition {
             .map(|border| BorderSize { blocks: border.blocks, constraints: border.constraints.len() })
             .collect();
         let BorderPlan { tasks, colours } = BorderPlan::new(&sizes, large.len(), count);
-        let last = tasks.len();
+        let task_count = tasks.len();
         let constraints_of = |(task, borders_of_task): (usize, Vec<u32>)| {
             let borders = borders_of_task.iter().map(|&border| &borders[border as usize].constraints[..]);
-            borders.chain((task + 1 == last).then_some(large)).collect::<Vec<_>>().concat()
+            borders.chain((task + 1 == task_count).then_some(large)).collect::<Vec<_>>().concat()
         };
         let constraints: Vec<Vec<u32>> = tasks.into_iter().enumerate().map(constraints_of).collect();
         SweepTasks {

@@ -25,10 +25,10 @@ use super::types::{LocalVector, MatrixBlock};
 const STEP_SHARE: f64 = 0.99;
 /// Smallest share of a step: shorter steps make no progress.
 const MIN_STEP_SHARE: f64 = 1e-8;
-/// Number of steps in which the smallest residual so far must fall by the factor [`STALL_REDUCTION`]: it falls faster if the
-/// method converges.
-const STALL_STEPS: usize = 10;
-/// Ratio of the smallest residual to that [`STALL_STEPS`] steps before, above which the method stagnates.
+/// Number of successive iterates, the first and the last included, over which the smallest residual so far must fall by the
+/// factor [`STALL_REDUCTION`]: it falls faster if the method converges.
+const STALL_ITERATES: usize = 10;
+/// Ratio of the smallest residual at the last of [`STALL_ITERATES`] to that at the first, above which the method stagnates.
 const STALL_REDUCTION: f64 = 0.5;
 
 /// Iterates from the middle of the cones until the run or the budget of `steps` Newton steps is over. If rounding stops the
@@ -42,7 +42,7 @@ pub fn interior_point(run: &mut SolverRun, steps: u64) {
     let end = run.sweeps.saturating_add(steps);
     let mut smallest_residuals = vec![f64::INFINITY];
     while !run.is_over() && run.sweeps < end {
-        let before = smallest_residuals.len().saturating_sub(STALL_STEPS);
+        let before = smallest_residuals.len().saturating_sub(STALL_ITERATES);
         if smallest_residuals[smallest_residuals.len() - 1] > STALL_REDUCTION * smallest_residuals[before] && before > 0
         {
             break;
