@@ -20,7 +20,7 @@ use crate::state::{Contact, DetectionCache, Velocities};
 ///
 /// `free`, `solved`: velocities in the contact configuration without and with contacts. A pair is not late if contacts have
 /// changed the displacements of its bodies by less than the margin of the list. Most steps end with that test. Of contacts
-/// that are divided among ranks, `listed` and the result have those of this rank.
+/// that are divided among ranks, `contacts` and the result have those of this rank.
 pub fn late_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,

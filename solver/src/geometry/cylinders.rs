@@ -137,7 +137,7 @@ enum CylinderMeeting {
     Rims,
 }
 
-/// Cylinder with whose end the other one meets.
+/// Cylinder whose end touches the other one.
 #[derive(Debug, Clone, Copy)]
 enum EndOwner {
     A,
@@ -163,7 +163,7 @@ const MAX_HALVINGS: i32 = 30;
 /// below which their cross product has no better direction, and far below one that moves a contact point.
 const MAX_PARALLEL_TILT: f64 = 1e-6;
 /// Sideways distance of the ends of two nearly parallel sides, divided by the smaller radius, up to which they touch
-/// along a line: the gap at these ends exceeds that of the middle by half its square of the radius.
+/// along a line: the gap at these ends exceeds that of the middle by half the square of this ratio, times the radius.
 const MAX_SIDE_SKEW: f64 = 1e-2;
 
 impl TwoCylinders<'_> {

@@ -6,7 +6,7 @@
 //! | law | normal shift | tangential shift | c, N s | friction |
 //! |---|---|---|---|---|
 //! | IQS_CLB, inelastic quasi-shock | max(0, g/T) | 0 | 0 | mu |
-//! | IQS_DS_CLB | max(0, g/T) | 0 | 0 | mu_d after sliding, else mu_s |
+//! | IQS_DS_CLB | max(0, g/T) | 0 | 0 | mu dynamic after sliding, else mu static |
 //! | GAP_SGR_CLB, Signorini on the gap | g/T | 0 | 0 | mu |
 //! | IQS_CLB_g0, with the reference gap g_0 | max(0, (g - g_0)/T) | 0 | 0 | mu |
 //! | GAP_SGR_CLB_g0, with the reference gap g_0 | (g - g_0)/T | 0 | 0 | mu |
@@ -14,26 +14,26 @@
 //! | VISCO_ELASTIC_REPELL_CLB, if g <= 0, with the compliance 1/(h (k T + η)) | k g/(k T + η) | 0 | 0 | mu |
 //! | ELASTIC_WIRE, ELASTIC_ROD, VOIGT_WIRE, VOIGT_ROD, between points, see [`StrainSpring`] | - | - | - | none |
 //! | COUPLED_DOF: u = 0 for any r | 0 | 0 | 0 | none |
-//! | IQS_MAL_CZM, IQS_EXPO_CZM, IQS_TH_CZM, IQS_MAC_CZM: r less the impulse of the interface, see `interface` | max(0, g/T) | 0 | 0 | mu_d after sliding, else mu_s |
+//! | IQS_MAL_CZM, IQS_EXPO_CZM, IQS_TH_CZM, IQS_MAC_CZM: r less the impulse of the interface, see `interface` | max(0, g/T) | 0 | 0 | mu dynamic after sliding, else mu static |
 //! | VEL_SGR_CLB, Signorini on the velocity, if g <= 1e-9 R | 0 | 0 | 0 | mu |
 //! | RST_CLB, restitution, if g <= 1e-9 R, or if e_n > 0 and u_n⁻ and the free velocities close g | e_n u_n⁻ | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
 //! | RST_CLB with e_n > 0 otherwise, if at rest or closed by the free velocities | g/T | 0 | 0 | mu |
 //! | RST_CLB with e_n > 0 otherwise | (g + d)/T | 0 | 0 | mu |
 //! | VEL_SGR_CLB, RST_CLB with e_n = 0 otherwise | g/T | 0 | 0 | mu |
-//! | RST_DS_CLB | the same | the same | 0 | mu_d after sliding, else mu_s |
-//! | IQS_VEL_DS_CLB | as IQS_DS_CLB | 0 | 0 | mu_d + (mu_s - mu_d) exp(-\|u_T⁻\|/v_f) |
+//! | RST_DS_CLB | the same | the same | 0 | mu dynamic after sliding, else mu static |
+//! | IQS_VEL_DS_CLB | as IQS_DS_CLB | 0 | 0 | mu dynamic + (mu static - mu dynamic) exp(-\|u_T⁻\|/v_f) |
 //! | RST_VEL_DS_CLB, e_n falls by (v_e/\|u_n⁻\|)^p above v_e | as RST_CLB | as RST_CLB | 0 | the same |
 //! | RST_WET_CLB, cohesive force f while g <= range | the same | the same | -h f | as RST_DS_CLB |
 //! | IQS_CLB_RGR, if g >= g_tol | max(0, g/T) | 0 | 0 | mu |
 //! | IQS_CLB_RGR otherwise | 0 | 0 | 2 (g_tol - g)/(W_nn h τ²), τ = T/(2π h) | mu |
-//! | IQS_WET_DS_CLB, cohesive force f while g <= range | max(0, g/T) | 0 | -h f | mu_d after sliding, else mu_s |
+//! | IQS_WET_DS_CLB, cohesive force f while g <= range | max(0, g/T) | 0 | -h f | mu dynamic after sliding, else mu static |
 //! | xQS_WET_DS_CLB, the same while the contact is wet | max(0, g/T) | 0 | -h f | the same |
 //! | IQS_COH_DS_CLB, IQS_VDW_DS_CLB, with the share f of the contact in the attraction of the pair | max(0, g/T) | 0 | -h f | the same |
 //! | RST_COH_DS_CLB, RST_VDW_DS_CLB, the same | as RST_DS_CLB | as RST_DS_CLB | -h f | the same |
 //! | IQS_MOHR_DS_CLB while bonded over the area S | 0 | 0 | -h c_n S | c_t/c_n |
 //! | IQS_BEAM_DS_CLB, as IQS_MOHR_DS_CLB | the same | the same | the same | the same |
 //! | ELASTIC_BEAM_DS_CLB while bonded, with the compliances 1/(k h T S), see [`ContactLaw::bond_compliance`] | as IQS_MOHR_DS_CLB | the same | the same | the same |
-//! | the same three without a bond | max(0, g/T) | 0 | 0 | mu_d after sliding, else mu_s |
+//! | the same three without a bond | max(0, g/T) | 0 | 0 | mu dynamic after sliding, else mu static |
 //!
 //! VEL_SGR_CLB and RST_CLB act on touching contacts. A pair that the free velocities would close within the step is thrown
 //! back at once, or brought to touch where the law does not throw back or u_n⁻ does not close it; a pair at rest is kept in
@@ -43,10 +43,11 @@
 //! u⁻ is the relative velocity at the step's start. Friction acts on r̂_n = r_n + h f: a cohesive
 //! contact slides at mu (r_n/h + f). Names, parameters, friction and cohesion are in [`cd_formats::law_table`].
 //!
-//! Two laws have a liquid bridge or a bond that breaks for good. A contact of xQS_WET_DS_CLB is wet if g <= range at the start of the run or when
-//! an event bonds it, and dry for good once g > range. A bond of IQS_MOHR_DS_CLB joins bodies that touch then,
-//! carries a traction up to c_n S and a shear up to c_t S + (c_t/c_n) r_n/h, and is gone for good once it
-//! parts or slides. S = pi R², 1/R = 1/R_a + 1/R_b.
+//! Four laws have a liquid bridge or a bond that does not form again by itself. A contact of xQS_WET_DS_CLB is wet if
+//! g <= range at the start of the run or when an event bonds it, and dry once g > range. A bond of IQS_MOHR_DS_CLB,
+//! IQS_BEAM_DS_CLB or ELASTIC_BEAM_DS_CLB joins bodies that touch then, carries a traction up to c_n S and a shear up to
+//! c_t S + (c_t/c_n) r_n/h, and breaks once it parts, reaches the limits of its moments or, if c_t > 0, slides.
+//! S = pi R², 1/R = 1/R_a + 1/R_b, but for spheres with the laws BEAM, see below.
 //!
 //! The reference gap g_0 = max(0, g) of the laws `_g0` is that of contacts within the alert distance at these moments; of
 //! contacts that begin later it is 0. [`LawInput::gap`] is g - g_0.
@@ -843,7 +844,7 @@ impl ContactLaw {
         }
     }
 
-    /// Gives the cohesion a new value, N or Pa; that of a bond in shear changes in proportion. Returns false if the law has
+    /// Gives the cohesion a new value, N, Pa or J; that of a bond in shear changes in proportion. Returns false if the law has
     /// no cohesion.
     pub fn set_cohesion(&mut self, value: f64) -> bool {
         match &mut self.cohesion {

@@ -8,7 +8,8 @@ use super::Vec3;
 /// Bits of a key along each axis.
 const AXIS_BITS: u32 = 21;
 
-/// Points per task.
+/// Points per task. Chosen: bounds, keys or the merge of as many points take 0.05 to 0.2 ms, far longer than the start of a
+/// task.
 pub const POINTS_PER_TASK: usize = 1 << 14;
 
 /// A point with its position on the curve.

@@ -441,7 +441,7 @@ fn unseen_contactors_note(scene: &Scene, unseen: &[UnseenPair], declared: &[[Str
         .then(|| format!("TACT_BEHAV.DAT: no row for {}: they pass through each other", missed.join(", ")))
 }
 
-/// Warns of contacts for which LMGC90 has no kind, if the state is also written as text.
+/// Adds notes on contacts for which LMGC90 has no kind, if the state is also written as text.
 pub fn check_text(scene: &mut Scene) {
     let polyhedra = scene.parts.iter().filter(|part| matches!(part.geometry, ContactorShape::Polyhedron(_)));
     let polyhedron_classes: Vec<u16> = polyhedra.map(|part| part.class).collect();
@@ -634,7 +634,8 @@ pub fn check_laws_of_contacts(datbox: &Path, history: &VlocRloc, tact: &TactBeha
     }
 }
 
-/// Returns the contacts of Vloc_Rloc.INI that this scene can have, to start the first step from; warns of the others.
+/// Returns the contacts of Vloc_Rloc.INI that this scene can have, to start the first step from, and their memories;
+/// adds notes on the others, and the contradictions of the file to `faults`.
 pub fn initial_contacts(
     datbox: &Path,
     records: &Bodies,

@@ -14,7 +14,7 @@ pub struct CostModel {
     /// Cost of the sweeps before the fallback, in Newton steps. Measured with 1000 spheres of friction 1 in an accretion: no
     /// step of 4500 missed the tolerance, as with fewer sweeps, in a third of the time of 1000 sweeps.
     pub sweep_budget: f64,
-    /// Largest cost of the fallback, in sweeps of the problem. Chosen: twenty times the default of `max_sweeps`.
+    /// Largest cost of the fallback, in sweeps of the problem. Chosen: ten times the default of `max_sweeps`.
     pub max_fallback_cost: f64,
     /// Number of contacts below which the largest cost of the fallback does not decrease. Chosen.
     pub min_fallback_contacts: usize,

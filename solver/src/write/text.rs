@@ -219,8 +219,8 @@ fn plate_axes(scene: &Scene, state: &State, contact: &Contact) -> Option<[Vec3; 
 /// Length of a projection below which its direction is rounding.
 const MIN_TANGENT: f64 = 1e-6;
 
-/// The record of an interface with the pair in the order of LMGC90 and the frame that it computes, along which it takes
-/// the sliding: at a restart it reads numbers, and no directions. `sliding`: of the candidate before, m.
+/// Record of an interface with the pair in the order of LMGC90, and in the frame that LMGC90 computes: at a restart it reads
+/// the components of the sliding, but no directions. `sliding`: of the candidate before a swap of the sides, m.
 fn with_lmgc90_sliding(mut record: ContactRecord, sliding: &Vec3, plate_axes: Option<[Vec3; 2]>) -> ContactRecord {
     let [n, t, s] = record.frame.map(Vec3::from);
     let to_world = |[a, b, c]: [f64; 3]| n * a + t * b + s * c;

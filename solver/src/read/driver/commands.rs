@@ -2,7 +2,7 @@
 
 /// Row of the table of commands.
 pub struct ChipyCommand {
-    /// Names; a `*` stands for any characters.
+    /// Names; a `*` stands for any characters, a `?` for one.
     pub names: &'static [&'static str],
     pub meaning: CommandMeaning,
     /// Option or file that has the same purpose, the reason why there is none, or the expected alternative.
@@ -12,7 +12,7 @@ pub struct ChipyCommand {
 /// Effect of a command in a script.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CommandMeaning {
-    /// Sets options from its arguments.
+    /// Sets options from its arguments, or requires what the run must have.
     Sets(DriverSetting),
     /// Part of every run.
     Implied,
@@ -22,7 +22,7 @@ pub enum CommandMeaning {
     Rejected,
 }
 
-/// Options that a command sets.
+/// Settings that a command makes, or requirements that it states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DriverSetting {
     TimeStep,

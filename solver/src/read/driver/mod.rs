@@ -21,8 +21,8 @@ use values::{Evaluation, ScriptValue};
 use walk::{LoopEnd, ScriptCall, walk};
 
 /// Ratio of the tolerance of cd-solve to that of LMGC90's norms `Quad ` and `QM/16`: with 1.666e-4, the value of
-/// LMGC90's examples, `tol` is 1e-3. The norm is 1/20 to 1/400 of the residual in masonry and about equal to it in
-/// granular matter; with the sweeps between two checks it is met in 88 % to 100 % of the steps, see
+/// LMGC90's examples, `tol` is 1e-3. The norm is 0.003 to 0.03 of the residual in masonry and 0.2 to 1.5 of it in
+/// granular matter; with 50 sweeps between two checks it is met in 85 % to 100 % of the steps, see
 /// docs/reference/lmgc90.md.
 const QUAD_TOL_FACTOR: f64 = 6.0;
 
@@ -282,8 +282,8 @@ impl<'a> DriverReader<'a> {
         }
     }
 
-    /// Sets `tol` from norm, tolerance and relaxation, the arguments at these positions. A norm that is not known is a fault,
-    /// unless `tol` is given on the command line.
+    /// Sets `tol` from norm, tolerance and relaxation, the arguments at these positions. A norm whose text cannot be computed
+    /// is a fault, unless `tol` is given on the command line; one with another name is read as `Quad `, with a remark.
     fn read_tolerance(&mut self, call: &ScriptCall, [norm, tolerance, relaxation]: [usize; 3]) {
         let norm = match ScriptArgument::new(norm, &["norm", "checktype", "check_type"]).value(call) {
             // LMGC90 pads texts with blanks.

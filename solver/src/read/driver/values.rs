@@ -57,7 +57,8 @@ pub enum ScriptValue {
     List(ScriptObject<Vec<ScriptValue>>),
     /// Dictionary with texts as keys.
     Map(ScriptObject<BTreeMap<String, ScriptValue>>),
-    /// `range` of this many integers.
+    /// Sequence of this many items, whose values are not kept: `range`, `arange`, `linspace`, or `enumerate` and the like of
+    /// another sequence.
     Range(u64),
 }
 

@@ -386,7 +386,7 @@ impl<'a> ScriptWalker<'a> {
         self.defaults.insert(function.tokens.get(1).map_or("", |lexeme| lexeme.token.name()).to_string(), defaults);
     }
 
-    /// Whether a class has no base and no decorator, and contains nothing but assignments to single names.
+    /// Whether a class has no base but `object`, no decorator, and nothing but assignments to single names, texts and `pass`.
     fn is_constant_class(&self, class: &ScriptStatement) -> bool {
         let header: Vec<String> = class.tokens.iter().skip(2).map(|lexeme| lexeme.token.source()).collect();
         let name = class.tokens.get(1).map_or("", |lexeme| lexeme.token.name());
@@ -416,7 +416,7 @@ impl<'a> ScriptWalker<'a> {
         }
     }
 
-    /// Ends the script at an exit that is not in a condition; others are for errors.
+    /// Ends the script at an exit that is in no condition and no loop; others are for errors.
     fn note_exit(&mut self, statement: &ScriptStatement) {
         let (name, end) = dotted_name(&statement.tokens, 0);
         let called = statement.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
@@ -1218,7 +1218,7 @@ fn break_line(body: &[ScriptStatement]) -> Option<(&'static str, usize)> {
     })
 }
 
-/// Parameters of a function, with their values.
+/// Parameters of a function, with their default values.
 fn parameters(function: &ScriptStatement) -> Vec<&[Lexeme]> {
     let open = function.tokens.iter().position(|lexeme| lexeme.token.is("(")).unwrap_or(0);
     let close = after_bracket(&function.tokens, open);

@@ -44,7 +44,7 @@ const ROWS_PER_TASK: usize = 1024;
 /// Largest ratio of masses for which squares of impulses are finite.
 const MAX_MASS_RATIO: f64 = 1e9;
 
-/// Solves until E is reached or all sweeps are spent; a solution that reaches `tol` is converged.
+/// Sweeps until the residual E is at most `target_residual`, or all sweeps are spent; a solution with E <= `tol` is converged.
 ///
 /// Only rows that can close within the step are swept. A row left out that the solution would close nevertheless - a body may
 /// become faster than its free velocity - is included, and sweeping continues. Returns the impulses of all rows, N s, with
