@@ -117,7 +117,7 @@ pub enum EventAction {
     Bond,
     /// Sets static and dynamic friction of the law of this nickname.
     SetFriction(String, f64),
-    /// Sets the cohesion of the law of this nickname, N or Pa.
+    /// Sets the cohesion of the law of this nickname, N, Pa or J.
     SetCohesion(String, f64),
 }
 

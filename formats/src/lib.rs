@@ -45,7 +45,7 @@
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
 //! | [`accuracy`], [`presets`] | the presets of accuracy of COMPUTE.RON, and their values |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: the complete state for a restart, bit for bit |
-//! | [`obj`] | Wavefront OBJ: the surface of an attracting body, `DATBOX/NAME.obj` |
+//! | [`obj`] | Wavefront OBJ: surfaces of attracting bodies and of walls, `DATBOX/NAME.obj`, `DATBOX/MESHx-k.obj` |
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
 //!
 //! Geometry and physics:
@@ -53,6 +53,7 @@
 //! | module | content |
 //! |---|---|
 //! | [`geometry`] | closed surfaces, faces and edges of a convex surface, mass properties of contactors and bodies, convex regions |
+//! | [`wall_mesh`] | triangulated surfaces of walls (`MESHx`), and their contacts with balls |
 //! | [`law_table`] | contact laws: names, parameters with units and limits, friction limit, memory |
 //! | [`field`] | accelerations and potentials of external fields |
 //! | [`polyhedron_gravity`](geometry::polyhedron_gravity) | attraction of a homogeneous polyhedron |

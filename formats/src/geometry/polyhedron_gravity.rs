@@ -49,8 +49,9 @@ type Mask<const N: usize> = [u64; N];
 /// Face number of nodes with several faces.
 const NO_FACE: u32 = u32::MAX;
 
-/// Largest ratio of the body's extent to the distance at which the whole body is expanded. Its cube, 9e-5, bounds the relative
-/// error.
+/// Largest ratio of the body's extent to the distance at which the whole body is expanded. Its cube, 9e-5, is the size of the
+/// first term left out, relative to the potential; in the attraction that term has the factor 4. The errors found are below
+/// 3e-5.
 const MAX_FAR_RATIO: f64 = 0.045;
 
 /// Gravity of a homogeneous polyhedron, per G times density.

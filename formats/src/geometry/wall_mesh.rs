@@ -58,7 +58,9 @@ const FEATURES_PER_TRIANGLE: u32 = 8;
 /// out is wrong by at most 5e-9 of the radius.
 const SAME_NORMAL: f64 = 1e-4;
 
-/// Units of the last digit by which distances from triangles with a common point may differ by rounding.
+/// Units of the last digit by which distances from triangles with a common point may differ by rounding. Chosen with a margin:
+/// of random points above an edge of two triangles the largest difference is 2 if heights are at least 0.03 of the longest
+/// side, and 16 at 0.001 of it.
 const ROUNDINGS: f64 = 64.0;
 
 /// Number of a feature of a surface: 8 times the triangle (from 0), plus 0 for its face, 1 to 3 for the edge from its first,

@@ -110,8 +110,9 @@ fn nearly_all(frame: &Frame, grains: &[GrainId], is_inside: impl Fn(&Vec3) -> bo
     beyond as f64 <= MAX_ESCAPED_SHARE * grains.len() as f64
 }
 
-/// Planes of the wall faces with nearly all centres of `grains` on one side, the inner side: faces of plates and of convex
-/// polyhedra, whose normals point out of the wall, and the two ends of hollow cylinders around the grains.
+/// Planes of the wall faces with nearly all centres of `grains` on one side, the inner side: faces of plates, faces of
+/// polyhedra beyond which the wall does not extend, with normals out of the wall, and the two ends of hollow cylinders
+/// around the grains.
 ///
 /// Faces that lie flush make one plane, so it does not matter in how many parts a wall is given. Planes whose faces
 /// together are smaller than half of the grains' section are left out, as they cannot bound the grains. Whether a plane bounds
@@ -182,7 +183,7 @@ fn wall_faces(frame: &Frame, wall: WallId, grains: &[GrainId]) -> Vec<(Vec3, Vec
             let face = |corners: &Vec<u32>| {
                 let corners: Vec<Vec3> = corners.iter().map(|&k| solid.vertices[k as usize]).collect();
                 let normal = doubled_area(&corners).try_normalize(0.0)?;
-                // Faces of a body that is not convex bound nothing.
+                // A face beyond which the body extends bounds nothing.
                 let supports = solid.vertices.iter().all(|v| (v - corners[0]).dot(&normal) <= 1e-9 * reach);
                 let corners = corners.iter().map(|v| x + rotation * v).collect();
                 supports.then_some((rotation * normal, corners))

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 use super::state::ParticleState;
 
-/// ColumnQuantity of a column.
+/// Quantity in a column of a table of particles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColumnQuantity {
     /// Coordinate along an axis, m.
@@ -31,7 +31,7 @@ pub enum ColumnQuantity {
 }
 
 impl ColumnQuantity {
-    /// ColumnQuantity of a column of this name, in upper or lower case.
+    /// Quantity of a column with this name, in upper or lower case; `Unused` for names that are not known.
     pub fn from_name(name: &str) -> ColumnQuantity {
         let name = name.to_ascii_lowercase();
         let axis = |prefixes: &[&str], suffix: &str| {
@@ -162,8 +162,8 @@ impl<'a> ParticleTable<'a> {
     }
 }
 
-/// Words of a line with their columns, from 1, between any of the `separators`. Repeated blanks separate once, other
-/// separators each time.
+/// Words of a line with their columns, from 1. Without `separator` blanks separate, several in a row once; else each
+/// `separator` does, and blanks around words are dropped.
 pub fn words_with_columns(line: &str, separator: Option<char>) -> Vec<(usize, &str)> {
     let mut words = Vec::new();
     let mut start = 0;

@@ -116,7 +116,7 @@ pub fn pack_spheres(
     Err(PackingError::Jammed { volume_ratio: scale.powi(3) })
 }
 
-/// Force on a sphere, and what its contacts add to sums over all.
+/// Force on a sphere, and its contributions to sums over all spheres.
 #[derive(Clone, Copy, Default)]
 struct SphereLoad {
     /// Force, in metres of overlap.
@@ -299,7 +299,8 @@ impl<'a> MovingSpheres<'a> {
         load
     }
 
-    /// Calls `visit` with the distance of a point from each wall, m, negative beyond it, and the unit normal inward.
+    /// Calls `visit` with the distance of a point from each wall that is not across a period, m, negative beyond it, and
+    /// the unit normal inward.
     fn for_each_wall(&self, point: &Vector3<f64>, mut visit: impl FnMut(f64, Vector3<f64>)) {
         self.cell.region.for_each_wall(point, |distance, inward| {
             if (0..3).all(|k| self.cell.periods[k].is_none() || inward[k] == 0.0) {

@@ -91,7 +91,7 @@ fn prism_surface(half_height: f64, radius: f64, number: usize) -> Result<Surface
 ///
 /// Seeds are drawn uniformly in the solid and then moved `relaxation` times to the centres of their cells (Lloyd 1982).
 ///
-/// Errors: a degenerate cell.
+/// Errors: no point found in a thin solid; a degenerate cell.
 pub fn voronoi_fragments(
     solid: &Surface,
     number: usize,
