@@ -165,12 +165,13 @@ impl Bodies {
         faults.into_result(())
     }
 
-    /// Reads the text of a file; `path` is for messages.
+    /// Reads the text of a file; `path` is for messages. Errors: all faults of the text.
     pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
         Ok(Self::parse_with_notices(path, text)?.0)
     }
 
-    /// Reads the text of a file like [`Bodies::parse`]; also returns notices about deviations from its form.
+    /// Reads the text of a file like [`Bodies::parse`]; also returns notices about deviations from its form. Errors: a body
+    /// of 2D or deformable kind, then nothing else; otherwise all faults of the text.
     pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         match foreign_bodies(path, text) {
             Some(fault) => Err(fault.into()),

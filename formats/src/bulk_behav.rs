@@ -30,7 +30,7 @@ impl BulkBehav {
         Self::parse(path, &AsciiText::read_file(path)?)
     }
 
-    /// Reads the text of a file; `path` is for messages.
+    /// Reads the text of a file; `path` is for messages. Errors: all faults of the text.
     pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
         Ok(Self::parse_with_notices(path, text)?.0)
     }

@@ -522,7 +522,7 @@ impl Compute {
         text
     }
 
-    /// Reports all values that no run could use, for options that are not read from a text.
+    /// Checks options that are not read from a text, of the file `source`. Errors: all values that no run could use.
     pub fn check(&self, source: &Path) -> Result<(), Faults> {
         let mut report = FaultReport::new(source, "");
         self.check_in(&mut report, "");

@@ -56,7 +56,7 @@ impl Dof {
         Self::from_parts(path, read_file_records(path, "bdyty", read_part)?)
     }
 
-    /// Reads the text of a file; `path` is for messages.
+    /// Reads the text of a file; `path` is for messages. Errors: all faults of the text.
     pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
         Ok(Self::parse_with_notices(path, text)?.0)
     }

@@ -147,7 +147,7 @@ impl DrvDof {
         if path_exists(path) { Self::parse(path, &AsciiText::read_file(path)?) } else { Ok(DrvDof::default()) }
     }
 
-    /// Reads the text of a file; `path` is for messages and to find tables.
+    /// Reads the text of a file; `path` is for messages and to find tables. Errors: all faults of the text and of its tables.
     pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
         Ok(Self::parse_with_notices(path, text)?.0)
     }

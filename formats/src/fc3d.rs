@@ -55,12 +55,13 @@ pub struct Fc3dBlock {
 }
 
 impl Fc3d {
-    /// Reads a file; reports all numbers out of range up to the first word that does not fit the format, and that word.
+    /// Reads a file. Errors: those of [`Fc3d::parse`], or the file cannot be read.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &read_text(path)?)
     }
 
-    /// Reads the text of a file; `path` is for messages.
+    /// Reads the text of a file; `path` is for messages. Errors: all numbers out of range up to the first word that does not
+    /// fit the format, and that word.
     pub fn parse(path: &Path, text: &str) -> Result<Self, Faults> {
         let mut words = WordReader::new(path, text);
         let problem = words.read_problem();

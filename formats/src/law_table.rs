@@ -562,7 +562,8 @@ macro_rules! contact_laws {
         ];
 
         impl LawModel {
-            /// Law of a name and values in the order of TACT_BEHAV.DAT.
+            /// Law of a name and values in the order of TACT_BEHAV.DAT. Errors: a name that is not known or not computed, or
+            /// another number of values than the law has.
             pub fn from_values(label: &str, values: &[f64]) -> Result<LawModel, LawError> {
                 match (label, values) {
                     $(($label, &[$($($field,)* $(ignored!($unused),)?)*]) => Ok(LawModel::$law { $($($field,)*)* }),)+

@@ -109,7 +109,7 @@ impl Postpro {
         Self::parse(path, &AsciiText::read_file(path)?, body_count)
     }
 
-    /// Reads the text of a file; `path` is for messages.
+    /// Reads the text of a file; `path` is for messages. Errors: all faults of the text.
     pub fn parse(path: &Path, text: &AsciiText, body_count: usize) -> Result<Self, Faults> {
         let scan = &mut LineScanner::new(path, text);
         let mut postpro = Postpro::default();

@@ -39,7 +39,7 @@ impl fmt::Display for FlagNumberError {
 
 impl std::error::Error for FlagNumberError {}
 
-/// Reads a finite number of the command line.
+/// Reads a number of the command line. Errors: no number, or not finite.
 pub fn parse_finite(text: &str) -> Result<f64, FlagNumberError> {
     let number: f64 = text.parse().map_err(|_| FlagNumberError::NotANumber)?;
     if number.is_finite() { Ok(number) } else { Err(FlagNumberError::NotFinite) }
@@ -50,7 +50,7 @@ fn parse_positive(text: &str) -> Result<f64, FlagNumberError> {
     parse_finite(text).ok().filter(|number| *number > 0.0).ok_or(FlagNumberError::NotPositive)
 }
 
-/// Reads an interval of a second or more, s.
+/// Reads an interval, s. Errors: no number from 1 to 86400.
 pub fn parse_interval(text: &str) -> Result<f64, FlagNumberError> {
     parse_finite(text).ok().filter(|number| (1.0..=86400.0).contains(number)).ok_or(FlagNumberError::NoInterval)
 }

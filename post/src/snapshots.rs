@@ -20,7 +20,7 @@ pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     }
 }
 
-/// Returns step and path of every `every`th snapshot, and of the last.
+/// Returns step and path of every `every`th snapshot, and of the last. Errors: OUTBOX is missing or has no snapshot.
 pub fn select_snapshots(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let all = list_snapshots(outbox)?;
     let last = all.len() - 1;

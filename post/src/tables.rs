@@ -80,6 +80,7 @@ pub fn read_columns(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
 }
 
 /// Reads the columns of a table that a run writes row by row. An incomplete last row, of an interrupted run, is left out.
+/// Errors: those of [`read_columns`].
 pub fn read_log(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
     let text = table_file_text(path)?;
     parse_columns(path, &text[..text.rfind('\n').map_or(0, |end| end + 1)], needed)

@@ -7,7 +7,8 @@ use cd_formats::error::Faults;
 use cd_formats::settings::{setting_at, setting_fault};
 use serde::de::DeserializeOwned;
 
-/// Reads RON in which [`cd_formats::settings::apply_settings`] has replaced values.
+/// Reads RON in which [`cd_formats::settings::apply_settings`] has replaced values. Errors: the faults of the text; those in
+/// a replaced value name the setting.
 pub fn parse_with_settings<T: DeserializeOwned>(
     file: &Path,
     text: &str,

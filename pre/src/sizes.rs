@@ -98,7 +98,7 @@ impl SizeDistribution {
     ///
     /// A `List` gives all its radii, whatever `target` is, in a random order, or in its own with `in_order`; any other
     /// distribution uses one random number a grain. `make_grain` gets a radius from here always: `None` stands for the own
-    /// size of a shape, for grains without sizes. `volume`: volume of a grain, m^3.
+    /// size of a shape, for grains without sizes. `volume`: volume of a grain, m^3. Errors: the first error of `make_grain`.
     pub fn sample_radii<T, E>(
         &self,
         target: SampleTarget,

@@ -85,7 +85,9 @@ pub struct RunMode {
     pub part_bodies: Option<usize>,
 }
 
-/// Advances the state to the last step and writes the results; returns the summary.
+/// Advances the state to the last step and writes the results; returns the summary. Errors: a file cannot be written, the
+/// answer of a program that exchanges forces is rejected, the user stops the run, or the state is not finite or differs
+/// between ranks.
 pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> Result<String, RunFailure> {
     let start = Instant::now();
     // Copied only if bodies enter or leave.

@@ -9,7 +9,7 @@ use crate::bodies::{Bodies, Body, Contactor, LocalFrame, ShapeRecord};
 type Vec3 = Vector3<f64>;
 
 impl Bodies {
-    /// All bodies as [`Body::centred_body`] gives them.
+    /// All bodies as [`Body::centred_body`] gives them. Errors: those of the first body that has any.
     pub fn centred_bodies(&self) -> Result<Bodies, SurfaceFaults> {
         Ok(Bodies(self.0.iter().map(Body::centred_body).collect::<Result<_, _>>()?))
     }

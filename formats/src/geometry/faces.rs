@@ -189,7 +189,7 @@ impl ConvexMesh {
         Ok(())
     }
 
-    /// Adds the edges after all faces are there.
+    /// Adds the edges after all faces are there. Errors: the faces do not close.
     pub fn add_edges(&mut self) -> Result<(), MeshError> {
         let mut edges_by_ends: BTreeMap<[FeatureIndex; 2], usize> = BTreeMap::new();
         for face in 0..self.starts.len() - 1 {

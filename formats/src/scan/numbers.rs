@@ -47,7 +47,8 @@ pub fn fortran_real(field: &str) -> Result<f64, NumberError> {
     if field.contains('.') { Ok(value) } else { Err(without_point) }
 }
 
-/// Reads a real in free format: as [`fortran_real`], and the point may be missing.
+/// Reads a real in free format: as [`fortran_real`], and the point may be missing. Errors: a blank field, no number, a
+/// number that is not finite.
 pub fn free_real(field: &str) -> Result<f64, NumberError> {
     if let Some(value) = plain_real(field) {
         return Ok(value);

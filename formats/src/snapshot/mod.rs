@@ -762,8 +762,8 @@ impl Snapshot {
         append_group(&mut self.interval, interval, |own, other| own.append(other));
     }
 
-    /// Reads and checks a file, with its parts if it is an index: checksums, shapes, equal numbers of rows, finite numbers,
-    /// indices in range, the step of its name.
+    /// Reads a file, with its parts if it is an index. Errors: no .npz file of this format, another step than its name says,
+    /// wrong checksums, shapes or numbers of rows, numbers that are not finite, indices out of range.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
         let snapshot_fault = |found: String| {

@@ -201,7 +201,8 @@ pub struct AccuracyStudyOptions<'a> {
 }
 
 /// Compares cases, or outputs of this command for several realisations of a scene, and writes accuracy.csv, orders.csv
-/// and accuracy.svg with this title. Returns the table as text, and messages for the user.
+/// and accuracy.svg with this title. Returns the table as text, and messages for the user. Errors: tables or snapshots that
+/// are missing or cannot be compared.
 pub fn write(
     folders: &[PathBuf],
     selection: &AccuracyStudyOptions,

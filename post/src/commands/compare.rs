@@ -87,7 +87,8 @@ pub struct ComparisonOptions<'a> {
 /// `labels`: names in the legend, one for each case, or none for the names of the folders. Each column of a table has its
 /// own name.
 ///
-/// Returns the number of columns and messages for the user.
+/// Returns the number of columns and messages for the user. Errors: another number of labels than of cases, an unknown table or
+/// column, and the faults of the tables.
 pub fn write(
     cases: &[PathBuf],
     labels: &[String],

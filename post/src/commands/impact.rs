@@ -84,7 +84,8 @@ pub const PROFILE_COLUMNS: [Column; 3] = [
 /// Width of the bins of elevations, degrees.
 const ANGLE_BIN: f64 = 10.0;
 
-/// Reads the snapshots of a case and writes `POSTPRO/impact/`. Returns the folder and notes for the user.
+/// Reads the snapshots of a case and writes `POSTPRO/impact/`. Returns the folder and notes for the user. Errors: no snapshot,
+/// faults of one, or an impact that the options and the first one do not define, see [`ImpactError`].
 pub fn write(dir: &Path, options: &ImpactOptions) -> Result<(PathBuf, Vec<String>), Faults> {
     let shapes = ShapeCache::default();
     let paths = select_snapshots(&dir.join("OUTBOX"), 1)?;

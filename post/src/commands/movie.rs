@@ -115,7 +115,8 @@ struct StateLimits {
     spread: ValueSpread,
 }
 
-/// Writes the film of a case; returns its path and notes for the user.
+/// Writes the film of a case; returns its path and notes for the user. Errors: an ending of no known format, a range for a
+/// colour without one, no snapshot, or faults of one.
 ///
 /// Snapshots are read twice: first for the part of space and the range of values that all pictures show. One snapshot for
 /// each thread is in memory.

@@ -137,6 +137,7 @@ pub fn undefined_region_note(rows: &[Row]) -> Option<String> {
 /// ParaView files.
 ///
 /// Snapshots are processed in batches of one for each thread, so that memory contains only these and the kept results.
+/// Errors: no snapshot, or faults of one.
 pub fn measure_series<T: Send>(
     options: &SeriesOptions,
     keep: impl Fn(usize, usize, Frame) -> Option<T> + Sync,

@@ -227,7 +227,8 @@ impl StudyRun {
 /// Measures each case from its series.csv, steps.csv, TIMER.csv and last snapshot, and writes the table of the runs, the
 /// table of the fitted lines, and the figures. `paths`: case folders, and tables of `cd-pre study` for all of their cases.
 ///
-/// Returns the numbers of runs and of figures, and messages for the user.
+/// Returns the numbers of runs and of figures, and messages for the user. Errors: another number of groups than of cases, names
+/// that are repeated or blank, and the faults of the cases' files.
 pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result<([usize; 2], Vec<String>), Faults> {
     let study = StudyCases::new(paths, options.parameters)?;
     let cases = &study.folders;

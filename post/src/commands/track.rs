@@ -80,7 +80,8 @@ struct TrackedBody {
 /// Reads the snapshots of a case and writes `POSTPRO/track-N/`: track.csv, impact.csv, crater.csv and their figures. Returns
 /// the folder and notes for the user.
 ///
-/// `body`: the number of the body in BODIES.DAT, free or with imposed motion.
+/// `body`: the number of the body in BODIES.DAT, free or with imposed motion. Errors: no such body in all snapshots, no
+/// snapshot, or faults of one.
 pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
     let mut states: Vec<TrackedBody> = Vec::new();
     let (mut first, mut last) = (None, None);

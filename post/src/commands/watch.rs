@@ -27,7 +27,8 @@ fn is_run_active(dir: &Path) -> bool {
 }
 
 /// Writes the report whenever there are new snapshots, at most every `interval`, s, and prints a line for each; ends with
-/// the run, after the report of its last state. Returns the path of the report and notes for the user.
+/// the run, after the report of its last state. Returns the path of the report and notes for the user. Errors: those of
+/// [`report::write`].
 pub fn write(
     dir: &Path,
     interval: f64,

@@ -83,7 +83,8 @@ pub fn unit_quaternion([w, i, j, k]: [f64; 4]) -> UnitQuaternion<f64> {
 }
 
 impl SourceCase {
-    /// Reads DATBOX and the snapshot of step `step`, or the last, of a case.
+    /// Reads DATBOX and the snapshot of step `step`, or the last, of a case. Errors: a folder, file or snapshot that is
+    /// missing, all faults of the files, and differences between them and the snapshot.
     pub fn read(case: &Path, step: Option<u64>) -> Result<SourceCase, Faults> {
         let missing = [CaseFolder::Outbox, CaseFolder::Datbox]
             .into_iter()

@@ -40,7 +40,7 @@ impl std::fmt::Display for FragmentError {
 impl std::error::Error for FragmentError {}
 
 /// Solid to be broken, about its centre of mass, in the axes of the region. A round region becomes a polyhedron of equal
-/// volume with enough faces for `number` fragments, a surface its convex hull.
+/// volume with enough faces for `number` fragments, a surface its convex hull. Errors: a hull in a plane or not sound.
 pub fn region_polyhedron(region: &GrainRegion, number: usize) -> Result<Surface, HullError> {
     let solid = match region {
         GrainRegion::Ball(radius) => ellipsoid_surface([*radius; 3], number)?,

@@ -17,7 +17,7 @@ const SYMMETRIC_OFFSETS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5
 /// The balls of diameter d about the sites touch at most and lie in the region: a grain within its site's ball overlaps
 /// no other. If more than `number` sites fit, some are left out at random.
 ///
-/// `Err` gives the number of sites at the distance `closest`, if they are too few.
+/// Errors: the number of sites at the distance `closest`, if they are too few.
 pub fn lattice_sites(
     region: &GrainRegion,
     number: usize,

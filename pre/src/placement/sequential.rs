@@ -26,7 +26,7 @@ pub struct SequentialGrains<'a> {
 /// Grains are placed by their balls. As soon as the ball of a polyhedron finds no position, this one and those after it
 /// are placed by their shapes, in their given orientations.
 ///
-/// `Err` gives the number of grains that were placed before one found no position in [`MAX_ATTEMPTS`] tries.
+/// Errors: the number of grains that were placed before one found no position in [`MAX_ATTEMPTS`] tries.
 pub fn place_one_by_one(
     region: &GrainRegion,
     grains: &SequentialGrains,

@@ -71,7 +71,8 @@ fn scale_surface(path: &Path, surface: &Surface, factor: f64) -> Result<Surface,
     })
 }
 
-/// Solid of a model, and notes on it.
+/// Solid of a model, and notes on it. Errors: a file that is no closed surface, a size without a finite volume, a surface that
+/// is not convex although `contact_shape` requires it, or no convex body from it.
 pub fn model_solid(
     folder: &Path,
     file: &str,

@@ -49,7 +49,8 @@ impl<R: Read, W: Write> StepExchange<R, W> {
         Ok(StepExchange { input, output })
     }
 
-    /// Writes the state, and reads the forces of the next step into it.
+    /// Writes the state, and reads the forces of the next step into it. Errors: the other program has closed its side, a stream
+    /// has failed, or a number of the answer is not finite.
     pub fn read_loads(&mut self, scene: &Scene, state: &mut State) -> Result<(), ExchangeEnd> {
         let bodies = state.x.len();
         let mut numbers = Vec::with_capacity(STEP_NUMBERS + BODY_NUMBERS * bodies);

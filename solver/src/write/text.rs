@@ -38,12 +38,12 @@ fn output_number(scene: &Scene, step: u64) -> u64 {
 }
 
 /// Offset that a run continuing from `state` adds to its output numbers; an earlier part may have had outputs closer
-/// together.
+/// together. Errors: the folder cannot be read.
 pub fn number_offset(outbox: &Path, scene: &Scene, state: &State) -> Result<u64, Faults> {
     Ok(last_output(outbox, state)?.map_or(0, |(k, step)| k.saturating_sub(output_number(scene, step))))
 }
 
-/// Whether the run has also written its last output, of the step of `state`, as text.
+/// Whether the run has also written its last output, of the step of `state`, as text. Errors: the folder cannot be read.
 pub fn is_written(outbox: &Path, state: &State) -> Result<bool, Faults> {
     Ok(last_output(outbox, state)?.is_some_and(|(_, step)| step == state.step))
 }

@@ -164,7 +164,8 @@ const COLUMN_GROUPS: [(&str, &[&str]); 9] = [
 const MAX_TABLE_BYTES: usize = 10_000_000;
 
 /// Measures the case like cd-post without ParaView files, and writes `POSTPRO/report.html`; returns its path and notes for
-/// the user. With `reload` the page loads itself again after this time, s, while a run continues.
+/// the user. With `reload` the page loads itself again after this time, s, while a run continues. Errors: no snapshot, or
+/// faults of one.
 pub fn write(
     dir: &Path,
     every: u32,

@@ -54,7 +54,8 @@ const STATE_FILES: [&str; 22] = [
 ];
 
 /// Reads a snapshot, the last without `step`; writes `POSTPRO/state-NNNNNN/` and returns its path and messages for the
-/// user. Layers of a bed are means over `mean` snapshots up to that one.
+/// user. Layers of a bed are means over `mean` snapshots up to that one. Errors: no snapshot of this step, fewer than `mean`
+/// up to it, or faults of one.
 pub fn write(
     dir: &Path,
     step: Option<u64>,
@@ -124,7 +125,7 @@ fn remove_stale_files(folder: &Path, files: &[StateFile]) -> Result<(), Faults> 
 }
 
 /// Numbers of the bodies that `cd-pre from-outbox` added to those of another run, such as a lander: the bodies without a
-/// case in DATBOX/ORIGIN.csv. Empty if there is no such file.
+/// case in DATBOX/ORIGIN.csv. Empty if there is no such file. Errors: all rows of another form.
 pub fn added_bodies(dir: &Path) -> Result<HashSet<u64>, Faults> {
     let path = dir.join("DATBOX/ORIGIN.csv");
     if !atomic::path_exists(&path) {

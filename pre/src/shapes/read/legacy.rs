@@ -8,6 +8,7 @@ const FILE_KIND: &str = "polygonal data of VTK, legacy or XML";
 const FIELD: &str = "a field";
 
 /// Reads a file. Binary numbers are big-endian by definition; a file that makes sense only as little-endian is read so.
+/// Errors: the first word or block that does not fit the format, or cells with wrong numbers of points.
 pub fn read(bytes: &[u8]) -> Result<PolygonMesh, ReadError> {
     let read_as = |big_endian: bool| {
         let piece = LegacyReader { bytes, offset: 0, line: 1 }.read_piece(big_endian)?;

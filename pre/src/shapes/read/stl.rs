@@ -11,7 +11,7 @@ const HEADER_BYTES: usize = 84;
 const TRIANGLE_BYTES: usize = 50;
 
 /// Reads a file. Its length and its bytes decide between text and binary. The word `solid` alone does not: some binary
-/// files begin with it.
+/// files begin with it. Errors: bytes of neither kind, a file that is cut off, or the faults of its text.
 pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
     let announced_count =
         bytes.get(80..HEADER_BYTES).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));

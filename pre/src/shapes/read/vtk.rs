@@ -115,7 +115,8 @@ pub struct CellLists {
 }
 
 impl CellLists {
-    /// Converts the lists of legacy files before version 5: for each cell a count, then that number of corners.
+    /// Converts the lists of legacy files before version 5: for each cell a count, then that number of corners. Errors: fewer
+    /// than `count` cells, or a count that does not fit the rest of the list.
     pub fn from_counted(numbers: &[f64], count: usize) -> Result<CellLists, CellError> {
         let mut cells = CellLists::default();
         let mut rest = numbers;

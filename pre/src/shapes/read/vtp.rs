@@ -8,7 +8,7 @@ use cd_formats::mesh::{PolygonMesh, ReadError, coordinate};
 const FILE_KIND: &str = "polygonal data of VTK, legacy or XML";
 const COMPLETE_FILE: &str = "a complete file";
 
-/// Reads a file.
+/// Reads a file. Errors: XML that is not PolyData or not complete, arrays that do not fit their numbers, no polygons.
 pub fn read(bytes: &[u8]) -> Result<PolygonMesh, ReadError> {
     let mut file = VtpFile::from_bytes(bytes)?;
     let mut mesh = PolygonMesh::default();
