@@ -150,7 +150,7 @@ pub enum ExternalField {
         j2: f64,
         axis: [f64; 3],
     },
-    /// Attraction by the homogeneous body inside a closed surface.
+    /// Attraction by the homogeneous body inside a closed surface, at rest or on an orbit.
     Polyhedron {
         /// Name of the OBJ file in DATBOX with the surface, its triangles in any orientation.
         surface: String,
@@ -159,12 +159,16 @@ pub enum ExternalField {
         scale: f64,
         /// Density, kg/m^3.
         density: f64,
-        /// Position of the origin of the file, m.
+        /// Position of the origin of the file, m; 0 with an orbit.
         #[serde(default)]
         position: [f64; 3],
-        /// Angular velocity about the origin of the file, rad/s; at time 0 the axes of the file are those of the scene.
+        /// Angular velocity about the origin of the file, on an orbit about the centre of mass, rad/s; at time 0 the axes of
+        /// the file are those of the scene.
         #[serde(default)]
         rate: [f64; 3],
+        /// Orbit of the centre of mass.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        orbit: Option<OrbitSpec>,
     },
     /// Frame that rotates (rad/s) about a point (m): centrifugal and Coriolis force.
     RotatingFrame { rate: [f64; 3], centre: [f64; 3] },
@@ -199,12 +203,18 @@ impl ExternalField {
                 let sound = is_positive(*mass) && is_positive(*radius) && j2.is_finite() && is_positive(squared_length);
                 if sound { path_fault(*mass, position, orbit) } else { Some(expected) }
             }
-            ExternalField::Polyhedron { surface, scale, density, position, rate } => {
+            ExternalField::Polyhedron { surface, scale, density, position, rate, orbit } => {
                 let sound = is_positive(*scale)
                     && is_positive(*density)
                     && are_finite(&[position, rate])
                     && !surface.is_empty();
-                (!sound).then_some("the name of a file, scale and density > 0, finite position and rate")
+                match orbit {
+                    _ if !sound => Some("the name of a file, scale and density > 0, finite position and rate"),
+                    Some(_) if *position != [0.0; 3] => Some("either position or orbit"),
+                    // Of the mass only the sign matters here.
+                    Some(orbit) => orbit.invalid_value(gravity_constant * density),
+                    None => None,
+                }
             }
             ExternalField::RotatingFrame { rate, centre } => (!are_finite(&[rate, centre])).then_some(expected),
         }
@@ -234,8 +244,10 @@ impl ExternalField {
     /// Orbit of a mass that moves.
     pub fn orbit(&self) -> Option<&OrbitSpec> {
         match self {
-            ExternalField::PointMass { orbit, .. } | ExternalField::Oblate { orbit, .. } => orbit.as_ref(),
-            ExternalField::Polyhedron { .. } | ExternalField::RotatingFrame { .. } => None,
+            ExternalField::PointMass { orbit, .. }
+            | ExternalField::Oblate { orbit, .. }
+            | ExternalField::Polyhedron { orbit, .. } => orbit.as_ref(),
+            ExternalField::RotatingFrame { .. } => None,
         }
     }
 }

@@ -39,10 +39,13 @@ pub enum FieldModel {
         /// G times density, 1/s^2.
         strength: f64,
         shape: Arc<PolyhedronGravity>,
-        /// Position of the origin of the shape, m.
+        /// Position of the origin of the shape, on an orbit of its centre of mass, m.
         position: Vec3,
         /// Rotation from the axes of the shape to the world's; `None` of a shape that never turns.
         rotation: Option<UnitQuaternion<f64>>,
+        /// Point that falls in the attraction of the body, as of a point mass, and with which these axes fall, m; `None` of a
+        /// body that is not on an orbit.
+        falling: Option<Vec3>,
     },
     /// Axes that rotate about a point.
     RotatingAxes {
@@ -97,10 +100,13 @@ impl FieldModel {
         time: f64,
         response: Option<&PrimaryResponse>,
     ) -> Vec<Self> {
+        let motions = primary_motions(fields, shapes, gravity_constant, time, response);
         let mut shapes = shapes.0.iter();
         // Point that falls in the attraction of the next primary on an orbit: the origin, then the primary before.
         let mut falling_point = Vec3::zeros();
         let model = |(field, motion): (&ExternalField, Option<(Vec3, Vec3)>)| {
+            let centre = motion.map_or(Vec3::zeros(), |(position, _)| position);
+            let falling = field.orbit().is_some().then(|| std::mem::replace(&mut falling_point, centre));
             let (mass, oblateness, axis) = match field {
                 ExternalField::PointMass { mass, .. } => (mass, 0.0, Vec3::z()),
                 ExternalField::Oblate { mass, radius, j2, axis, .. } => {
@@ -111,20 +117,19 @@ impl FieldModel {
                     return FieldModel::Polyhedron {
                         strength: gravity_constant * density,
                         shape: Arc::clone(shapes.next().expect("FieldShapes::read has a shape for each polyhedron")),
-                        position: (*position).into(),
+                        position: if falling.is_some() { centre } else { (*position).into() },
                         rotation: turns.then(|| UnitQuaternion::from_scaled_axis(Vec3::from(*rate) * time)),
+                        falling,
                     };
                 }
                 ExternalField::RotatingFrame { rate, centre } => {
                     return FieldModel::RotatingAxes { rate: (*rate).into(), centre: (*centre).into() };
                 }
             };
-            let centre = motion.map_or(Vec3::zeros(), |(position, _)| position);
-            let falling = field.orbit().is_some().then(|| std::mem::replace(&mut falling_point, centre));
             let displacement = deviation(response).0;
             FieldModel::Primary { strength: gravity_constant * mass, centre, falling, displacement, oblateness, axis }
         };
-        fields.iter().zip(primary_motions(fields, gravity_constant, time, response)).map(model).collect()
+        fields.iter().zip(motions).map(model).collect()
     }
 
     /// Acceleration of a body at rest in these axes, m/s^2, and its potential, J/kg. With r from the centre, s =
@@ -133,7 +138,7 @@ impl FieldModel {
     /// ```text
     /// primary:      phi = -G M/|r| (1 - e (3 s^2 - 1)/2),   a = -G M/|r|^3 (r (1 + 3/2 e (1 - 5 s^2)) + 3 e s |r| axis)
     /// on an orbit:  phi = 0,                                a + G M r_0/|r_0|^3, r_0 of the falling point
-    /// polyhedron:   see [`PolyhedronGravity`]; phi = 0 if it turns
+    /// polyhedron:   see [`PolyhedronGravity`]; phi = 0 if it turns or moves
     /// turning axes: phi = -|W x r|^2/2,                     a = -W x (W x r)
     /// ```
     ///
@@ -167,20 +172,26 @@ impl FieldModel {
     /// [`acceleration_and_potential`](Self::acceleration_and_potential) at each of the points `x`, the same numbers in less time
     /// for polyhedra.
     pub fn accelerations_and_potentials(&self, x: &[Vec3]) -> Vec<(Vec3, f64)> {
-        let FieldModel::Polyhedron { strength, shape, position, rotation } = self else {
+        let FieldModel::Polyhedron { strength, shape, position, rotation, falling } = self else {
             return x.iter().map(|x| self.acceleration_and_potential(x)).collect();
         };
-        let to_shape = |x: &Vec3| match rotation {
-            Some(rotation) => rotation.inverse_transform_vector(&(x - position)),
-            None => x - position,
+        let to_shape = |x: &Vec3| {
+            let from_position = x - position;
+            let point = rotation.map_or(from_position, |rotation| rotation.inverse_transform_vector(&from_position));
+            if falling.is_some() { point + shape.centre() } else { point }
         };
         let points: Vec<Vec3> = x.iter().map(to_shape).collect();
         let mut values = shape.attractions_and_potentials(&points);
-        for (attraction, potential) in &mut values {
-            (*attraction, *potential) = match rotation {
-                Some(rotation) => (rotation * *attraction * *strength, 0.0),
-                None => (*attraction * *strength, *potential * strength),
+        for ((x, point), (attraction, potential)) in x.iter().zip(&points).zip(&mut values) {
+            let turned = |vector: Vec3| rotation.map_or(vector, |rotation| rotation * vector) * *strength;
+            *attraction = match falling {
+                Some(falling) => {
+                    tide(strength * shape.volume(), &(falling - position), &(x - falling))
+                        + turned(shape.attraction_of_shape(point, attraction))
+                }
+                None => turned(*attraction),
             };
+            *potential = if self.is_moving() { 0.0 } else { *potential * strength };
         }
         values
     }
@@ -193,7 +204,11 @@ impl FieldModel {
 
     /// Whether the field is that of a moving or turning primary, whose work is external work.
     pub fn is_moving(&self) -> bool {
-        matches!(self, FieldModel::Primary { falling: Some(_), .. } | FieldModel::Polyhedron { rotation: Some(_), .. })
+        match self {
+            FieldModel::Primary { falling, .. } => falling.is_some(),
+            FieldModel::Polyhedron { rotation, falling, .. } => rotation.is_some() || falling.is_some(),
+            FieldModel::RotatingAxes { .. } => false,
+        }
     }
 
     /// Potential energy of a body beyond its mass times the potential at its centre, J. In rotating axes it is -W.(J
@@ -248,13 +263,14 @@ fn tide(strength: f64, r: &Vec3, d: &Vec3) -> Vec3 {
     (d - (r + d) * change) * (-strength / (square * square.sqrt()))
 }
 
-/// Position (m) and velocity (m/s) of the primary of each field at a time, s; `None` of turning axes. `gravity_constant` in
-/// m^3 kg^-1 s^-2.
+/// Position (m) and velocity (m/s) of the primary of each field at a time, s; `None` of turning axes and of polyhedra without an
+/// orbit. `shapes`: those of the polyhedra. `gravity_constant` in m^3 kg^-1 s^-2.
 ///
 /// The first orbit is that of the origin about its mass, the next one that of this mass about the next mass, and so on: the
 /// axes fall freely with the origin. A primary with a `response` deviates from the orbit about the mass of the bodies.
 pub fn primary_motions(
     fields: &[ExternalField],
+    shapes: &FieldShapes,
     gravity_constant: f64,
     time: f64,
     response: Option<&PrimaryResponse>,
@@ -263,13 +279,17 @@ pub fn primary_motions(
     let velocity: Vec3 = response.map_or([0.0; 3], |response| response.velocity).into();
     // Motion of the origin, then of the last primary on an orbit.
     let (mut position_before, mut velocity_before) = (Vec3::zeros(), Vec3::zeros());
+    let mut shapes = shapes.0.iter();
     let motion_of = |field: &ExternalField| {
-        let (ExternalField::PointMass { mass, position, orbit, .. }
-        | ExternalField::Oblate { mass, position, orbit, .. }) = field
-        else {
-            return None;
+        let (mass, position, orbit) = match field {
+            ExternalField::PointMass { mass, position, orbit, .. }
+            | ExternalField::Oblate { mass, position, orbit, .. } => (*mass, *position, orbit),
+            ExternalField::Polyhedron { density, orbit, .. } => {
+                (density * shapes.next().map_or(0.0, |shape| shape.volume()), None, orbit)
+            }
+            ExternalField::RotatingFrame { .. } => return None,
         };
-        let Some(orbit) = orbit else { return Some((position.unwrap_or_default().into(), Vec3::zeros())) };
+        let Some(orbit) = orbit else { return position.map(|position| (position.into(), Vec3::zeros())) };
         let (r, v) = orbit.to_orbit(gravity_constant * (mass + bodies_mass)).position_and_velocity(time);
         (position_before, velocity_before) = (position_before - r, velocity_before - v);
         Some((position_before + displacement, velocity_before + velocity))

@@ -43,7 +43,7 @@ impl AttractingMass {
                 ExternalField::PointMass { mass, position: Some(position), .. }
                 | ExternalField::Oblate { mass, position: Some(position), .. },
             ) => (*mass, Vector3::from(*position)),
-            Some(ExternalField::Polyhedron { surface, scale, density, position, .. }) => {
+            Some(ExternalField::Polyhedron { surface, scale, density, position, orbit: None, .. }) => {
                 let read = read_surface(&folder.join(surface)).map_err(|_| "a surface that can be read".to_string())?;
                 let properties = read.surface.mass_properties();
                 let centre = Vector3::from(properties.centre) * *scale;

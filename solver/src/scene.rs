@@ -989,7 +989,11 @@ impl Scene {
                 ExternalField::PointMass { mass, .. } => format!("point mass of {mass:e} kg {motion}"),
                 ExternalField::Oblate { mass, .. } => format!("oblate mass of {mass:e} kg {motion}"),
                 ExternalField::Polyhedron { surface, density, rate, .. } => {
-                    let motion = if *rate == [0.0; 3] { "at rest" } else { "that turns" };
+                    let motion = match (field.orbit(), *rate == [0.0; 3]) {
+                        (None, false) => "that turns",
+                        (Some(_), false) => "that turns on an orbit",
+                        (_, true) => motion,
+                    };
                     format!("attraction of {surface}, {density} kg/m^3, {motion}")
                 }
                 ExternalField::RotatingFrame { .. } => "rotating axes".into(),

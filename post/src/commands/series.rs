@@ -109,7 +109,8 @@ fn primaries_text(rows: &[Row], last: &Frame, responses: &BTreeMap<usize, Primar
     parameters.fields.iter().find_map(ExternalField::orbit)?;
     let lines_of = |(k, row): (usize, &Row)| {
         let time = row.time;
-        let motions = primary_motions(&parameters.fields, parameters.gravity_constant, time, responses.get(&k));
+        let (fields, response) = (&parameters.fields, responses.get(&k));
+        let motions = primary_motions(fields, &last.field_shapes, parameters.gravity_constant, time, response);
         (1..).zip(motions).filter_map(move |(k, motion)| {
             let (x, v) = motion?;
             Some([time, f64::from(k), x.x, x.y, x.z, v.x, v.y, v.z, x.norm()])
