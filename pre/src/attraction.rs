@@ -10,7 +10,7 @@ const MAX_NAMED_COLOURS: usize = 3;
 
 /// Reports, once for each law, the colours between which an attraction acts at several contact points of two bodies.
 /// Polyhedra touch each other and walls in up to one point for each corner; bodies of several pieces touch in up to that
-/// number for each piece.
+/// number for each piece, clumps in one for each ball.
 pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let any_body_of_colour = |colour: &str, counts: &dyn Fn(usize) -> bool| {
         let mut polyhedra =
@@ -19,7 +19,10 @@ pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut 
             .any(|(group, polyhedron)| scene.grains[group].colour == colour && counts(polyhedron.solid.pieces.len()))
     };
     let is_polyhedral = |colour: &str| any_body_of_colour(colour, &|_| true);
-    let has_pieces = |colour: &str| any_body_of_colour(colour, &|pieces| pieces > 1);
+    let has_clumps = |colour: &str| {
+        population.grains.iter().any(|grain| grain.clump.is_some() && scene.grains[grain.group].colour == colour)
+    };
+    let has_pieces = |colour: &str| any_body_of_colour(colour, &|pieces| pieces > 1) || has_clumps(colour);
     let is_wall = |colour: &str| population.walls.iter().any(|wall| wall.colour == colour);
     let meets_in_points = |a: &str, b: &str| {
         has_pieces(a)
@@ -42,11 +45,12 @@ pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut 
             named += &format!(" and {} other pairs", pairs.len() - MAX_NAMED_COLOURS);
         }
         let found = format!(
-            "{} attracts at each contact point, so a face of four corners holds four times its cohesion, and polyhedra or \
-             bodies of pieces meet under it: {named}",
+            "{} attracts at each contact point, so a face of four corners holds four times its cohesion, and polyhedra, \
+             clumps or bodies of pieces meet under it: {named}",
             law.kind.label()
         );
-        let advice = "for a cohesion in proportion to the area of faces, use IQS_MOHR_DS_CLB";
+        let advice = "for one force of each pair of bodies, use a law with cohesion of pairs such as IQS_COH_DS_CLB; for a \
+                      cohesion in proportion to the area of faces, IQS_MOHR_DS_CLB";
         report.add_warning(&format!("laws.{k}"), found, advice);
     }
 }

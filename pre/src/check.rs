@@ -12,6 +12,8 @@ use crate::scene::{
     ContactSurface, Envelope, GrainOrientations, GrainPlacement, GrainShape, Grains, Law, ModelScale, RadiusKind,
     Rotation, Scene, SceneWall, SizeDistribution, TimeFunction,
 };
+use crate::shapes::clump::{BallsError, MAX_CLUMP_BALLS, check_balls};
+use crate::shapes::union::ClumpBall;
 use crate::sizes::{MAX_BODIES, normal_share};
 
 /// Smallest number that DATBOX cannot hold: exponents in its files have two digits. Numbers below the inverse become 0.
@@ -293,11 +295,10 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
     match &grains.sizes {
         Some(sizes) => check_sizes(report, &format!("{path}.sizes"), sizes),
         None => {
-            let has_own_size =
-                matches!(grains.shape, GrainShape::Box { .. } | GrainShape::Vertices(_) | GrainShape::Model { .. });
+            let has_own_size = grains.shape.has_own_size();
             let has_given_sizes =
                 matches!(grains.placement, GrainPlacement::Fragments { .. } | GrainPlacement::File { .. });
-            let expected = "sizes, or a shape with a size of its own (Box, Vertices, Model)";
+            let expected = "sizes, or a shape with a size of its own (Box, Vertices, Model, Clump, ClumpFile)";
             report.require(has_own_size || has_given_sizes, path, "no sizes", expected);
         }
     }
@@ -392,6 +393,15 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
                 let fits = (8..=*CORNER_RANGE.end()).contains(&max_vertices);
                 report.require(fits, &format!("{pieces}.max_vertices"), format!("{max_vertices}"), &expected);
             }
+            if let &ContactSurface::Balls { max_balls, max_error } = contact_shape {
+                let balls = format!("{shape}.contact_shape");
+                let path = format!("{balls}.max_error");
+                let expected = format!("{} to {}", BALL_ERROR_RANGE.start(), BALL_ERROR_RANGE.end());
+                check_value(report, &path, max_error, BALL_ERROR_RANGE.contains(&max_error), &expected);
+                let fits = (2..=MAX_CLUMP_BALLS).contains(&max_balls);
+                let expected = format!("2 to {MAX_CLUMP_BALLS}");
+                report.require(fits, &format!("{balls}.max_balls"), format!("{max_balls}"), &expected);
+            }
             if let ContactSurface::Files(files) = contact_shape {
                 report.require(
                     !files.is_empty(),
@@ -401,12 +411,14 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
                 );
             }
         }
+        GrainShape::Clump(balls) => check_clump(report, &shape, balls),
+        GrainShape::ClumpFile { file: _, scale } => check_scale(report, &shape, scale),
         GrainShape::Sphere if !matches!(grains.placement, GrainPlacement::Fragments { .. }) => {
             report.require(
                 has_default_orientation_and_radius(grains),
                 path,
                 "grain_orientation or radius given for spheres",
-                "neither: they are for polyhedra",
+                "neither: they are for polyhedra and clumps",
             );
         }
         GrainShape::Sphere
@@ -433,6 +445,24 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
             let found = format!("{} rotations for {positions} listed positions", turns.len());
             report.require(turns.len() == positions, &orientation, found, "one for each listed position");
         }
+    }
+}
+
+/// Range of the error of the balls of a model: points on the surface are too sparse for less, and more is a single ball.
+const BALL_ERROR_RANGE: std::ops::RangeInclusive<f64> = 0.02..=0.5;
+
+/// Checks the balls of a clump.
+fn check_clump(report: &mut FaultReport, path: &str, balls: &[[f64; 4]]) {
+    let mut are_sound = true;
+    for (k, ball) in balls.iter().enumerate() {
+        let [x, y, z, radius] = *ball;
+        check_vector(report, &format!("{path}.0.{k}"), &[x, y, z], "m");
+        check_positive(report, &format!("{path}.0.{k}.3"), radius, "a radius > 0 m");
+        are_sound &= is_positive(radius) && [x, y, z].into_iter().all(fits_files);
+    }
+    let balls: Vec<ClumpBall> = balls.iter().map(ClumpBall::from).collect();
+    if are_sound && let Err(BallsError { found, expected }) = check_balls(&balls) {
+        report.add_fault(path, found, expected);
     }
 }
 
@@ -584,7 +614,7 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
         return;
     }
     if let GrainPlacement::File { .. } = grains.placement {
-        let holds = !grains.is_polyhedral() && grains.number.is_none() && grains.solid_fraction.is_none();
+        let holds = grains.are_spheres() && grains.number.is_none() && grains.solid_fraction.is_none();
         let found = "shape, number or solid_fraction given for the spheres of a file";
         return report.require(holds, path, found, "none of them: the file has them");
     }
@@ -598,8 +628,10 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
         );
     }
     if let GrainPlacement::DensePacking { .. } = grains.placement {
-        let expected = "spheres: polyhedra are poured or compressed to a dense packing by cd-solve";
-        report.require(!grains.is_polyhedral(), &format!("{path}.placement"), "a DensePacking of polyhedra", expected);
+        let kind = if grains.is_polyhedral() { "polyhedra" } else { "clumps" };
+        let expected = format!("spheres: {kind} are poured or compressed to a dense packing by cd-solve");
+        let found = format!("a DensePacking of {kind}");
+        report.require(grains.are_spheres(), &format!("{path}.placement"), found, &expected);
     }
     let has_envelope_size = grains.placement.envelope().is_none_or(Envelope::has_size);
     if let GrainPlacement::Fragments { .. } = grains.placement {

@@ -3,8 +3,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::placement::region::GrainRegion;
-use crate::shapes::OrientedPolyhedron;
 use crate::shapes::overlap::ConvexPiece;
+use crate::shapes::union::ClumpBall;
+use crate::shapes::{OrientedClump, OrientedPolyhedron};
 use crate::sphere::sphere_volume;
 use crate::walls::WallBody;
 
@@ -29,7 +30,7 @@ impl Population {
     }
 }
 
-/// One sphere or polyhedron; numbers have the digits of the files.
+/// One sphere, polyhedron or clump; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grain {
     /// Index of its group, an entry of `grains` in the scene.
@@ -38,8 +39,10 @@ pub struct Grain {
     pub radius: f64,
     /// Radius of the bounding ball about the centre of mass, m.
     pub reach: f64,
-    /// Polyhedron; none for a sphere.
+    /// Polyhedron; none for a sphere or clump.
     pub polyhedron: Option<OrientedPolyhedron>,
+    /// Clump; none for a sphere or polyhedron.
+    pub clump: Option<OrientedClump>,
     /// Mass, kg.
     pub mass: f64,
     /// Position, m.
@@ -53,12 +56,39 @@ pub struct Grain {
 impl Grain {
     /// Volume, m^3.
     pub fn volume(&self) -> f64 {
-        self.polyhedron.as_ref().map_or_else(|| sphere_volume(self.radius), OrientedPolyhedron::volume)
+        match (&self.polyhedron, &self.clump) {
+            (Some(polyhedron), _) => polyhedron.volume(),
+            (None, Some(clump)) => clump.volume(),
+            (None, None) => sphere_volume(self.radius),
+        }
     }
 
     /// Principal axes in the fixed frame, one a row; for a sphere, the fixed axes.
     pub fn axes(&self) -> Matrix3<f64> {
-        self.polyhedron.as_ref().map_or(Matrix3::identity(), |polyhedron| polyhedron.axes)
+        match (&self.polyhedron, &self.clump) {
+            (Some(polyhedron), _) => polyhedron.axes,
+            (None, Some(clump)) => clump.axes,
+            (None, None) => Matrix3::identity(),
+        }
+    }
+
+    /// Whether the grain is a sphere.
+    pub fn is_sphere(&self) -> bool {
+        self.polyhedron.is_none() && self.clump.is_none()
+    }
+
+    /// Balls of a sphere or clump at its position; none for a polyhedron.
+    pub(crate) fn balls(&self) -> Vec<ClumpBall> {
+        match (&self.polyhedron, &self.clump) {
+            (Some(_), _) => Vec::new(),
+            (None, Some(clump)) => {
+                let to_fixed_axes = clump.axes.transpose();
+                let placed_ball =
+                    |ball: ClumpBall| ClumpBall { centre: self.position + to_fixed_axes * ball.centre, ..ball };
+                clump.balls().map(placed_ball).collect()
+            }
+            (None, None) => vec![ClumpBall { centre: self.position, radius: self.radius }],
+        }
     }
 
     /// Convex pieces of a polyhedron in its orientation, at its position.

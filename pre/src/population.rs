@@ -19,6 +19,7 @@ use crate::random::{RandomStream, StreamPurpose};
 use crate::scene::{GrainPlacement, Grains, Scene, TimeFunction};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::shapes::read::report_file_faults;
+use crate::shapes::union::ClumpBall;
 use crate::shapes::{GrainSampler, SampledGrain, ShapeError};
 use crate::sizes::MAX_BODIES;
 use crate::sphere::sphere_volume;
@@ -197,6 +198,7 @@ fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed
             radius: sampled.radius,
             reach: sampled.reach,
             polyhedron: sampled.polyhedron,
+            clump: sampled.clump,
             mass: masses[k],
             position: placed.positions[k],
             velocity: rigid_velocities[k] + thermal_velocities[k],
@@ -313,15 +315,26 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     // Pieces are made once, and only for grains that are near another.
     let piece_cache: Vec<OnceCell<Vec<ConvexPiece>>> = vec![OnceCell::new(); grains.len()];
     let pieces = |k: usize| piece_cache[k].get_or_init(|| grains[k].convex_pieces()).as_slice();
-    let overlap_with_ball = |k: usize, centre: Vector3<f64>, radius: f64| {
-        pieces(k).iter().map(|piece| piece.overlap_of_ball(&centre, radius)).fold(0.0, f64::max)
+    // Penetration of the balls of a grain, moved by `shift`, into a polyhedron, m.
+    let overlap_with_balls = |polyhedron: usize, other: usize, shift: Vector3<f64>| {
+        let overlap = |ball: ClumpBall, piece: &ConvexPiece| piece.overlap_of_ball(&(ball.centre + shift), ball.radius);
+        let ball_overlap = |ball| pieces(polyhedron).iter().map(|piece| overlap(ball, piece)).fold(0.0, f64::max);
+        grains[other].balls().into_iter().map(ball_overlap).fold(0.0, f64::max)
     };
     // Penetration of two grains, m, whose bounding balls overlap by `overlap`, the first one moved by `shift`.
     let penetration =
         |a: usize, b: usize, shift: Vector3<f64>, overlap: f64| match [a, b].map(|k| grains[k].polyhedron.is_some()) {
-            [false, false] => overlap,
-            [true, false] => overlap_with_ball(a, grains[b].position - shift, grains[b].radius),
-            [false, true] => overlap_with_ball(b, grains[a].position + shift, grains[a].radius),
+            [false, false] if grains[a].is_sphere() && grains[b].is_sphere() => overlap,
+            [false, false] => {
+                let (first, second) = (grains[a].balls(), grains[b].balls());
+                let pairs = first.iter().flat_map(|one| second.iter().map(move |other| (one, other)));
+                let overlap = |(one, other): (&ClumpBall, &ClumpBall)| {
+                    one.radius + other.radius - (one.centre + shift - other.centre).norm()
+                };
+                pairs.map(overlap).fold(0.0, f64::max)
+            }
+            [true, false] => overlap_with_balls(a, b, -shift),
+            [false, true] => overlap_with_balls(b, a, shift),
             [true, true] => {
                 let allowed = TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius);
                 if shift == Vector3::zeros() {
@@ -378,8 +391,13 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         for wall in population.walls.iter().filter(|_| !may_overlap[grain.group]) {
             let image_overlap = |shift: Vector3<f64>| {
                 let overlap = wall.ball_overlap(&(grain.position - shift), grain.reach);
-                if overlap <= TOUCHING_TOLERANCE * grain.radius || grain.polyhedron.is_none() {
+                if overlap <= TOUCHING_TOLERANCE * grain.radius || grain.is_sphere() {
                     return overlap;
+                }
+                if grain.clump.is_some() {
+                    let balls = grain.balls().into_iter();
+                    let overlaps = balls.map(|ball| wall.ball_overlap(&(ball.centre - shift), ball.radius));
+                    return overlaps.fold(f64::NEG_INFINITY, f64::max);
                 }
                 wall.pieces_overlap(pieces(k), &shift, TOUCHING_TOLERANCE * grain.radius)
             };

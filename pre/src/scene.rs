@@ -104,13 +104,13 @@ pub struct Grains {
     pub solid_fraction: Option<f64>,
     #[serde(default)]
     pub shape: GrainShape,
-    /// None for grains with a size of their own: `Box`, `Vertices`, `Model`, and `Fragments`.
+    /// None for grains with a size of their own: `Box`, `Vertices`, `Model`, `Clump`, `ClumpFile`, and `Fragments`.
     #[serde(default)]
     pub sizes: Option<SizeDistribution>,
-    /// Radius of a polyhedron that the sizes give.
+    /// Radius of a polyhedron or clump that the sizes give.
     #[serde(default)]
     pub radius: RadiusKind,
-    /// Orientation of polyhedra.
+    /// Orientation of polyhedra and clumps.
     #[serde(default)]
     pub grain_orientation: GrainOrientations,
     /// Positions of the grains.
@@ -204,6 +204,15 @@ pub enum GrainShape {
         #[serde(default)]
         contact_shape: ContactSurface,
     },
+    /// Balls as one body: centre x, y, z and radius of each, m.
+    Clump(Vec<[f64; 4]>),
+    /// Balls of a file as one body.
+    ClumpFile {
+        /// Table of x, y, z, r, or another file of particles; relative to the folder of the scene.
+        file: String,
+        #[serde(default)]
+        scale: ModelScale,
+    },
 }
 
 fn default_ratios() -> [f64; 3] {
@@ -255,6 +264,13 @@ pub enum ContactSurface {
     },
     /// Convex pieces in files of their own, in the axes of the model; mass and inertia as for `Pieces`.
     Files(Vec<String>),
+    /// Balls inscribed in the model; mass and inertia as for `Pieces`.
+    Balls {
+        max_balls: usize,
+        /// Distance up to which the surface counts as covered, divided by the radius of the sphere of equal volume.
+        #[serde(default = "default_ball_error")]
+        max_error: f64,
+    },
 }
 
 fn default_concavity() -> f64 {
@@ -265,18 +281,22 @@ fn default_hull_vertices() -> usize {
     64
 }
 
-/// Radius of a polyhedron that a size gives.
+fn default_ball_error() -> f64 {
+    0.05
+}
+
+/// Radius of a polyhedron or clump that a size gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum RadiusKind {
     /// Radius of the sphere of equal volume.
     #[default]
     EqualVolume,
-    /// The farthest vertex from the centre of mass.
+    /// Distance of the farthest point from the centre of mass.
     Circumscribed,
 }
 
-/// Rotation of each polyhedron from the axes in which its shape is given.
+/// Rotation of each polyhedron or clump from the axes in which its shape is given.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum GrainOrientations {
@@ -604,7 +624,29 @@ impl Law {
 impl GrainShape {
     /// Whether the shape is given in axes that need not be the principal ones.
     pub fn has_axes(&self) -> bool {
-        matches!(self, GrainShape::Vertices(_) | GrainShape::Model { .. })
+        self.has_own_size() && !matches!(self, GrainShape::Box { .. })
+    }
+
+    /// Whether the shape has a size, which grains without `sizes` keep.
+    pub fn has_own_size(&self) -> bool {
+        matches!(
+            self,
+            GrainShape::Box { .. }
+                | GrainShape::Vertices(_)
+                | GrainShape::Model { .. }
+                | GrainShape::Clump(_)
+                | GrainShape::ClumpFile { .. }
+        )
+    }
+
+    /// Whether the contacts of the shape are those of several balls.
+    pub fn is_clump(&self) -> bool {
+        matches!(
+            self,
+            GrainShape::Clump(_)
+                | GrainShape::ClumpFile { .. }
+                | GrainShape::Model { contact_shape: ContactSurface::Balls { .. }, .. }
+        )
     }
 }
 
@@ -651,7 +693,7 @@ impl Grains {
     /// as normals pass through their centres.
     pub fn can_be_pushed(&self) -> bool {
         let components = self.imposed_components();
-        let relevant = if self.is_polyhedral() { &components[..] } else { &components[..3] };
+        let relevant = if self.are_spheres() { &components[..3] } else { &components[..] };
         relevant.iter().any(Option::is_none)
     }
 
@@ -661,9 +703,14 @@ impl Grains {
             || matches!(&self.placement, GrainPlacement::List { positions, .. } if positions.len() == 1)
     }
 
+    /// Whether the grains are spheres.
+    pub fn are_spheres(&self) -> bool {
+        self.shape == GrainShape::Sphere && !matches!(self.placement, GrainPlacement::Fragments { .. })
+    }
+
     /// Whether the grains are polyhedra.
     pub fn is_polyhedral(&self) -> bool {
-        self.shape != GrainShape::Sphere || matches!(self.placement, GrainPlacement::Fragments { .. })
+        !self.are_spheres() && !self.shape.is_clump()
     }
 }
 
@@ -679,7 +726,7 @@ pub fn models<'a>(grains: &'a [Grains], walls: &'a [SceneWall]) -> impl Iterator
             GrainShape::Model { file, contact_shape: ContactSurface::Files(pieces), .. } => {
                 (Some(file), pieces.as_slice())
             }
-            GrainShape::Model { file, .. } => (Some(file), &[][..]),
+            GrainShape::Model { file, .. } | GrainShape::ClumpFile { file, .. } => (Some(file), &[][..]),
             _ => (None, &[][..]),
         };
         let envelope = match grains.placement.envelope() {

@@ -3,11 +3,11 @@
 use cd_formats::error::Faults;
 use cd_formats::messages::print_error;
 use cd_formats::names::{count_text, rounded_number};
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::grain::{Grain, Population};
 use crate::scene::{Law, Scene};
-use crate::shapes::PrincipalSolid;
+use crate::shapes::OrientedClump;
 
 /// Prints warnings on stderr.
 pub fn print_warnings(warnings: &Faults) {
@@ -23,10 +23,16 @@ pub fn scene_summary(scene: &Scene, population: &Population) -> String {
     group_lines(scene, population) + &total + "\n" + &pair_law_lines(scene, population)
 }
 
-/// A line for each law with cohesion of pairs: its forces between two of the smallest and two of the largest grains.
+/// A line for each law with cohesion of pairs: its forces between two of the smallest and two of the largest grains. A clump
+/// has the radii of its balls.
 fn pair_law_lines(scene: &Scene, population: &Population) -> String {
-    let radii = || population.grains.iter().map(|grain| grain.radius);
-    let extremes = [radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max)];
+    let extremes = population.grains.iter().fold([f64::INFINITY, 0.0], |extremes: [f64; 2], grain| {
+        let wider = |[low, high]: [f64; 2], radius: f64| [low.min(radius), high.max(radius)];
+        match &grain.clump {
+            Some(clump) => clump.balls().map(|ball| ball.radius).fold(extremes, wider),
+            None => wider(extremes, grain.radius),
+        }
+    });
     let line = |law: &Law| {
         let pair = law.kind.pair_cohesion()?;
         // 1/R of two equal grains is twice that of one.
@@ -60,10 +66,19 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
     let mean = radii().sum::<f64>() / count as f64;
     let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
     let polyhedra = grains.iter().filter(|grain| grain.polyhedron.is_some()).count();
-    let kind = match polyhedra {
-        0 => count_text(count, "sphere"),
-        _ if polyhedra == count => format!("{} ({})", count_text(count, "polyhedron"), vertex_count_text(grains)),
-        _ => format!("{} and {}", count_text(count - polyhedra, "sphere"), count_text(polyhedra, "polyhedron")),
+    let clumps: Vec<&OrientedClump> = grains.iter().filter_map(|grain| grain.clump.as_ref()).collect();
+    let spheres = count - polyhedra - clumps.len();
+    let kind = match (polyhedra, clumps.len()) {
+        (0, 0) => count_text(spheres, "sphere"),
+        (polyhedra, 0) if polyhedra == count => {
+            format!("{} ({})", count_text(count, "polyhedron"), vertex_count_text(grains))
+        }
+        (0, number) if number == count => format!("{} ({})", count_text(count, "clump"), ball_count_text(&clumps)),
+        (polyhedra, number) => {
+            let counts = [(spheres, "sphere"), (polyhedra, "polyhedron"), (number, "clump")];
+            let counts = counts.into_iter().filter(|(number, _)| *number > 0);
+            counts.map(|(number, name)| count_text(number, name)).collect::<Vec<_>>().join(" and ")
+        }
     };
     let [min, max, mean] = [min, max, mean].map(five_digits);
     format!("{name}: {kind}, radius {min} to {max} m (mean {mean} m), mass {mass:.6e} kg")
@@ -78,10 +93,15 @@ pub fn group_lines(scene: &Scene, population: &Population) -> String {
         if !population.file_summaries[group].is_empty() {
             text += &format!(", {}", population.file_summaries[group]);
         }
-        if let Some(polyhedron) = grains.first().and_then(|grain| grain.polyhedron.as_ref())
-            && scene.grains[group].shape.has_axes()
+        if scene.grains[group].shape.has_axes()
+            && let Some(grain) = grains.first()
         {
-            text += &frame_change_text(&polyhedron.solid);
+            let given = if grain.clump.is_some() { "axes" } else { "vertices" };
+            let polyhedron = grain.polyhedron.as_ref().map(|shape| (shape.solid.shift, shape.solid.axes));
+            let clump = grain.clump.as_ref().map(|shape| (shape.clump.frame.shift, shape.clump.frame.axes));
+            if let Some((shift, axes)) = polyhedron.or(clump) {
+                text += &frame_change_text(&shift, &axes, given);
+            }
         }
         if let Some(region) = region {
             let filled: f64 = grains.iter().map(|grain| grain.volume()).sum();
@@ -92,20 +112,28 @@ pub fn group_lines(scene: &Scene, population: &Population) -> String {
     text
 }
 
-/// Text about the translation and rotation of a shape to its centre of mass and principal axes.
-fn frame_change_text(solid: &PrincipalSolid) -> String {
+/// Text about the translation and rotation of a shape, `given` by vertices or in axes, to its centre of mass and principal
+/// axes.
+fn frame_change_text(shift: &Vector3<f64>, axes: &Matrix3<f64>, given: &str) -> String {
     let mut text = String::new();
-    if solid.shift != Vector3::zeros() {
-        let [x, y, z] = solid.shift.into();
-        text += &format!(", centre of mass at ({x:.8}, {y:.8}, {z:.8}) m of the given vertices");
+    if *shift != Vector3::zeros() {
+        let [x, y, z] = (*shift).into();
+        text += &format!(", centre of mass at ({x:.8}, {y:.8}, {z:.8}) m of the given {given}");
     }
-    let turn = Rotation3::from_matrix_unchecked(solid.axes.transpose());
+    let turn = Rotation3::from_matrix_unchecked(axes.transpose());
     if let Some((axis, angle)) = turn.axis_angle() {
         let [x, y, z] = axis.into_inner().into();
         text +=
             &format!(", principal axes rotated by {angle:.8} rad about ({x:.8}, {y:.8}, {z:.8}) from the given ones");
     }
     text
+}
+
+/// Text about the number of balls of clumps.
+fn ball_count_text(clumps: &[&OrientedClump]) -> String {
+    let counts = clumps.iter().map(|clump| clump.clump.balls.len());
+    let (min, max) = counts.fold((usize::MAX, 0), |(min, max), count| (min.min(count), max.max(count)));
+    if min == max { format!("{min} balls each") } else { format!("{min} to {max} balls") }
 }
 
 /// Text about the number of vertices of the grains, summed over the pieces of a grain.

@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 use crate::grain::{Grain, Population};
 use crate::scene::{Law, Scene, SceneWall, TimeFunction};
-use crate::shapes::OrientedPolyhedron;
+use crate::shapes::union::ClumpBall;
+use crate::shapes::{OrientedClump, OrientedPolyhedron};
 use crate::sphere::sphere_volume;
 use crate::walls::{FunctionTables, WallBody};
 
@@ -49,9 +50,10 @@ pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
     let record_of_grain = |grain: &Grain| {
         let group = &scene.grains[grain.group];
         let radius = grain.radius;
-        let (inertia, shapes) = match &grain.polyhedron {
-            None => ([0.4 * sphere_volume(radius) * radius * radius; 3], vec![ShapeRecord::Sphere { radius }]),
-            Some(polyhedron) => (polyhedron.moments(), polyhedron_shapes(polyhedron)),
+        let (inertia, shapes) = match (&grain.polyhedron, &grain.clump) {
+            (Some(polyhedron), _) => (polyhedron.moments(), polyhedron_shapes(polyhedron)),
+            (None, Some(clump)) => (clump.moments(), clump_shapes(clump)),
+            (None, None) => ([0.4 * sphere_volume(radius) * radius * radius; 3], vec![ShapeRecord::Sphere { radius }]),
         };
         Body {
             line: 0,
@@ -82,6 +84,12 @@ fn polyhedron_shapes(polyhedron: &OrientedPolyhedron) -> Vec<ShapeRecord> {
     let triangles = polyhedron.solid.pieces.iter().map(|piece| piece.triangles().to_vec());
     let shape = |(vertices, triangles)| ShapeRecord::Polyhedron { vertices, triangles };
     polyhedron.vertices().into_iter().zip(triangles).map(shape).collect()
+}
+
+/// Contactors of a clump, one for each ball.
+fn clump_shapes(clump: &OrientedClump) -> Vec<ShapeRecord> {
+    let shape = |ball: ClumpBall| ShapeRecord::OffsetSphere { radius: ball.radius, offset: ball.centre.into() };
+    clump.balls().map(shape).collect()
 }
 
 /// Contactor without a frame of its own.

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use cd_pre::shapes::model::ModelSolid;
 use cd_pre::shapes::read::{self, RepairedSurface};
 
 fn file(name: &str) -> std::path::PathBuf {
@@ -390,7 +391,7 @@ fn a_cube_of_few_digits_is_taken_as_its_hull() {
     let mut hulls = 0;
     for k in 1..=10 {
         let side = 0.01 * f64::from(k);
-        let (solid, message) = made(side, 0.0).unwrap();
+        let (ModelSolid::Polyhedron(solid), message) = made(side, 0.0).unwrap() else { panic!("a clump") };
         hulls += usize::from(message.contains("replaced by its convex hull, from which it deviates by "));
         assert_eq!(solid.pieces.len(), 1);
         assert!((solid.pieces[0].volume() / side.powi(3) - 1.0).abs() < 3e-4);

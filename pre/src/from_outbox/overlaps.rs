@@ -284,7 +284,10 @@ impl<'a> PlacedBodies<'a> {
                 Some(grain) if grain.polyhedron.is_some() => {
                     PosedBody { pieces: grain.convex_pieces(), ..PosedBody::default() }
                 }
-                Some(grain) => PosedBody { balls: vec![(grain.position, grain.radius)], ..PosedBody::default() },
+                Some(grain) => {
+                    let balls = grain.balls().into_iter().map(|ball| (ball.centre, ball.radius)).collect();
+                    PosedBody { balls, ..PosedBody::default() }
+                }
                 None => PosedBody::from_wall(&self.new.walls[number - self.new.grains.len()]),
             },
         })

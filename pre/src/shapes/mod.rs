@@ -1,4 +1,4 @@
-//! Polyhedra: converts the shapes of grains in a scene to solids in their principal axes.
+//! Polyhedra and clumps: converts the shapes of grains in a scene to solids in their principal axes.
 //!
 //! | module | |
 //! |---|---|
@@ -7,15 +7,20 @@
 //! | [`rocks`] | random convex polyhedra |
 //! | [`read`], [`model`] | surfaces from files: reading, size, convex pieces |
 //! | `principal` | solids in their principal axes |
+//! | [`clump`], [`union`] | clumps of balls, and the mass properties of their union |
+//! | [`inscribed`] | balls that represent a surface |
 //! | [`overlap`] | penetration of convex solids |
 
+pub mod clump;
 pub mod hull;
+pub mod inscribed;
 pub mod model;
 pub mod overlap;
 mod principal;
 pub mod read;
 pub mod regular;
 pub mod rocks;
+pub mod union;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -28,7 +33,10 @@ use crate::rotation::rotation_matrix;
 use crate::rounding::{round_8_digits, round_14_columns};
 use crate::scene::{GrainOrientations, GrainShape, Grains, RadiusKind};
 use crate::sphere::sphere_volume;
-pub use principal::{OrientedPolyhedron, PrincipalSolid};
+pub use clump::{OrientedClump, PrincipalClump};
+use model::ModelSolid;
+pub use principal::{CentredFrame, OrientedPolyhedron, PrincipalSolid};
+use union::ClumpBall;
 
 /// Grain without a position.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,20 +45,26 @@ pub struct SampledGrain {
     pub radius: f64,
     /// Radius of the smallest ball about the centre of mass that contains the grain, m.
     pub reach: f64,
-    /// Polyhedron; none for a sphere.
+    /// Polyhedron; none for a sphere or clump.
     pub polyhedron: Option<OrientedPolyhedron>,
+    /// Clump; none for a sphere or polyhedron.
+    pub clump: Option<OrientedClump>,
 }
 
 impl SampledGrain {
     /// Sphere of `radius`, m, rounded to the digits of the files.
     pub fn from_radius(radius: f64) -> SampledGrain {
         let radius = round_8_digits(radius);
-        SampledGrain { radius, reach: radius, polyhedron: None }
+        SampledGrain { radius, reach: radius, polyhedron: None, clump: None }
     }
 
     /// Volume, m^3.
     pub fn volume(&self) -> f64 {
-        self.polyhedron.as_ref().map_or_else(|| sphere_volume(self.radius), OrientedPolyhedron::volume)
+        match (&self.polyhedron, &self.clump) {
+            (Some(polyhedron), _) => polyhedron.volume(),
+            (None, Some(clump)) => clump.volume(),
+            (None, None) => sphere_volume(self.radius),
+        }
     }
 
     /// Grain with the shape of a polyhedron.
@@ -58,7 +72,13 @@ impl SampledGrain {
         let vertices = polyhedron.vertices();
         let reach = vertices.iter().flatten().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
         let radius = round_14_columns(polyhedron.scale * polyhedron.solid.equivalent_radius());
-        SampledGrain { radius, reach, polyhedron: Some(polyhedron) }
+        SampledGrain { radius, reach, polyhedron: Some(polyhedron), clump: None }
+    }
+
+    /// Grain with the shape of a clump.
+    pub fn from_clump(clump: OrientedClump) -> SampledGrain {
+        let radius = round_8_digits(clump.scale * clump.clump.equivalent_radius());
+        SampledGrain { radius, reach: clump.reach(), polyhedron: None, clump: Some(clump) }
     }
 }
 
@@ -69,7 +89,7 @@ pub struct GrainSampler {
     radius: RadiusKind,
     orientations: GrainOrientations,
     random: RandomStream,
-    /// Number of polyhedra so far.
+    /// Number of polyhedra or clumps so far.
     count: usize,
 }
 
@@ -97,6 +117,14 @@ enum ShapeSource {
     /// One solid for all grains, and notes on its file.
     Same(Arc<PrincipalSolid>, String),
     Rocks(rocks::RockGenerator),
+    /// One clump for all grains, and notes on its file.
+    Clump(Arc<PrincipalClump>, String),
+}
+
+/// Shape of the next grain.
+enum NextShape {
+    Polyhedron(Arc<PrincipalSolid>),
+    Clump(Arc<PrincipalClump>),
 }
 
 impl GrainSampler {
@@ -112,7 +140,18 @@ impl GrainSampler {
             GrainShape::Model { file, scale, contact_shape } => {
                 let (solid, summary) =
                     model::model_solid(folder, file, *scale, contact_shape).map_err(ShapeError::File)?;
-                ShapeSource::Same(Arc::new(solid), summary)
+                match solid {
+                    ModelSolid::Polyhedron(solid) => ShapeSource::Same(Arc::new(solid), summary),
+                    ModelSolid::Clump(clump) => ShapeSource::Clump(Arc::new(clump), summary),
+                }
+            }
+            GrainShape::Clump(balls) => {
+                let balls: Vec<ClumpBall> = balls.iter().map(ClumpBall::from).collect();
+                ShapeSource::Clump(Arc::new(PrincipalClump::from_union(&balls)), String::new())
+            }
+            GrainShape::ClumpFile { file, scale } => {
+                let (clump, summary) = clump::read_clump(folder, file, *scale).map_err(ShapeError::File)?;
+                ShapeSource::Clump(Arc::new(clump), summary)
             }
             other => {
                 let hull = hull::convex_hull(&regular::shape_vertices(other)).map_err(ShapeError::Shape)?;
@@ -134,20 +173,24 @@ impl GrainSampler {
 
     /// Notes on the shape's file.
     pub fn file_summary(&self) -> &str {
-        if let ShapeSource::Same(_, summary) = &self.source { summary } else { "" }
+        match &self.source {
+            ShapeSource::Same(_, summary) | ShapeSource::Clump(_, summary) => summary,
+            ShapeSource::Sphere | ShapeSource::Rocks(_) => "",
+        }
     }
 
     /// Next grain, of the radius `size`, m, or of the shape's own size.
     ///
     /// Errors: no sound shape was found.
     pub fn next_grain(&mut self, size: Option<f64>) -> Result<SampledGrain, rocks::DrawError> {
-        let solid = match &self.source {
+        let shape = match &self.source {
             ShapeSource::Sphere => {
                 let radius = size.unwrap_or(1.0);
-                return Ok(SampledGrain { radius, reach: radius, polyhedron: None });
+                return Ok(SampledGrain { radius, reach: radius, polyhedron: None, clump: None });
             }
-            ShapeSource::Same(solid, _) => solid.clone(),
-            ShapeSource::Rocks(rocks) => Arc::new(rocks.draw_rock(&mut self.random)?),
+            ShapeSource::Same(solid, _) => NextShape::Polyhedron(solid.clone()),
+            ShapeSource::Rocks(rocks) => NextShape::Polyhedron(Arc::new(rocks.draw_rock(&mut self.random)?)),
+            ShapeSource::Clump(clump, _) => NextShape::Clump(clump.clone()),
         };
         let rotation = match &self.orientations {
             GrainOrientations::Random => self.random.uniform_rotation(),
@@ -157,11 +200,20 @@ impl GrainSampler {
             }
         };
         self.count += 1;
+        let (equivalent_radius, reach) = match &shape {
+            NextShape::Polyhedron(solid) => (solid.equivalent_radius(), solid.reach),
+            NextShape::Clump(clump) => (clump.equivalent_radius(), clump.reach),
+        };
         let own_size = match self.radius {
-            RadiusKind::EqualVolume => solid.equivalent_radius(),
-            RadiusKind::Circumscribed => solid.reach,
+            RadiusKind::EqualVolume => equivalent_radius,
+            RadiusKind::Circumscribed => reach,
         };
         let scale = size.map_or(1.0, |size| size / own_size);
-        Ok(SampledGrain::from_polyhedron(OrientedPolyhedron::new(solid, scale, &rotation)))
+        Ok(match shape {
+            NextShape::Polyhedron(solid) => {
+                SampledGrain::from_polyhedron(OrientedPolyhedron::new(solid, scale, &rotation))
+            }
+            NextShape::Clump(clump) => SampledGrain::from_clump(OrientedClump::new(clump, scale, &rotation)),
+        })
     }
 }

@@ -9,10 +9,13 @@ use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
 use parry3d_f64::transformation::voxelization::FillMode;
 
 use crate::scene::{ContactSurface, ModelScale};
+use crate::shapes::clump::{self, BallsError, PrincipalClump};
 use crate::shapes::hull;
 use crate::shapes::hull::HullError;
+use crate::shapes::inscribed::{SurfaceBalls, inscribed_balls};
 use crate::shapes::principal::PrincipalSolid;
 use crate::shapes::read::{self, RepairedSurface};
+use crate::shapes::union::union_properties;
 use crate::sphere::sphere_spiral;
 
 /// Largest shift of vertices, divided by the extent, for which a surface counts as convex: files have seven digits.
@@ -71,6 +74,13 @@ fn scale_surface(path: &Path, surface: &Surface, factor: f64) -> Result<Surface,
     })
 }
 
+/// Solid of a model.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ModelSolid {
+    Polyhedron(PrincipalSolid),
+    Clump(PrincipalClump),
+}
+
 /// Solid of a model, and notes on it. Errors: a file that is no closed surface, a size without a finite volume, a surface that
 /// is not convex although `contact_shape` requires it, or no convex body from it.
 pub fn model_solid(
@@ -78,7 +88,7 @@ pub fn model_solid(
     file: &str,
     scale: ModelScale,
     contact_shape: &ContactSurface,
-) -> Result<(PrincipalSolid, String), Faults> {
+) -> Result<(ModelSolid, String), Faults> {
     let path = folder.join(file);
     let model_fault =
         |object: &str, found: String, expected: &str| Faults::from(Fault::new(&path, None, object, found, expected));
@@ -128,11 +138,33 @@ pub fn model_solid(
             summary += &coverage_text(&whole, &pieces);
             PrincipalSolid::new(&whole, &pieces)
         }
+        &ContactSurface::Balls { max_balls, max_error } => {
+            let chosen = inscribed_balls(&whole, max_balls, max_error)
+                .ok_or_else(|| model_fault("balls", "none was found".to_string(), "expected a body"))?;
+            clump::check_balls(&chosen.balls).map_err(|BallsError { found, .. }| {
+                let expected = "expected several balls: a smaller max_error, or Sphere as the shape";
+                model_fault("balls", found, expected)
+            })?;
+            summary += &balls_text(&whole, &chosen);
+            let clump = PrincipalClump::new(&chosen.balls, &whole.mass_properties());
+            return Ok((ModelSolid::Clump(clump), summary));
+        }
     };
     let solid = solid.map_err(|misfit| {
         model_fault("surface", misfit.to_string(), "expected a surface large enough to be represented")
     })?;
-    Ok((solid, summary))
+    Ok((ModelSolid::Polyhedron(solid), summary))
+}
+
+/// Text about balls that represent a surface: their number, volume and distances.
+fn balls_text(whole: &Surface, found: &SurfaceBalls) -> String {
+    format!(
+        ", {} balls, together {:.4} of its volume, {:.4} of its area within the error, up to {:.3e} m from it",
+        found.balls.len(),
+        union_properties(&found.balls).volume / whole.volume(),
+        found.covered_share,
+        found.largest_distance
+    )
 }
 
 /// Convex piece of a model from a file of its own, scaled by `factor`, and notes on it for the summary; `model_box` is the

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use cd_formats::surface::{Surface, SurfaceFault};
+use cd_formats::surface::{MassProperties, Surface, SurfaceFault};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::rounding::{round_14_columns, round_axes};
@@ -11,6 +11,42 @@ use crate::shapes::hull;
 /// Ratio of the distance from the centre to the extent, or error of the principal axes, below which vertices stay as
 /// they are. A file with twelve digits leaves about 1e-12.
 const ALIGNMENT_TOLERANCE: f64 = 1e-10;
+
+/// Centre of mass and principal axes of a shape in the axes in which it was given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CentredFrame {
+    /// Centre of mass, m.
+    pub shift: Vector3<f64>,
+    /// Principal moments of inertia at density 1, m^5.
+    pub moments: [f64; 3],
+    /// Principal axes, one a row, in the order and with the signs closest to the given axes.
+    pub axes: Matrix3<f64>,
+}
+
+impl CentredFrame {
+    /// Frame of a shape with these mass properties, whose farthest point is at the distance `extent`, m, from its centre of mass.
+    /// A centre and axes that are those of the shape up to rounding stay exactly these.
+    pub fn from_properties(properties: &MassProperties, extent: f64) -> CentredFrame {
+        let mut shift = Vector3::from(properties.centre);
+        if shift.norm() <= ALIGNMENT_TOLERANCE * extent {
+            shift = Vector3::zeros();
+        }
+        let inertia = Matrix3::from(properties.inertia);
+        let products_of_inertia = inertia - Matrix3::from_diagonal(&inertia.diagonal());
+        let (moments, axes) = if products_of_inertia.amax() <= ALIGNMENT_TOLERANCE * inertia.trace() {
+            (inertia.diagonal().into(), Matrix3::identity())
+        } else {
+            let (moments, axes) = properties.principal_axes();
+            nearest_axes(moments, axes.map(Vector3::from))
+        };
+        CentredFrame { shift, moments, axes }
+    }
+
+    /// Point along the principal axes about the centre of mass, m, of one in the given axes.
+    pub fn centred_point(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        if self.axes == Matrix3::identity() { point - self.shift } else { self.axes * (point - self.shift) }
+    }
+}
 
 /// Body of density 1 in its principal axes about its centre of mass.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,31 +72,10 @@ impl PrincipalSolid {
     pub fn new(whole: &Surface, pieces: &[Surface]) -> Result<PrincipalSolid, hull::HullError> {
         let properties = whole.mass_properties();
         let extent = whole.vertices().iter().map(|&v| (Vector3::from(v) - Vector3::from(properties.centre)).norm());
-        let extent = extent.fold(0.0, f64::max);
-        let mut shift = Vector3::from(properties.centre);
-        if shift.norm() <= ALIGNMENT_TOLERANCE * extent {
-            shift = Vector3::zeros();
-        }
-        let inertia = Matrix3::from(properties.inertia);
-        let products_of_inertia = inertia - Matrix3::from_diagonal(&inertia.diagonal());
-        let (moments, axes) = if products_of_inertia.amax() <= ALIGNMENT_TOLERANCE * inertia.trace() {
-            (inertia.diagonal().into(), Matrix3::identity())
-        } else {
-            let (moments, axes) = properties.principal_axes();
-            nearest_axes(moments, axes.map(Vector3::from))
-        };
+        let frame = CentredFrame::from_properties(&properties, extent.fold(0.0, f64::max));
         let centred_surface = |surface: &Surface| {
-            let vertices: Vec<[f64; 3]> = surface
-                .vertices()
-                .iter()
-                .map(|&v| {
-                    if axes == Matrix3::identity() {
-                        (Vector3::from(v) - shift).into()
-                    } else {
-                        (axes * (Vector3::from(v) - shift)).into()
-                    }
-                })
-                .collect();
+            let vertices: Vec<[f64; 3]> =
+                surface.vertices().iter().map(|&v| frame.centred_point(&v.into()).into()).collect();
             Surface::new(&vertices, surface.triangles()).map_err(|faults| {
                 hull::HullError::Moved(faults.0.first().map(SurfaceFault::to_string).unwrap_or_default())
             })
@@ -68,6 +83,7 @@ impl PrincipalSolid {
         let pieces: Vec<Surface> = pieces.iter().map(centred_surface).collect::<Result<_, _>>()?;
         let vertices = pieces.iter().flat_map(|piece| piece.vertices());
         let reach = vertices.map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
+        let CentredFrame { shift, moments, axes } = frame;
         Ok(PrincipalSolid { pieces, volume: properties.volume, moments, reach, shift, axes })
     }
 

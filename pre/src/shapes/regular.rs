@@ -22,7 +22,11 @@ pub fn shape_vertices(shape: &GrainShape) -> Vec<[f64; 3]> {
             ring(-slenderness).chain(ring(slenderness)).collect()
         }
         GrainShape::Vertices(vertices) => vertices.clone(),
-        GrainShape::Sphere | GrainShape::Random { .. } | GrainShape::Model { .. } => Vec::new(),
+        GrainShape::Sphere
+        | GrainShape::Random { .. }
+        | GrainShape::Model { .. }
+        | GrainShape::Clump(_)
+        | GrainShape::ClumpFile { .. } => Vec::new(),
     }
 }
 
