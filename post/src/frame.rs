@@ -276,6 +276,9 @@ impl Frame {
         let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let is_wall = wall_rows(&bodies);
         let is_mesh: Vec<bool> = solids.iter().map(|solid| solid.as_ref().is_some_and(|solid| solid.is_mesh)).collect();
+        // Bodies of balls alone, as BODIES.DAT has them: position k in the list is contactor k.
+        let clumps: Vec<Option<Arc<SolidShape>>> =
+            solids.iter().map(|solid| solid.clone().filter(|solid| solid.is_clump())).collect();
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
         let contact_bodies: Vec<ContactBody> = solids
             .into_iter()
@@ -293,10 +296,13 @@ impl Frame {
                 }
             })
             .collect();
-        let curvature = |body: BodyId| match bodies.body_shape[body.index()] {
+        let curvature = |body: BodyId, contactor: usize| match bodies.body_shape[body.index()] {
             SHAPE_PLANE if is_wall[body.index()] => 0.0,
             _ if is_mesh[body.index()] => 0.0,
-            _ => 1.0 / bodies.body_radius[body.index()],
+            _ => {
+                let ball = clumps[body.index()].as_ref().and_then(|clump| clump.balls.get(contactor));
+                1.0 / ball.map_or(bodies.body_radius[body.index()], |(_, radius)| *radius)
+            }
         };
         let contacts = (0..contacts.contact_body.len())
             .filter_map(|row| {
@@ -311,7 +317,8 @@ impl Frame {
                 };
                 let ((x, shift), (other, _)) = (position_and_shift(candidate), position_and_shift(antagonist));
                 let shared_area = shapes.as_ref().map_or(0.0, |shapes| shapes.contacts.contact_area[row]);
-                let curvatures = pair.map(curvature);
+                let contactors = shapes.as_ref().map_or([0; 2], |shapes| shapes.contacts.contact_rank[row]);
+                let curvatures = [0, 1].map(|side| curvature(pair[side], contactors[side] as usize));
                 let law = contacts.contact_law[row];
                 let disc = || match laws.get(law as usize) {
                     Some(model) => model.bond_area(curvatures),
@@ -497,7 +504,7 @@ fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
 mod tests {
     use super::*;
     use crate::samples::Scene;
-    use cd_formats::snapshot::PresenceArrays;
+    use cd_formats::snapshot::{ContactPartArrays, PresenceArrays, ShapeArrays};
 
     #[test]
     fn planes_and_driven_bodies_are_walls() {
@@ -564,6 +571,25 @@ mod tests {
         assert!((frame.grains[0].volume() - 8.0).abs() < 1e-14); // some roundings
         assert!((frame.grains[0].bounding_radius() - 5.25f64.sqrt()).abs() < 1e-15);
         assert_eq!(frame.walls.len(), 2);
+    }
+
+    /// Of a clump the ball in contact counts: π R², 1/R = 1/r_a + 1/r_b.
+    #[test]
+    fn the_area_of_a_contact_of_clumps_is_that_of_their_balls() {
+        let mut scene = Scene::default();
+        let rows = [0.0, 4.0].map(|x| scene.grain([x, 0.0, 0.0], 2.0));
+        scene.contact(rows[0], rows[1], Vec3::x());
+        let contacts = ContactPartArrays { contact_rank: vec![[1, 0]], contact_area: vec![0.0] };
+        scene.snapshot.shapes = Some(ShapeArrays { contacts, ..ShapeArrays::default() });
+        let balls = vec![(Vec3::x(), 0.5), (-Vec3::x(), 0.25)];
+        let clump = Arc::new(SolidShape { balls, ..SolidShape::default() });
+        let area = |solids: Vec<Option<Arc<SolidShape>>>| {
+            Frame::with_solids(scene.snapshot.clone(), solids, Vec::new()).contacts[0].area
+        };
+        let expected = |a: f64, b: f64| std::f64::consts::PI / (1.0 / a + 1.0 / b).powi(2);
+        assert_eq!(area(vec![None, None]), expected(2.0, 2.0));
+        assert_eq!(area(vec![Some(clump.clone()), None]), expected(0.25, 2.0));
+        assert_eq!(area(vec![Some(clump.clone()), Some(clump.clone())]), expected(0.25, 0.5));
     }
 
     #[test]

@@ -79,6 +79,11 @@ impl SolidShape {
         self.faces.push((0..CYLINDER_SIDES).map(|k| lower_vertex(k) + 1).collect());
     }
 
+    /// Whether it consists of balls alone.
+    pub fn is_clump(&self) -> bool {
+        !self.balls.is_empty() && self.vertices.is_empty()
+    }
+
     /// Distance of the farthest point from the centre of mass, m.
     pub fn bounding_radius(&self) -> f64 {
         let balls = self.balls.iter().map(|(centre, radius)| centre.norm() + radius);
