@@ -34,6 +34,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     let mut report = FaultReport::with_settings(source, &text, settings);
     report.warnings = ron_file::former_name_warnings(source, &original, settings);
     doubts::report_doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
+    doubts::report_orbit_doubts(&scene.grains, &scene.compute.fields, &mut report);
     doubts::report_plate_presses(&scene.walls, std::iter::empty(), &scene.contacts, &mut report);
     let is_used = |name: &str| scene.contacts.iter().any(|contact| contact.law.as_deref() == Some(name));
     // A scene has at least one law, also if no bodies touch each other.

@@ -1,6 +1,8 @@
 //! Values of a scene that are allowed but probably mistakes: units, functions that are 0 at all times, unused laws.
 
+use cd_formats::compute::ExternalField;
 use cd_formats::doubts::{angle, density, law_parameter};
+use cd_formats::orbit::OrbitSpec;
 use cd_formats::report::FaultReport;
 
 use crate::scene::{ColourPairLaw, GrainOrientations, Grains, Law, Material, Rotation, SceneWall, TimeFunction};
@@ -102,6 +104,25 @@ pub fn check_angle(report: &mut FaultReport, path: &str, rotation: &Rotation) {
     if let Some(question) = angle(rotation.angle) {
         let path = format!("{path}.angle");
         report.add_warning(&path, report.number_text(&path, rotation.angle), &question);
+    }
+}
+
+/// Asks about angles of more than a full turn among the elements of the orbits of groups and primaries.
+pub fn report_orbit_doubts(grains: &[Grains], fields: &[ExternalField], report: &mut FaultReport) {
+    let of_groups = grains.iter().enumerate().filter_map(|(k, grains)| {
+        let orbit = grains.orbit.as_ref()?;
+        Some((format!("grains.{k}.orbit.path"), &orbit.path))
+    });
+    let of_fields =
+        fields.iter().enumerate().filter_map(|(k, field)| Some((format!("compute.fields.{k}.orbit"), field.orbit()?)));
+    for (path, orbit) in of_groups.chain(of_fields) {
+        let OrbitSpec::Elements { inclination, node, argument, .. } = *orbit else { continue };
+        for (name, value) in [("inclination", inclination), ("node", node), ("argument", argument)] {
+            if let Some(question) = angle(value) {
+                let path = format!("{path}.{name}");
+                report.add_warning(&path, report.number_text(&path, value), &question);
+            }
+        }
     }
 }
 

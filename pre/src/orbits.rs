@@ -63,7 +63,7 @@ impl AttractingMass {
 /// Moves the grains of a group, placed about the origin at rest, onto the orbit of the group at time 0; `others` are the
 /// grains of the groups before it. Paths of files are relative to `folder`.
 ///
-/// The orbit is that of the two centres of mass about each other; the other mass stays as it is.
+/// The orbit is that of the two centres of mass about each other, in axes at rest; the other mass stays as it is.
 pub fn place_on_orbit(
     scene: &Scene,
     folder: &Path,
@@ -109,10 +109,12 @@ pub fn place_on_orbit(
     }
     let (relative_position, relative_velocity) = orbit.path.to_orbit(mu).position_and_velocity(0.0);
     let shift = centre.position + relative_position - own.position;
+    let turning: Vector3<f64> = options.fields.iter().map(|field| Vector3::from(field.rotation_rate())).sum();
+    let velocity = centre.velocity + relative_velocity - turning.cross(&relative_position);
     let are_polyhedra = scene.grains[group].is_polyhedral();
     for grain in grains {
         let moved = grain.position + shift;
         grain.position = if are_polyhedra { moved.map(round_14_columns) } else { round_point(&moved) };
-        grain.velocity += centre.velocity + relative_velocity;
+        grain.velocity += velocity;
     }
 }

@@ -21,7 +21,7 @@ pub struct Scene {
     pub materials: Vec<Material>,
     pub laws: Vec<Law>,
     pub contacts: Vec<ColourPairLaw>,
-    /// Bodies of grains, numbered in this order in the files.
+    /// Groups of grains, numbered in this order in the files.
     pub grains: Vec<Grains>,
     /// Walls, numbered after the grains.
     #[serde(default)]

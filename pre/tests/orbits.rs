@@ -67,6 +67,10 @@ fn a_group_moves_about_a_primary_as_a_speck() {
     let orbit = "(about: Primary(1), path: State(position: (20, 0, 0), velocity: (0, 0.1, 0)))";
     let (_, x, v) = mean(&scene(&pair_on(orbit), fields).unwrap().grains[1..]);
     assert!((x - Vector3::new(20.0, 0.0, 7.0)).norm() < 1e-6 && (v - Vector3::new(0.0, 0.1, 0.0)).norm() < 1e-9);
+    // In axes that turn at 0.25 rad/s about z, 0.25 rad/s x 20 m less.
+    let turning = fields.replace("rate: (0, 0, 0)", "rate: (0, 0, 0.25)");
+    let (_, x, v) = mean(&scene(&pair_on(orbit), &turning).unwrap().grains[1..]);
+    assert!((x - Vector3::new(20.0, 0.0, 7.0)).norm() < 1e-6 && (v - Vector3::new(0.0, -4.9, 0.0)).norm() < 1e-6);
 }
 
 #[test]
