@@ -332,11 +332,11 @@ pub const MIN_FMM_ERROR: f64 = 1e-6;
 const MIN_GRAVITY_ERROR: f64 = 1e-14;
 
 macro_rules! options {
-    ($($(#[doc = $help:literal])+ $name:ident : $type:ty = $default:expr, $flag:ty, [$($arg:tt)*];)+) => {
+    ($($(#[doc = $help:literal])+ $(#[serde($($rule:tt)+)])? $name:ident : $type:ty = $default:expr, $flag:ty, [$($arg:tt)*];)+) => {
         /// The options of a run; see `docs/reference/options.md`.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         #[serde(deny_unknown_fields, default)]
-        pub struct Compute { $($(#[doc = $help])+ pub $name: $type,)+ }
+        pub struct Compute { $($(#[doc = $help])+ $(#[serde($($rule)+)])? pub $name: $type,)+ }
 
         impl Default for Compute {
             fn default() -> Self { Compute { $($name: $default,)+ } }
@@ -427,6 +427,9 @@ options! {
     xperiode: Option<f64> = None, f64, [value_parser = parse_number, value_name = "M"];
     /// Period along y, m.
     yperiode: Option<f64> = None, f64, [value_parser = parse_number, value_name = "M"];
+    /// Period along z, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    zperiode: Option<f64> = None, f64, [value_parser = parse_number, value_name = "M"];
     /// Newtonian attraction between all free bodies.
     self_gravity: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Summation of self-gravity. direct: every pair; fmm: fast multipole method; auto: the faster of the two.
@@ -518,10 +521,14 @@ impl Compute {
     }
 
     /// Name and value of every option that the motion of bodies depends on: all except `steps`, `end_time`, `until`,
-    /// `probes`, `threads` and `text`.
+    /// `probes`, `threads` and `text`. Options of [`OPTIONS_WRITTEN_IF_GIVEN`] are included only if they are given.
     pub fn result_options(&self) -> BTreeMap<String, String> {
         const OPTIONS_OUTSIDE_RESULTS: [&str; 6] = ["steps", "end_time", "until", "probes", "threads", "text"];
-        let values = self.option_values().into_iter().filter(|(name, _)| !OPTIONS_OUTSIDE_RESULTS.contains(name));
+        let is_written = |name: &str, value: &str| value != NO_VALUE || !OPTIONS_WRITTEN_IF_GIVEN.contains(&name);
+        let values = self
+            .option_values()
+            .into_iter()
+            .filter(|(name, value)| !OPTIONS_OUTSIDE_RESULTS.contains(name) && is_written(name, value));
         values.map(|(name, value)| (name.to_string(), value)).collect()
     }
 
@@ -558,7 +565,7 @@ impl Compute {
         if let Some(alert) = self.alert {
             number(alert.is_finite() && alert >= 0.0, "alert", alert, "a finite distance >= 0 m");
         }
-        for (name, period) in [("xperiode", self.xperiode), ("yperiode", self.yperiode)] {
+        for (name, period) in PERIOD_NAMES.into_iter().zip(self.periods()) {
             let Some(period) = period else { continue };
             number(is_positive(period), name, period, "a finite length > 0 m");
             let is_alone = !self.self_gravity && self.fields.is_empty();
@@ -700,8 +707,13 @@ impl Compute {
     /// Whether a rotation about `axis` leaves the periodic scene invariant: it has no period, or a period along this axis
     /// only.
     pub fn allows_rotation_about(&self, axis: &[f64; 3]) -> bool {
-        let [no_x, no_y, no_z] = axis.map(|component| component == 0.0);
-        (self.xperiode.is_none() || no_y && no_z) && (self.yperiode.is_none() || no_x && no_z)
+        let is_along = |k: usize| (0..3).all(|other| other == k || axis[other] == 0.0);
+        (0..3).all(|k| self.periods()[k].is_none() || is_along(k))
+    }
+
+    /// Periods along x, y and z, m.
+    pub fn periods(&self) -> [Option<f64>; 3] {
+        [self.xperiode, self.yperiode, self.zperiode]
     }
 
     /// Number of the last step: `steps` after `first`, the step of DATBOX, or the first step not before `end_time` if all
@@ -712,6 +724,15 @@ impl Compute {
         self.steps.map(|steps| first.saturating_add(steps)).or(self.end_time.map(step_at))
     }
 }
+
+/// Names of the periods along x, y and z.
+pub const PERIOD_NAMES: [&str; 3] = ["xperiode", "yperiode", "zperiode"];
+
+/// Text of an option without a value.
+pub const NO_VALUE: &str = "None";
+
+/// Options that files contain only if they are given: files of scenes without them are those of earlier versions.
+pub const OPTIONS_WRITTEN_IF_GIVEN: [&str; 1] = ["zperiode"];
 
 /// Requirement on a rotation in a periodic scene, since neighbours across its boundary would be separated.
 pub const ROTATION_ABOUT_PERIOD: &str =
@@ -736,6 +757,18 @@ mod tests {
         assert_eq!([x, z].map(|axis| faults(None, None, axis)), [false, false]);
         assert_eq!([x, z].map(|axis| faults(period, None, axis)), [false, true]);
         assert_eq!([x, z].map(|axis| faults(period, period, axis)), [true, true]);
+        let along_z = Compute { zperiode: period, ..Compute::default() };
+        assert_eq!([x, z].map(|axis| along_z.allows_rotation_about(&axis)), [false, true]);
+    }
+
+    #[test]
+    fn options_written_if_given_are_in_no_other_file() {
+        let given = Compute { zperiode: Some(4.0), ..Compute::default() };
+        for (compute, is_written) in [(Compute::default(), false), (given.clone(), true)] {
+            assert_eq!(compute.to_text().contains("zperiode"), is_written);
+            assert_eq!(compute.result_options().contains_key("zperiode"), is_written);
+        }
+        assert_eq!(from_ron::<Compute>(Path::new("COMPUTE.RON"), &given.to_text(), "options").unwrap(), given);
     }
 
     #[test]

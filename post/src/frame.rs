@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldShapes;
+use cd_formats::geometry::periodic_cell::PeriodicCell;
 use cd_formats::ids::BodyId;
 use cd_formats::index_types;
 use cd_formats::law_table::LawModel;
@@ -273,7 +274,7 @@ impl Frame {
         let absent = absent.filter(|(_, is_present)| !**is_present).map(|(id, _)| *id).collect();
         let Snapshot { meta, bodies, contacts, memory, laws: law_memory, attractions, shapes, interval, .. } = snapshot;
         let detection_time = -meta.parameters.theta * meta.h;
-        let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
+        let cell = meta.parameters.cell();
         let is_wall = wall_rows(&bodies);
         let is_mesh: Vec<bool> = solids.iter().map(|solid| solid.as_ref().is_some_and(|solid| solid.is_mesh)).collect();
         // Bodies of balls alone, as BODIES.DAT has them: position k in the list is contactor k.
@@ -328,7 +329,7 @@ impl Frame {
                     candidate,
                     antagonist,
                     point: Vec3::from(contacts.contact_point[row]) + shift,
-                    image: cell.nearest_period(x - other),
+                    image: cell.nearest_shift(&(x - other)),
                     normal: n,
                     force: n * f_n + t * f_t + s * f_s,
                     normal_force: f_n,
@@ -361,7 +362,7 @@ impl Frame {
 
     /// Periodic cell of the scene.
     pub fn cell(&self) -> PeriodicCell {
-        PeriodicCell([self.meta.parameters.xperiode, self.meta.parameters.yperiode])
+        self.meta.parameters.cell()
     }
 
     /// The indices of all grains.
@@ -382,38 +383,6 @@ impl Frame {
     /// Total mass of the grains, kg.
     pub fn total_mass(&self) -> f64 {
         self.grains.iter().map(|grain| grain.mass).sum()
-    }
-}
-
-/// Periods along x and y, m; None along an axis without a period.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PeriodicCell(pub [Option<f64>; 2]);
-
-impl PeriodicCell {
-    /// Whether the scene is periodic along any axis.
-    pub fn is_periodic(&self) -> bool {
-        self.0 != [None; 2]
-    }
-
-    /// Images of a position in the cell that are in the cell or within `margin` (m) of it.
-    pub fn images_near(&self, x: Vec3, margin: f64) -> Vec<Vec3> {
-        if !self.is_periodic() {
-            return vec![x];
-        }
-        let axis_shifts = |axis: usize| {
-            let Some(period) = self.0[axis] else { return vec![0.0] };
-            let mut shifts = vec![0.0];
-            shifts.extend([-period, period].into_iter().filter(|d| (x[axis] + d).abs() <= 0.5 * period + margin));
-            shifts
-        };
-        let (along_x, along_y) = (axis_shifts(0), axis_shifts(1));
-        along_x.iter().flat_map(|dx| along_y.iter().map(move |dy| x + Vec3::new(*dx, *dy, 0.0))).collect()
-    }
-
-    /// Sum of whole periods nearest to a vector, m.
-    pub fn nearest_period(&self, d: Vec3) -> Vec3 {
-        let axis_shift = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
-        Vec3::new(axis_shift(self.0[0], d.x), axis_shift(self.0[1], d.y), 0.0)
     }
 }
 
@@ -438,7 +407,7 @@ fn grain_of_row(
     cell: &PeriodicCell,
 ) -> Grain {
     let (x, v) = (Vec3::from(bodies.body_x[row]), Vec3::from(bodies.body_v[row]));
-    let shift = -cell.nearest_period(x);
+    let shift = -cell.cell_origin(&x);
     let x = x + shift;
     let [j1, j2, j3] = bodies.body_inertia[row];
     // Equal moments need no rotation, and keep their digits without one.

@@ -5,7 +5,7 @@ use std::cell::OnceCell;
 use std::path::Path;
 
 use cd_formats::bodies::ShapeRecord;
-use cd_formats::compute::Compute;
+use cd_formats::compute::{Compute, PERIOD_NAMES};
 use cd_formats::names::{number_text, rounded_number};
 use cd_formats::report::FaultReport;
 use nalgebra::Vector3;
@@ -38,7 +38,7 @@ const MAX_REPORTED_OVERLAPS: usize = 5;
 pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Population {
     let walls = walls::wall_bodies(&scene.walls, folder, report);
     let mut population = Population { grains: Vec::new(), walls, regions: Vec::new(), file_summaries: Vec::new() };
-    let periods = [scene.compute.xperiode, scene.compute.yperiode];
+    let periods = scene.compute.periods();
     for (group, grains) in scene.grains.iter().enumerate() {
         let shapes = GrainSampler::from_grains(grains, folder, scene.seed, group);
         let shapes = shapes.map_err(|error| match error {
@@ -82,9 +82,9 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
     // Grains of a packing that fills a period touch images across it: their centres are within the period.
     let fills_period =
         |group: usize, axis: usize| placement::filled_periods(&scene.grains[group], periods)[axis].is_some();
-    let groups_across: Vec<[bool; 2]> =
-        (0..scene.grains.len()).map(|group| [fills_period(group, 0), fills_period(group, 1)]).collect();
-    for axis in [0, 1] {
+    let groups_across: Vec<[bool; 3]> =
+        (0..scene.grains.len()).map(|group| [0, 1, 2].map(|axis| fills_period(group, axis))).collect();
+    for axis in 0..3 {
         let balls = population.grains.iter().map(|grain| {
             let is_across = groups_across[grain.group][axis];
             (grain.position, if is_across { 0.0 } else { grain.reach })
@@ -155,21 +155,21 @@ fn check_drums(scene: &Scene, population: &Population, report: &mut FaultReport)
 
 /// Checks plates that span a period: they must not be inclined along it, since their images would form stairs.
 fn check_inclined_plates(scene: &Scene, population: &Population, report: &mut FaultReport) {
-    let periods = [("xperiode", scene.compute.xperiode), ("yperiode", scene.compute.yperiode)];
+    let periods: Vec<(&str, Option<f64>)> = PERIOD_NAMES.into_iter().zip(scene.compute.periods()).collect();
     for plate in &population.walls {
         let ShapeRecord::Plane { half_lengths } = plate.shape else { continue };
-        for (axis, (name, period)) in periods.into_iter().enumerate() {
+        for (axis, &(name, period)) in periods.iter().enumerate() {
             let width = 2.0 * plate.axes.column(axis).abs().dot(&Vector3::from(half_lengths));
             let normal = plate.axes[(2, axis)];
             // Same test as in cd-solve: the files have 8 digits.
             if period.is_some_and(|period| width >= period * (1.0 - 1e-6)) && normal.abs() > 1e-6 {
                 let found = format!(
                     "a plate spans {name}, but its normal has the component {normal:.4} along {}",
-                    ["x", "y"][axis]
+                    ["x", "y", "z"][axis]
                 );
                 let expected = format!(
                     "{} 0 of the normal: images of an inclined plate form stairs; incline gravity instead",
-                    ["x", "y"][axis]
+                    ["x", "y", "z"][axis]
                 );
                 report.add_fault(&format!("walls.{}", plate.wall), found, expected);
             }
@@ -223,17 +223,17 @@ pub(crate) fn check_extent(
     balls: impl Iterator<Item = (Vector3<f64>, f64)> + Clone,
     report: &mut FaultReport,
 ) {
-    (0..2).for_each(|axis| check_extent_along(options, axis, balls.clone(), report));
+    (0..3).for_each(|axis| check_extent_along(options, axis, balls.clone(), report));
 }
 
-/// Checks the extent of balls as [`check_extent`] does, along x (`axis` 0) or y.
+/// Checks the extent of balls as [`check_extent`] does, along `axis` 0 to 2.
 fn check_extent_along(
     options: &Compute,
     axis: usize,
     balls: impl Iterator<Item = (Vector3<f64>, f64)>,
     report: &mut FaultReport,
 ) {
-    let (name, period) = [("xperiode", options.xperiode), ("yperiode", options.yperiode)][axis];
+    let (name, period) = (PERIOD_NAMES[axis], options.periods()[axis]);
     let ends = balls.flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
     let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
     if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING_TOLERANCE)) {
@@ -247,7 +247,7 @@ fn check_extent_along(
 /// those of the neighbouring cells.
 pub(crate) fn nearest_images(options: &Compute, separation: &Vector3<f64>) -> Vec<Vector3<f64>> {
     let mut shifts = vec![Vector3::zeros()];
-    for (axis, period) in [options.xperiode, options.yperiode].into_iter().enumerate() {
+    for (axis, period) in options.periods().into_iter().enumerate() {
         let Some(period) = period else { continue };
         let axis_shift = |shift: &Vector3<f64>, cells: f64| {
             let mut shift = *shift;
@@ -355,9 +355,9 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         numbers[k] = number;
     }
     // Shifts to the images that grains can overlap: none where all grains fit within a period.
-    let periods = [scene.compute.xperiode, scene.compute.yperiode];
+    let periods = scene.compute.periods();
     let mut shifts = vec![Vector3::zeros()];
-    for axis in [0, 1] {
+    for axis in 0..3 {
         let is_filled = |grains: &Grains| placement::filled_periods(grains, periods)[axis];
         if let Some(period) = scene.grains.iter().find_map(is_filled) {
             let unit = Vector3::from_fn(|row, _| if row == axis { period } else { 0.0 });

@@ -49,7 +49,7 @@ pub fn check_files<'a>(
     for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
         is_driven.get_mut(row.body).into_iter().for_each(|is_driven| *is_driven = true);
     }
-    let periods = [options.xperiode, options.yperiode];
+    let periods = options.periods();
     let body_fault = |(k, body): (usize, &Body)| {
         let density = bulk.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
         match body.check_at_density(density) {

@@ -113,6 +113,11 @@ fn a_dense_box_as_long_as_the_periods_has_no_walls_along_them() {
             assert!(separation.norm() >= 1.0, "{separation}");
         }
     }
+    let closed = placed(&scene(grains, "compute: (xperiode: 6.0, yperiode: 6.0, zperiode: 8.0),"));
+    let heights: Vec<f64> = closed.grains.iter().map(|grain| grain.position.z).collect();
+    let (low, high) =
+        heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(*z), high.max(*z)));
+    assert!(high - low > 7.5 && high - low <= 8.0, "{low} {high}");
     // With walls on all sides such a packing jams below.
     let walled = read(Path::new(""), &scene(&grains.replace("0.58", "0.62"), "")).unwrap_err();
     assert!(walled.contains("jam: they fit at 0.5"), "{walled}");

@@ -368,6 +368,7 @@ pub fn record_changed_forces(
         gravity: _,
         xperiode: _,
         yperiode: _,
+        zperiode: _,
         narrow_phase: _,
         face_friction: _,
         gravity_error: _,

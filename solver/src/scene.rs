@@ -8,6 +8,7 @@ use cd_formats::compute::{Compute, Event, ExternalField, GravityMethod, NarrowPh
 pub use cd_formats::doubts::EVENT_SLACK;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::field::{FieldModel, FieldShapes, PrimaryResponse};
+use cd_formats::geometry::periodic_cell::PeriodicCell;
 pub use cd_formats::ids::BodyId;
 use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::probe::{BodySelection, Probe, ProbeQuantity};
@@ -597,7 +598,7 @@ impl Scene {
     pub fn region_images(&self, region: &SpaceRegion, bodies: &[BodyId]) -> Option<Vec<Vec3>> {
         // A branch reaches from a body of the cell to the centre of a neighbour.
         let reach = 2.0 * bodies.iter().map(|&body| self.bounding_radius(body)).fold(0.0, f64::max);
-        region.convex_region()?.image_shifts(self.periods(), reach)
+        region.convex_region()?.image_shifts(self.options.periods(), reach)
     }
 
     /// Whether a body is in the run.
@@ -781,16 +782,9 @@ impl Scene {
         self.links.get(position)
     }
 
-    /// Shift from `position` to its image nearest to `target`, m; 0 if the scene is not periodic.
-    pub fn nearest_image_shift(&self, target: &Vec3, position: &Vec3) -> Vec3 {
-        let [x, y] = self.periods();
-        let axis_shift = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
-        Vec3::new(axis_shift(x, target.x - position.x), axis_shift(y, target.y - position.y), 0.0)
-    }
-
-    /// Periods along x and y, m.
-    pub fn periods(&self) -> [Option<f64>; 2] {
-        [self.options.xperiode, self.options.yperiode]
+    /// Cell of the scene at the start.
+    pub fn periodic_cell(&self) -> PeriodicCell {
+        PeriodicCell::with_periods(self.options.periods())
     }
 
     /// Whether the scene has a list of parts (`parts`): with shapes other than spheres and plates, bodies driven in part, plates
@@ -962,7 +956,7 @@ impl Scene {
                 NarrowPhase::Accurate => "narrow phase accurate".into(),
             });
         }
-        for (axis, period) in ["x", "y"].into_iter().zip(self.periods()) {
+        for (axis, period) in ["x", "y", "z"].into_iter().zip(self.options.periods()) {
             models.extend(period.map(|period| format!("period {period} m along {axis}")));
         }
         if self.has_self_gravity() {

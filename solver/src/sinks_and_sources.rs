@@ -146,7 +146,7 @@ fn is_waiting(state: &State, body: BodyId) -> bool {
 /// velocity (m/s): the next step may be twice as long, and its contacts are detected within it.
 fn are_near(scene: &Scene, roster: &BodyRoster, state: &State, bodies: [BodyId; 2], velocity: Vec3) -> bool {
     let [x, other] = bodies.map(|body| state.x[body.index()]);
-    let arm = x - other - scene.nearest_image_shift(&x, &other);
+    let arm = x - other - scene.periodic_cell().nearest_shift(&(x - other));
     let reach: f64 = bodies.iter().map(|body| roster.bounding_radii[body.index()]).sum();
     arm.norm() < reach + 2.0 * state.h * velocity.norm()
 }

@@ -42,14 +42,15 @@ const OUTSIDE: [&str; 10] = [
     "lib",
 ];
 
-/// Types of formats that the data and the stages may name: options, events, functions of time, fields from outside and
-/// surfaces of walls are the same there as in the files; and disjoint sets.
+/// Types of formats that the data and the stages may name: options, events, functions of time, fields from outside,
+/// periodic cells and surfaces of walls are the same there as in the files; and disjoint sets.
 fn is_shared_type(path: &str) -> bool {
     [
         "cd_formats::compute::",
         "cd_formats::doubts::EVENT_SLACK",
         "cd_formats::drv_dof::Evolution",
         "cd_formats::field::",
+        "cd_formats::geometry::periodic_cell::",
         "cd_formats::groups::DisjointSets",
         "cd_formats::sinks_and_sources::",
         "cd_formats::ids::BodyId",

@@ -57,12 +57,12 @@ impl ConvexRegion {
         }
     }
 
-    /// Sums of whole periods along x and y that shift positions within `reach` (m) of the cell about the origin into the
+    /// Sums of whole periods along x, y and z that shift positions within `reach` (m) of the cell about the origin into the
     /// region; zero alone without periods and for a layer, which contains the whole cell. None for more than
     /// [`MAX_REGION_IMAGES`].
-    pub fn image_shifts(&self, periods: [Option<f64>; 2], reach: f64) -> Option<Vec<Vector3<f64>>> {
+    pub fn image_shifts(&self, periods: [Option<f64>; 3], reach: f64) -> Option<Vec<Vector3<f64>>> {
         let Some((centre, half)) = self.bounds() else { return Some(vec![Vector3::zeros()]) };
-        let counts = [0, 1].map(|axis| {
+        let counts = [0, 1, 2].map(|axis| {
             let Some(period) = periods[axis] else { return [0.0, 0.0] };
             let over = half[axis] + reach + 0.5 * period;
             [((centre[axis] - over) / period).ceil(), ((centre[axis] + over) / period).floor()]
@@ -76,7 +76,13 @@ impl ConvexRegion {
             let [first, last] = counts[axis].map(|count| count as i64);
             (first..=last).map(move |count| count as f64 * period)
         };
-        Some(axis_shifts(0).flat_map(|x| axis_shifts(1).map(move |y| Vector3::new(x, y, 0.0))).collect())
+        let mut shifts = Vec::with_capacity(images as usize);
+        for x in axis_shifts(0) {
+            for y in axis_shifts(1) {
+                shifts.extend(axis_shifts(2).map(|z| Vector3::new(x, y, z)));
+            }
+        }
+        Some(shifts)
     }
 
     /// Whether a point (m) is inside or on the border.
@@ -340,11 +346,13 @@ mod tests {
     #[test]
     fn images_cover_a_region_wider_than_the_cell() {
         let wide = ConvexRegion::Box { centre: Vector3::new(3.0, 0.0, 0.0), half: Vector3::new(4.0, 1.0, 1.0) };
-        let shifts = wide.image_shifts([Some(2.0), None], 0.5).unwrap();
+        let shifts = wide.image_shifts([Some(2.0), None, None], 0.5).unwrap();
         // Positions from -1.5 to 1.5 m reach -1 to 7 m with -1 to 4 periods.
         assert_eq!(shifts.iter().map(|shift| shift.x).collect::<Vec<_>>(), [-2.0, 0.0, 2.0, 4.0, 6.0, 8.0]);
+        // Along z positions from -1.5 to 1.5 m reach -1 to 1 m with -1 to 1 periods.
+        assert_eq!(wide.image_shifts([Some(2.0), None, Some(2.0)], 0.5).unwrap().len(), 6 * 3);
         let huge = ConvexRegion::Ball { centre: Vector3::zeros(), radius: 1e9 };
-        assert_eq!(huge.image_shifts([Some(1.0), None], 0.5), None);
-        assert_eq!(huge.image_shifts([None, None], 0.5).map(|shifts| shifts.len()), Some(1));
+        assert_eq!(huge.image_shifts([Some(1.0), None, None], 0.5), None);
+        assert_eq!(huge.image_shifts([None; 3], 0.5).map(|shifts| shifts.len()), Some(1));
     }
 }

@@ -8,6 +8,7 @@ pub mod faces;
 pub mod mass;
 pub mod mesh;
 pub mod obj;
+pub mod periodic_cell;
 pub mod polyhedron_gravity;
 pub mod principal;
 pub mod rotation;

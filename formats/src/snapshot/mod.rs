@@ -22,6 +22,7 @@ use zip::result::ZipError;
 use crate::atomic;
 use crate::error::{Fault, Faults};
 use crate::field::PrimaryResponse;
+use crate::geometry::periodic_cell::PeriodicCell;
 use crate::law_table::{LawError, LawModel};
 use npz::{ArrayElement, NpzReader, NpzWriter};
 use parts::{FirstBodies, PartRows, other_part, step_of};
@@ -294,6 +295,9 @@ pub struct RunParameters {
     /// Period along y, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub yperiode: Option<f64>,
+    /// Period along z, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub zperiode: Option<f64>,
     /// Narrow phase; only where there are polyhedra.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub narrow_phase: Option<crate::compute::NarrowPhase>,
@@ -324,6 +328,13 @@ pub struct RunParameters {
     pub quench: f64,
     /// Events of COMPUTE.RON that have happened.
     pub events_done: u64,
+}
+
+impl RunParameters {
+    /// Cell of the scene.
+    pub fn cell(&self) -> PeriodicCell {
+        PeriodicCell::with_periods([self.xperiode, self.yperiode, self.zperiode])
+    }
 }
 
 /// Running sums over the steps since step 0, and the expected momenta.

@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldModel;
+use cd_formats::geometry::periodic_cell::PeriodicCell;
 
 use crate::derive::energy::{external_fields, self_gravity_constant};
 use crate::derive::fragments::{Fragment, find_fragments};
 use crate::derive::surface::ball_attraction;
 use crate::derive::walls::supported_grains;
-use crate::frame::{ContactBody, Frame, Grain, GrainId, PeriodicCell, Wall, WallShape};
+use crate::frame::{ContactBody, Frame, Grain, GrainId, Wall, WallShape};
 use crate::math::Vec3;
 use crate::shapes::ShapeCache;
 use crate::snapshots::select_snapshots;
@@ -359,7 +360,7 @@ fn ground_grains(frame: &Frame, body: u64) -> Vec<&Grain> {
 /// sphere of equal volume, and in a periodic scene the nearest image counts. None without grains there.
 fn ground_height(ground: &[&Grain], cell: &PeriodicCell, up: &Vec3, point: &Vec3) -> Option<f64> {
     let top = ground.iter().filter_map(|grain| {
-        let x = grain.x - cell.nearest_period(grain.x - point);
+        let x = grain.x - cell.nearest_shift(&(grain.x - point));
         let arm = x - point;
         let distance_squared = (arm - up * arm.dot(up)).norm_squared();
         (distance_squared < grain.radius.powi(2)).then(|| x.dot(up) + (grain.radius.powi(2) - distance_squared).sqrt())
@@ -371,14 +372,14 @@ fn ground_height(ground: &[&Grain], cell: &PeriodicCell, up: &Vec3, point: &Vec3
 fn crater_profile(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level: f64) -> Vec<[f64; 3]> {
     let cell = first.cell();
     let axis_distance = |x: &Vec3| {
-        let arm = x - axis - cell.nearest_period(x - axis);
+        let arm = x - axis - cell.nearest_shift(&(x - axis));
         (arm - up * arm.dot(up)).norm()
     };
     let farthest =
         first.grains.iter().filter(|grain| grain.id != body).map(|grain| axis_distance(&grain.x)).fold(0.0, f64::max);
     // The farthest grain of a box is in a corner: 1 / sqrt(2) of its distance is to the middle of a side. Beyond half a
     // period a ring would meet itself.
-    let widest = cell.0.iter().flatten().map(|period| 0.5 * period).fold(farthest * FRAC_1_SQRT_2, f64::min);
+    let widest = cell.periods.iter().flatten().map(|period| 0.5 * period).fold(farthest * FRAC_1_SQRT_2, f64::min);
     let mean = |ground: &[&Grain], radius: f64| {
         let heights: Vec<f64> = circle_points(axis, up, radius)
             .iter()

@@ -1,5 +1,7 @@
 //! A bed of grains between walls: its level, solid fraction and stress, for the whole bed and by layers.
 
+use cd_formats::geometry::periodic_cell::PeriodicCell;
+
 use crate::derive::coordination::neighbour_counts;
 use crate::derive::enclosure::{BedWalls, GrainEnclosure};
 use crate::derive::fragments::Fragment;
@@ -7,7 +9,7 @@ use crate::derive::heights::{centre_of_mass, height_range, volume_below};
 use crate::derive::polytope::cut_polygon;
 use crate::derive::stress::{grain_stresses, pressure};
 use crate::derive::walls::{CylinderBore, WallPlane, supported_grains};
-use crate::frame::{ContactBody, Frame, Grain, GrainId, PeriodicCell, SnapshotInterval, WallId};
+use crate::frame::{ContactBody, Frame, Grain, GrainId, SnapshotInterval, WallId};
 use crate::math::{Mat3, Vec3};
 
 /// Tolerance of cosines near 0 or 1 within which a wall counts as upright or level: a few roundings of an orientation from
@@ -332,7 +334,7 @@ fn section_area<'a>(
             (0..POLYGON_SIDES).map(corner).map(|c| [0, 1].map(|k| middle[k] + radius * c[k])).collect()
         }
         None => {
-            let half = cell.0.map(|period| period.map_or(outer_length, |period| 0.5 * period));
+            let half = [0, 1].map(|axis| cell.periods[axis].map_or(outer_length, |period| 0.5 * period));
             [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| [x * half[0], y * half[1]]).to_vec()
         }
     };
@@ -340,7 +342,7 @@ fn section_area<'a>(
         let inner_distance = |p: &[f64; 2]| (axes[0] * p[0] + axes[1] * p[1]).dot(&normal) - offset;
         polygon = cut_polygon(&polygon, inner_distance, |p, q, share| [0, 1].map(|k| p[k] + share * (q[k] - p[k])));
     }
-    let is_closed = |p: &[f64; 2]| (0..2).all(|k| cell.0[k].is_some() || p[k].abs() < outer_length);
+    let is_closed = |p: &[f64; 2]| (0..2).all(|k| cell.periods[k].is_some() || p[k].abs() < outer_length);
     let doubled_triangle = |k: usize| {
         let ([x, y], [u, v]) = (polygon[k], polygon[(k + 1) % polygon.len()]);
         x * v - u * y

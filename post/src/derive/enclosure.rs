@@ -44,7 +44,7 @@ pub struct GrainEnclosure<'a> {
     core: Vec<GrainId>,
     /// Centre of mass of these grains, m.
     centre: Vec3,
-    /// Direction against uniform gravity, in a periodic scene along z; None without gravity.
+    /// Direction against uniform gravity, in a periodic scene along z; None without gravity, and if the scene repeats along z.
     up: Option<Vec3>,
     /// Mean diameter of the grains of the core, m.
     mean_diameter: f64,
@@ -100,6 +100,7 @@ impl<'a> GrainEnclosure<'a> {
             bores: frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &core)).collect(),
             centre: centre_of_mass(grains()),
             up: against_gravity
+                .filter(|_| frame.cell().periods[2].is_none())
                 .map(|against_gravity| if frame.cell().is_periodic() { Vec3::z() } else { against_gravity }),
             mean_diameter: 2.0 * grains().map(|g| g.radius).sum::<f64>() / core.len() as f64,
             core,
@@ -131,7 +132,7 @@ impl<'a> GrainEnclosure<'a> {
         let planes = self.planes.iter().map(|plane| (plane.offset - plane.normal.dot(&self.centre)).abs());
         let outer_length = 64.0 * planes.chain(self.bores.iter().map(|bore| bore.radius)).fold(grain_extent, f64::max);
         let mut space = ConvexPolytope::cube(self.centre, outer_length);
-        let periods = self.frame.cell().0;
+        let periods = self.frame.cell().periods;
         for (axis, period) in periods.iter().enumerate().filter_map(|(axis, period)| Some((axis, (*period)?))) {
             space.cut_below(&Vec3::ith(axis, 1.0), -0.5 * period);
             space.cut_below(&Vec3::ith(axis, -1.0), -0.5 * period);
@@ -194,22 +195,27 @@ impl<'a> GrainEnclosure<'a> {
         }
     }
 
-    /// [`Self::into_region`] without uniform gravity: a periodic cell ends at the lowest and the highest grain.
+    /// [`Self::into_region`] without uniform gravity, or of a scene that repeats along z: along axes without a period a
+    /// periodic cell ends at the lowest and the highest grain.
     fn into_weightless_region(mut self) -> Option<EnclosedRegion> {
+        let cell = self.frame.cell();
         let (space, limits) = self.covered_space(
             |_| true,
             |enclosure, space| {
-                let periods = enclosure.frame.cell();
-                if !periods.is_periodic() || space.is_closed() {
+                if cell.is_closed() {
+                    return Some([f64::NEG_INFINITY, f64::INFINITY]);
+                }
+                if !cell.is_periodic() || space.is_closed() {
                     return None;
                 }
-                for axis in (0..3).filter(|&axis| axis == 2 || periods.0[axis].is_none()) {
+                for axis in (0..3).filter(|&axis| cell.periods[axis].is_none()) {
                     let axis = Vec3::ith(axis, 1.0);
                     let [low, high] = enclosure.height_range(&axis);
                     space.cut_below(&axis, low);
                     space.cut_below(&-axis, -high);
                 }
-                Some(enclosure.height_range(&Vec3::z()))
+                let whole_range = [f64::NEG_INFINITY, f64::INFINITY];
+                Some(cell.periods[2].map_or_else(|| enclosure.height_range(&Vec3::z()), |_| whole_range))
             },
         )?;
         let kind = if limits.is_some() { RegionKind::Cell } else { RegionKind::Walls };

@@ -3,11 +3,13 @@
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+use cd_formats::geometry::periodic_cell::PeriodicCell;
+
 use crate::derive::fragments::Fragment;
 use crate::derive::heights::height_range;
 use crate::derive::plane_fit::{FittedPlane, NoiseDensity, PlaneFit, without_noise};
 use crate::derive::walls::{CylinderBore, WallPlane, bounding_bore, bounding_planes, supported_grains};
-use crate::frame::{Frame, Grain, PeriodicCell};
+use crate::frame::{Frame, Grain};
 use crate::math::Vec3;
 
 /// Largest number of columns along one direction; distant grains make the columns wider.
@@ -100,6 +102,9 @@ impl FreeSurface {
         let grains: Vec<&Grain> = members.iter().map(|&i| &frame.grains[i]).collect();
         if grains.is_empty() {
             return None;
+        }
+        if frame.cell().periods[2].is_some() {
+            return None; // a scene that repeats along the vertical has no surface
         }
         let up = if frame.cell().is_periodic() { Vec3::z() } else { against_gravity };
         let grid = ColumnGrid::covering(&grains, &frame.cell(), up);
@@ -354,7 +359,7 @@ impl ColumnGrid {
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
         let axes = horizontal_axes(&up);
         let span = |k: usize| {
-            if let Some(period) = cell.0[k] {
+            if let Some(period) = cell.periods[k] {
                 return [-0.5 * period, 0.5 * period];
             }
             let ends = grains.iter().map(|g| height_range(g, &axes[k]));
@@ -364,7 +369,7 @@ impl ColumnGrid {
         let lengths = spans.map(|[low, high]| high - low);
         let width = mean_radius.max(lengths[0].max(lengths[1]) / MAX_COLUMNS);
         let counts = lengths.map(|length| (length / width).ceil().max(1.0) as usize);
-        let widths = [0, 1].map(|k| if cell.0[k].is_some() { lengths[k] / counts[k] as f64 } else { width });
+        let widths = [0, 1].map(|k| if cell.periods[k].is_some() { lengths[k] / counts[k] as f64 } else { width });
         ColumnGrid {
             width,
             up,
@@ -372,7 +377,7 @@ impl ColumnGrid {
             counts,
             from: spans.map(|[low, _]| low),
             widths,
-            repeats: cell.0.map(|period| period.is_some()),
+            repeats: [0, 1].map(|axis| cell.periods[axis].is_some()),
         }
     }
 

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::str::FromStr;
 
 use cd_formats::field::FieldModel;
+use cd_formats::geometry::periodic_cell::PeriodicCell;
 
 use crate::derive::crater::{BackMotion, CraterAxis, CraterShape, GrainDisplacement, OldSurface, mean_radius};
 use crate::derive::energy::{external_fields, self_gravity_constant};
@@ -11,7 +12,7 @@ use crate::derive::fragments::{Fragment, fragments_within};
 use crate::derive::motion::AggregateSums;
 use crate::derive::orbits::Orbit;
 use crate::derive::walls::supported_grains;
-use crate::frame::{ContactBody, Frame, Grain, PeriodicCell};
+use crate::frame::{ContactBody, Frame, Grain};
 use crate::math::Vec3;
 
 /// Gap over the smaller radius up to which grains belong to the target's remnant: an impact opens contacts in all of it by
@@ -145,7 +146,7 @@ impl ImpactError {
             ImpactError::NoTarget => "has no grain in the first snapshot",
             ImpactError::NoApproach => "is at rest relative to the target in the first snapshot",
             ImpactError::RotatingAxes => "has a RotatingFrame",
-            ImpactError::PeriodicBody => "is periodic without uniform gravity",
+            ImpactError::PeriodicBody => "is periodic without uniform gravity, or along z",
             ImpactError::BedOption(_) => "is given for a bed",
         }
     }
@@ -303,7 +304,8 @@ impl ImpactRun {
             return Err(ImpactError::NoTarget);
         }
         let against_gravity = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0);
-        if against_gravity.is_none() && frame.cell().is_periodic() {
+        let cell = frame.cell();
+        if against_gravity.is_none() && cell.is_periodic() || cell.periods[2].is_some() {
             return Err(ImpactError::PeriodicBody);
         }
         if against_gravity.is_some() {
@@ -322,9 +324,8 @@ impl ImpactRun {
             options.normal.or(against_gravity).unwrap_or(outward)
         };
         let projectile_radius = projectile.iter().map(|grain| grain.radius.powi(3)).sum::<f64>().cbrt();
-        let cell = frame.cell();
         let images_about = |point: Vec3| -> Vec<Grain> {
-            target.iter().map(|grain| grain.moved_by(-cell.nearest_period(grain.x - point))).collect()
+            target.iter().map(|grain| grain.moved_by(-cell.nearest_shift(&(grain.x - point)))).collect()
         };
         let point = options
             .point
@@ -591,7 +592,7 @@ impl ImpactRun {
         grains.retain(|grain| self.target.contains(&grain.id));
         if self.is_bed() {
             let cell = frame.cell();
-            return grains.iter().map(|grain| grain.moved_by(-cell.nearest_period(grain.x - axis.point))).collect();
+            return grains.iter().map(|grain| grain.moved_by(-cell.nearest_shift(&(grain.x - axis.point)))).collect();
         }
         let displacement = |grain: &&&Grain| {
             let before = self.first_positions[&grain.id];
@@ -638,7 +639,7 @@ fn measured_reach(cell: &PeriodicCell, grains: &[Grain], axis: &CraterAxis, is_b
     // Grains farther than half a period from the axis are nearer to an image of it.
     let half_period = |period: &f64| 0.5 * period - largest;
     let share = if is_bed { BED_REACH } else { BODY_REACH };
-    cell.0.iter().flatten().map(half_period).fold(share * farthest, f64::min)
+    cell.periods.iter().flatten().map(half_period).fold(share * farthest, f64::min)
 }
 
 #[cfg(test)]

@@ -48,7 +48,9 @@ pub mod stress;
 pub mod surface;
 pub mod walls;
 
-use crate::frame::{Frame, GrainId, PeriodicCell};
+use cd_formats::geometry::periodic_cell::PeriodicCell;
+
+use crate::frame::{Frame, GrainId};
 use crate::math::Vec3;
 use energy::PairSummation;
 use free_surface::FreeSurface;
@@ -379,7 +381,7 @@ impl Row {
             axes.into_iter().chain(motion).chain(momentum).chain(largest).for_each(|value| *value = f64::NAN);
             (self.largest_spin, self.largest_period) = (f64::NAN, f64::NAN);
         }
-        for (value, period) in [&mut self.com_x, &mut self.com_y].into_iter().zip(cell.0) {
+        for (value, period) in [&mut self.com_x, &mut self.com_y, &mut self.com_z].into_iter().zip(cell.periods) {
             if period.is_some() {
                 *value = f64::NAN;
             }

@@ -231,7 +231,7 @@ impl Region {
 fn image_shifts(frame: &Frame, shape: &ConvexRegion) -> Option<Vec<Vec3>> {
     // Branches reach from a grain of the cell to the centre of a neighbour.
     let reach = 2.0 * frame.grains.iter().map(Grain::bounding_radius).fold(0.0, f64::max);
-    shape.image_shifts(frame.cell().0, reach)
+    shape.image_shifts(frame.cell().periods, reach)
 }
 
 /// Hull of the largest remnant, or of all grains if that fragment is not a remnant.
@@ -445,6 +445,16 @@ mod tests {
         assert_eq!(found.region, RegionKind::Cell.column_value());
         assert_close(found.region_volume, 120.0, 1e-12);
         assert!(found.nu_sphere.is_nan() && found.pressure_virial.is_nan());
+        // With a period along z, too, the cell is the whole space, whatever gravity is; it need not end at the grains.
+        for (height, gravity) in [(6.0, 0.0), (8.0, -1.0)] {
+            scene.snapshot.meta.parameters.zperiode = Some(height);
+            scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, gravity];
+            let found = row(&scene);
+            assert_eq!((found.region, found.n_grains), (RegionKind::Cell.column_value(), 120));
+            assert_close(found.region_volume, 20.0 * height, 1e-12);
+            assert_close(found.nu, 120.0 * PI / 6.0 / (20.0 * height), 1e-12);
+            assert!(found.com_z.is_nan() && found.bed_height.is_nan() && found.surface_slope.is_nan());
+        }
         // A silo about an upright axis and a drum on its side, between plates at its ends.
         for (axis, ends, volume) in [(2, [4, 5], PI * 64.0 * 6.0), (0, [0, 1], PI * 64.0 * 5.0)] {
             let mut scene = Scene::default();

@@ -4,7 +4,9 @@ use std::collections::HashMap;
 
 use nalgebra::Rotation3;
 
-use crate::frame::{Frame, Grain, PeriodicCell, Wall, WallShape};
+use cd_formats::geometry::periodic_cell::PeriodicCell;
+
+use crate::frame::{Frame, Grain, Wall, WallShape};
 use crate::math::Vec3;
 use crate::shapes::SolidShape;
 
@@ -309,8 +311,8 @@ fn sharp_edges(vertices: &[Vec3], faces: &[Vec<u32>]) -> Vec<[u32; 2]> {
 /// Position at which a wall is drawn: in a periodic scene, that of its image with the centre in the cell, along axes in
 /// which a plate is shorter than a period.
 pub fn drawn_position(wall: &Wall, cell: &PeriodicCell) -> Vec3 {
-    let shift = cell.nearest_period(wall.x);
-    let fits = |axis: usize| match (&wall.shape, cell.0.get(axis)) {
+    let shift = cell.nearest_shift(&wall.x);
+    let fits = |axis: usize| match (&wall.shape, cell.periods.get(axis)) {
         (WallShape::Plate(half), Some(Some(period))) => {
             2.0 * (0..3).map(|k| (wall.rotation * Vec3::ith(k, half[k]))[axis].abs()).sum::<f64>() < *period
         }

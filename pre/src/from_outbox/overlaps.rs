@@ -229,8 +229,7 @@ impl<'a> PlacedBodies<'a> {
         let mut balls: Vec<(usize, f64)> = (0..self.records.0.len()).filter_map(ball).collect();
         balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         for (k, (part, selection)) in self.parts.iter().zip(&changes.bodies).enumerate() {
-            let Compute { xperiode, yperiode, .. } = part.source.options;
-            if selection.rotate.angle != 0.0 || (xperiode, yperiode) != (options.xperiode, options.yperiode) {
+            if selection.rotate.angle != 0.0 || part.source.options.periods() != options.periods() {
                 let part_balls = balls.iter().filter(|(body, _)| self.owner[*body] == k);
                 check_extent(options, part_balls.map(|&(body, radius)| (self.centres[body], radius)), report);
             }

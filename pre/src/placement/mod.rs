@@ -70,8 +70,8 @@ pub struct PlacementInput {
     pub region: Option<GrainRegion>,
     /// Particles of the placement `File`.
     pub particles: Option<ParticleState>,
-    /// Periods of the scene along x and y, m.
-    pub periods: [Option<f64>; 2],
+    /// Periods of the scene along x, y and z, m.
+    pub periods: [Option<f64>; 3],
 }
 
 /// Grains that do not fit: the value found and the value expected.
@@ -232,15 +232,14 @@ fn particle_motions(particles: &ParticleState, rotation: &Matrix3<f64>) -> Optio
     (velocities.is_some() || spins.is_some()).then(|| (0..particles.centres.len()).map(motion).collect())
 }
 
-/// Periods, m, of a scene with `periods` along x and y that the box of a dense packing fills exactly, without a rotation: it
+/// Periods, m, of a scene with these `periods` that the box of a dense packing fills exactly, without a rotation: it
 /// has no walls along these axes.
-pub fn filled_periods(grains: &Grains, periods: [Option<f64>; 2]) -> [Option<f64>; 3] {
-    let [x, y] = periods;
+pub fn filled_periods(grains: &Grains, periods: [Option<f64>; 3]) -> [Option<f64>; 3] {
     match &grains.placement {
         GrainPlacement::DensePacking { envelope: Envelope::Box { lengths: Some(lengths), .. } }
             if grains.orientation.angle == 0.0 =>
         {
-            [x.filter(|period| *period == lengths[0]), y.filter(|period| *period == lengths[1]), None]
+            [0, 1, 2].map(|axis| periods[axis].filter(|period| *period == lengths[axis]))
         }
         _ => [None; 3],
     }

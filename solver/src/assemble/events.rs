@@ -99,7 +99,7 @@ pub(super) fn shake_loads(
         (0..scene.bodies.len() as u64).map(|i| point_in_ball(splitmix64(seed ^ i)) * radius).collect();
     let mean_velocity = centre_of_mass(scene, &random_velocities);
     let (x, centre) = (&q_c.x, centre_of_mass(scene, &q_c.x));
-    let mean_spin = if scene.options.xperiode.is_some() || scene.options.yperiode.is_some() {
+    let mean_spin = if scene.periodic_cell().is_periodic() {
         Vec3::zeros()
     } else {
         let angular_momentum_of =

@@ -24,7 +24,7 @@ pub(super) fn rigid_spin(scene: &Scene, x: &[Vec3], q: &[Quat], impulse: Vec3) -
         })
     };
     let inertia = Mat3::from_columns(&[Vec3::x(), Vec3::y(), Vec3::z()].map(momentum));
-    if let Some(k) = scene.periods().iter().position(Option::is_some) {
+    if let Some(k) = scene.options.periods().iter().position(Option::is_some) {
         let moment = inertia[(k, k)];
         return Vec3::ith(k, if moment > 0.0 { impulse[k] / moment } else { 0.0 });
     }

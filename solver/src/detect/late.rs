@@ -74,12 +74,12 @@ pub fn late_contacts(
     };
     let balls: Vec<SweptBall> = scene.spheres.iter().map(ball).collect();
     let reach: Vec<f64> = balls.iter().map(|ball| ball.radius + ball.path.norm()).collect();
-    let near_pairs = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
+    let near_pairs = periodic::periodic_swept_pairs(&balls, &reach, &q_c.cell);
     let own_spheres = cache.own_spheres(scene);
     let own_pairs = near_pairs.into_iter().filter(|[first, _]| own_spheres.contains(first));
     let spheres = own_pairs.filter_map(|pair| visible_spheres(scene, pair)).filter_map(|([i, j], rule)| {
         let [a, b] = [i, j].map(|k| &balls[k.index()]);
-        let between = a.centre - b.centre - scene.nearest_image_shift(&a.centre, &b.centre);
+        let between = a.centre - b.centre - q_c.cell.nearest_shift(&(a.centre - b.centre));
         let closes = least_distance(&between, &(a.path - b.path)) < a.radius + b.radius;
         closes.then_some(([i, j].map(|k| scene.spheres[k.index()]), rule.law))
     });

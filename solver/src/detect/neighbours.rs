@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use cd_formats::geometry::periodic_cell::PeriodicCell;
 use rayon::prelude::*;
 
 use crate::detect::periodic;
@@ -58,31 +59,31 @@ impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
     }
 
     /// Pairs of balls whose paths come near each other.
-    fn swept_pairs(&self, periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
+    fn swept_pairs(&self, cell: &PeriodicCell) -> Vec<[u32; 2]> {
         let ball = |k: usize| {
             let radius = self.reach[k] - self.travel[k];
             SweptBall { centre: self.centres[k], path: (self.path)(k), radius, searched: true }
         };
         let balls: Vec<SweptBall> =
             (0..self.centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(ball).collect();
-        periodic::periodic_swept_pairs(&balls, self.reach, periods)
+        periodic::periodic_swept_pairs(&balls, self.reach, cell)
     }
 }
 
 impl NeighbourList {
     /// Updates the list to the pairs of `balls`; returns whether it was rebuilt.
     ///
-    /// `periods` and `mean_radius` are in m; the list has only pairs i < j with i in `firsts`.
+    /// `mean_radius` is in m; the list has only pairs i < j with i in `firsts`.
     pub fn rebuild_if_stale<P: Fn(usize) -> Vec3 + Sync>(
         &mut self,
         balls: &BoundingBalls<P>,
-        periods: [Option<f64>; 2],
+        cell: &PeriodicCell,
         mean_radius: f64,
         firsts: Range<u32>,
     ) -> bool {
         let &BoundingBalls { centres, reach, travel, .. } = balls;
         if balls.are_crowded() {
-            let mut pairs = balls.swept_pairs(periods);
+            let mut pairs = balls.swept_pairs(cell);
             pairs.retain(|[first, _]| firsts.contains(first));
             *self = NeighbourList { pairs, ..NeighbourList::default() };
             return true;
@@ -115,18 +116,18 @@ impl NeighbourList {
             self.skin.fill(ROUNDING_SKIN * mean_radius);
         }
         (self.centres, self.reach, self.last) = (centres.to_vec(), reach.to_vec(), centres.to_vec());
-        self.search_pairs(periods, firsts);
+        self.search_pairs(cell, firsts);
         true
     }
 
     /// Searches the pairs i < j with i in `firsts` anew, at the positions of the last rebuild; a list that knows none keeps
     /// its pairs.
-    pub fn search_pairs(&mut self, periods: [Option<f64>; 2], firsts: Range<u32>) {
+    pub fn search_pairs(&mut self, cell: &PeriodicCell, firsts: Range<u32>) {
         if self.centres.is_empty() {
             return;
         }
         let reach_with_skin: Vec<f64> = self.reach.iter().zip(&self.skin).map(|(reach, skin)| reach + skin).collect();
-        self.pairs = periodic::periodic_pairs(&self.centres, &reach_with_skin, periods, firsts);
+        self.pairs = periodic::periodic_pairs(&self.centres, &reach_with_skin, cell, firsts);
     }
 }
 
@@ -157,8 +158,13 @@ mod tests {
         for step in 0..60 {
             let (mut x, reach) = crowd(f64::from(step), 0.001);
             x.iter_mut().for_each(|x| *x += Vec3::new(7.0, -3.0, 0.1) * f64::from(step * step));
-            rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0, 0..u32::MAX));
-            for pair in &periodic::periodic_pairs(&x, &reach, [None; 2], 0..u32::MAX) {
+            rebuilds += usize::from(neighbours.rebuild_if_stale(
+                &at_rest(&x, &reach),
+                &PeriodicCell::default(),
+                1.0,
+                0..u32::MAX,
+            ));
+            for pair in &periodic::periodic_pairs(&x, &reach, &PeriodicCell::default(), 0..u32::MAX) {
                 assert!(neighbours.pairs.contains(pair), "{step}: {pair:?}");
             }
         }
@@ -175,25 +181,28 @@ mod tests {
         let path = |k: usize| Vec3::x() * if k < 300 { -500.0 } else { 500.0 };
         let mut neighbours = NeighbourList::default();
         let balls = BoundingBalls { centres: &x, reach: &reach, path, travel: &travel };
-        assert!(neighbours.rebuild_if_stale(&balls, [None; 2], 1.0, 0..u32::MAX));
+        assert!(neighbours.rebuild_if_stale(&balls, &PeriodicCell::default(), 1.0, 0..u32::MAX));
         let rest: Vec<f64> = reach.iter().map(|reach| reach - 500.0).collect();
         let apart = |range: std::ops::Range<usize>| {
-            periodic::periodic_pairs(&x[range.clone()], &rest[range], [None; 2], 0..u32::MAX).len()
+            periodic::periodic_pairs(&x[range.clone()], &rest[range], &PeriodicCell::default(), 0..u32::MAX).len()
         };
         assert_eq!(neighbours.pairs.len(), apart(0..300) + apart(300..600));
     }
 
     #[test]
     fn no_pair_is_missed_and_slow_pairs_are_rarely_searched() {
-        let free = [None; 2];
-        for (speed, expected, periods) in
-            [(0.001, 2..9, free), (0.01, 5..20, free), (1.0, 60..61, free), (0.002, 2..9, [Some(13.0), None])]
-        {
+        let free = PeriodicCell::default();
+        for (speed, expected, cell) in [
+            (0.001, 2..9, free),
+            (0.01, 5..20, free),
+            (1.0, 60..61, free),
+            (0.002, 2..9, PeriodicCell::with_periods([Some(13.0), None, None])),
+        ] {
             let (mut neighbours, mut rebuilds) = (NeighbourList::default(), 0);
             for step in 0..60 {
                 let (x, reach) = crowd(f64::from(step), speed);
-                rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), periods, 1.0, 0..u32::MAX));
-                let pairs = periodic::periodic_pairs(&x, &reach, periods, 0..u32::MAX);
+                rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), &cell, 1.0, 0..u32::MAX));
+                let pairs = periodic::periodic_pairs(&x, &reach, &cell, 0..u32::MAX);
                 assert!(!pairs.is_empty());
                 for pair in &pairs {
                     assert!(neighbours.pairs.contains(pair), "{speed} {step}: {pair:?}");
@@ -210,7 +219,12 @@ mod tests {
         for step in 0..60 {
             let (mut x, reach) = crowd(0.0, 0.0);
             x[7] += Vec3::new(10.0, 0.5 * f64::from(step), 0.01 * f64::from(step * step));
-            rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0, 0..u32::MAX));
+            rebuilds += usize::from(neighbours.rebuild_if_stale(
+                &at_rest(&x, &reach),
+                &PeriodicCell::default(),
+                1.0,
+                0..u32::MAX,
+            ));
         }
         assert!((8..20).contains(&rebuilds), "{rebuilds}");
     }

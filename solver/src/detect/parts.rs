@@ -7,9 +7,10 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use cd_formats::compute::NarrowPhase;
+use cd_formats::geometry::periodic_cell::PeriodicCell;
 
 use super::neighbours::BoundingBalls;
-use super::posed::{CandidatePair, PosedContactor, PosedShape, posed_contactors};
+use super::posed::{CandidatePair, PairMotion, PosedContactor, PosedShape, posed_contactors};
 use super::swept::SweptBall;
 use super::travel::TravelBounds;
 use super::{joints, narrow, periodic, rank_pairs};
@@ -28,7 +29,13 @@ use crate::state::{Contact, DetectionCache, SeparatingAxis, VisiblePair};
 impl DetectionCache {
     /// Updates positions and accumulated displacements of the contactors, and the list of pairs with the cached data of each
     /// if the neighbour list is rebuilt. `bodies`: all bodies in spatial order.
-    fn rebuild_if_stale(&mut self, scene: &Scene, contactors: &mut [PosedContactor], bodies: &[u32]) {
+    fn rebuild_if_stale(
+        &mut self,
+        scene: &Scene,
+        contactors: &mut [PosedContactor],
+        cell: &PeriodicCell,
+        bodies: &[u32],
+    ) {
         if self.last.len() != contactors.len() {
             *self = DetectionCache {
                 accumulated_travel: vec![0.0; contactors.len()],
@@ -51,7 +58,7 @@ impl DetectionCache {
         let travel: Vec<f64> = all.map(|contactor| contactor.travel).collect();
         let path = |k: usize| contactors[k].path;
         let balls = BoundingBalls { centres: &centres, reach: &listing_radius, path, travel: &travel };
-        if !self.neighbours.rebuild_if_stale(&balls, scene.periods(), scene.mean_radius, 0..u32::MAX) {
+        if !self.neighbours.rebuild_if_stale(&balls, cell, scene.mean_radius, 0..u32::MAX) {
             return;
         }
         let cached_features = self.cached_pairs();
@@ -98,8 +105,8 @@ pub fn listed_contacts(
     cache: &mut DetectionCache,
 ) -> Vec<Contact> {
     let mut contactors = posed_contactors(scene, q_c, bounds);
-    let nearby = bounds.nearby;
-    cache.rebuild_if_stale(scene, &mut contactors, &q_c.order);
+    let motion = PairMotion { nearby: bounds.nearby, cell: &q_c.cell };
+    cache.rebuild_if_stale(scene, &mut contactors, &q_c.cell, &q_c.order);
     let DetectionCache { pairs, memories, separations, .. } = cache;
     let narrow = match narrow {
         NarrowPhase::Fast => NarrowPhaseMode::Fast,
@@ -116,11 +123,11 @@ pub fn listed_contacts(
     let scratch =
         || NarrowPhaseScratch { polyhedra: PairBatch::new(width), prefetcher: Prefetcher::new(&contactors, width) };
     let mut found: Vec<ListedContacts> = chunks
-        .map_init(scratch, |scratch, chunk| narrow_phase_chunk(scene, &contactors, nearby, narrow, scratch, chunk))
+        .map_init(scratch, |scratch, chunk| narrow_phase_chunk(scene, &contactors, motion, narrow, scratch, chunk))
         .collect();
     if own_pairs.is_some() {
         let by_rank = rank_pairs::gather_contacts(found.iter().flat_map(|listed| &listed.contacts), memories);
-        found = by_rank.into_iter().map(|contacts| ListedContacts::from_contacts(contacts, scene.periods())).collect();
+        found = by_rank.into_iter().map(|contacts| ListedContacts::from_contacts(contacts, motion)).collect();
     }
     let mut contacts = contacts_by_key(&found, scene.bodies.len(), width);
     let inner = joints::remove_inner_edges(scene, q_c, bounds, &contactors, &mut contacts);
@@ -146,7 +153,7 @@ pub fn swept_contacts(
     };
     let balls: Vec<SweptBall> = contactors.iter().map(ball).collect();
     let listing_radius: Vec<f64> = contactors.iter().map(|contactor| contactor.listing_radius).collect();
-    let near = periodic::periodic_swept_pairs(&balls, &listing_radius, scene.periods());
+    let near = periodic::periodic_swept_pairs(&balls, &listing_radius, &q_c.cell);
     let mut pairs: Vec<VisiblePair> = near.into_iter().filter_map(|ij| visible_parts(scene, &contactors, ij)).collect();
     pairs.sort_unstable_by_key(|(parts, _)| *parts);
     let width = SimdWidth::detect();
@@ -159,7 +166,7 @@ pub fn swept_contacts(
         narrow_phase_chunk(
             scene,
             &contactors,
-            bounds.nearby,
+            PairMotion { nearby: bounds.nearby, cell: &q_c.cell },
             narrow,
             &mut scratch,
             PairChunk { pairs, memories, separations },
@@ -189,35 +196,35 @@ struct NarrowPhaseScratch<'a> {
     prefetcher: Prefetcher<'a>,
 }
 
-/// Applies the narrow phase to the pairs that are not known to be apart. `nearby`: ratio of gap to smaller radius, up
-/// to which points are listed in any direction, as in [`TravelBounds`].
+/// Applies the narrow phase to the pairs that are not known to be apart.
 fn narrow_phase_chunk<'a>(
     scene: &Scene,
     contactors: &'a [PosedContactor<'a>],
-    nearby: f64,
+    motion: PairMotion<'a>,
     narrow: NarrowPhaseMode,
     scratch: &mut NarrowPhaseScratch<'a>,
     chunk: PairChunk,
-) -> ListedContacts {
+) -> ListedContacts<'a> {
     let PairChunk { pairs, memories, separations } = chunk;
     if activity::is_stopped() {
-        return ListedContacts::new(0, scene.periods());
+        return ListedContacts::new(0, motion);
     }
     let (mut near, mut count) = ([0; PAIRS_PER_TASK], 0);
     for (k, separation) in separations.iter().enumerate() {
         near[count] = k;
-        count +=
-            usize::from(separation.valid_travel <= CandidatePair::listing_reach(scene, contactors, nearby, &pairs[k]));
+        count += usize::from(
+            separation.valid_travel <= CandidatePair::listing_reach(scene, contactors, motion.nearby, &pairs[k]),
+        );
     }
     let near = &near[..count];
     let NarrowPhaseScratch { polyhedra, prefetcher } = scratch;
     near.iter().take(PREFETCH_DISTANCE).for_each(|&k| prefetcher.prefetch(pairs[k].0));
-    let mut listed = ListedContacts::new(count, scene.periods());
+    let mut listed = ListedContacts::new(count, motion);
     for (at, &k) in near.iter().enumerate() {
         if let Some(&later) = near.get(at + PREFETCH_DISTANCE) {
             prefetcher.prefetch(pairs[later].0);
         }
-        let pair = CandidatePair::new(scene, contactors, nearby, k, &pairs[k]);
+        let pair = CandidatePair::new(scene, contactors, motion, k, &pairs[k]);
         // `new` may find a shorter listing range than `listing_reach`, so test again.
         if separations[k].valid_travel > pair.accumulated_travel() + pair.range.alert {
             continue;
@@ -235,27 +242,26 @@ fn narrow_phase_chunk<'a>(
 }
 
 /// Contacts that a task has found.
-struct ListedContacts {
+struct ListedContacts<'a> {
     contacts: Vec<Contact>,
     /// Candidates of consecutive contacts, and the index where each run begins.
     runs: Vec<(BodyId, usize)>,
-    /// Periods of the scene, m.
-    periods: [Option<f64>; 2],
+    motion: PairMotion<'a>,
 }
 
 /// Relative margin on the balls' radii for the rounding of distances.
 const ROUNDING_MARGIN: f64 = 1e-9;
 
-impl ListedContacts {
-    fn new(pairs: usize, periods: [Option<f64>; 2]) -> Self {
-        ListedContacts { contacts: Vec::with_capacity(4 * pairs), runs: Vec::new(), periods }
+impl<'a> ListedContacts<'a> {
+    fn new(pairs: usize, motion: PairMotion<'a>) -> Self {
+        ListedContacts { contacts: Vec::with_capacity(4 * pairs), runs: Vec::new(), motion }
     }
 
     /// Contacts in the order of their pairs.
-    fn from_contacts(contacts: Vec<Contact>, periods: [Option<f64>; 2]) -> Self {
+    fn from_contacts(contacts: Vec<Contact>, motion: PairMotion<'a>) -> Self {
         let begins_run = |&k: &usize| k == 0 || contacts[k - 1].candidate != contacts[k].candidate;
         let runs = (0..contacts.len()).filter(begins_run).map(|k| (contacts[k].candidate, k)).collect();
-        ListedContacts { contacts, runs, periods }
+        ListedContacts { contacts, runs, motion }
     }
 
     /// Adds the contacts of a pair: points up to its range; points on its area share the area. Keeps the pair's cache
@@ -275,8 +281,8 @@ impl ListedContacts {
             }
             Err(Separated { n, s }) => {
                 // No separation is known of another image; an image is nearest only up to half a period.
-                let image_margins =
-                    self.periods.iter().zip(c.as_slice()).filter_map(|(period, c)| Some((*period)? / 2.0 - c.abs()));
+                let periods = self.motion.cell.periods.iter().zip(c.as_slice());
+                let image_margins = periods.filter_map(|(period, c)| Some((*period)? / 2.0 - c.abs()));
                 let valid_travel = image_margins.fold(s, f64::min) + pair.accumulated_travel()
                     - ROUNDING_MARGIN * (a.listing_radius + b.listing_radius);
                 separations[*index] = SeparatingAxis { n: Some([n.x, n.y, n.z].map(|x| x as f32)), valid_travel };

@@ -1,5 +1,6 @@
 //! Contactors at their positions in the step, and pairs of them.
 
+use cd_formats::geometry::periodic_cell::PeriodicCell;
 use cd_formats::wall_mesh::WallMesh;
 use rayon::prelude::*;
 
@@ -115,6 +116,14 @@ fn posed_contactor<'a>(
 /// during a common fall are pushed together at all their points once something stops them.
 const FULL_MANIFOLD_GAP: f64 = 1e-3;
 
+/// Motion that all pairs share.
+#[derive(Clone, Copy)]
+pub struct PairMotion<'a> {
+    /// Ratio of gap to smaller radius, up to which points are listed in any direction, as in [`TravelBounds`].
+    pub nearby: f64,
+    pub cell: &'a PeriodicCell,
+}
+
 /// Two contactors that may be near each other.
 #[derive(Clone, Copy)]
 pub struct CandidatePair<'a> {
@@ -152,24 +161,24 @@ impl<'a> CandidatePair<'a> {
         a.accumulated_travel + b.accumulated_travel + range
     }
 
-    /// Pair number `index` of a chunk, with the range up to which its points are listed; `nearby` as in [`TravelBounds`].
+    /// Pair number `index` of a chunk, with the range up to which its points are listed.
     #[inline]
     pub fn new(
         scene: &Scene,
         contactors: &'a [PosedContactor<'a>],
-        nearby: f64,
+        motion: PairMotion,
         index: usize,
         (parts, rule): &VisiblePair,
     ) -> Self {
         let [a, b] = parts.map(|k| &contactors[k.index()]);
         let radius = Self::effective_radius(a, b);
         let law = &scene.laws[rule.law];
-        let image = scene.nearest_image_shift(&a.centre, &b.centre);
+        let image = motion.cell.nearest_shift(&(a.centre - b.centre));
         let c = b.centre + image - a.centre;
         let cohesion_range = law.interaction_range(radius);
         // Contactors farther apart than this touch in this step only if a contact pushes them.
         let (mut travel, mut unconditional_gap) = (a.travel + b.travel, f64::INFINITY);
-        let nearby = nearby * a.radius.min(b.radius);
+        let nearby = motion.nearby * a.radius.min(b.radius);
         let margin = LISTING_MARGIN * rule.alert;
         if travel > nearby.max(margin) {
             travel = travel.min(surface_approach(a, b, &c, Vec3::norm) + margin).max(nearby);

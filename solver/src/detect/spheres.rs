@@ -28,10 +28,10 @@ pub fn sphere_sphere_pairs(
     let reach: Vec<f64> = radii.iter().zip(&travel).map(reach).collect();
     let path = |k: usize| bounds.centre_path(scene.spheres[k].index());
     let balls = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
-    let periods = scene.periods();
-    if cache.neighbours.rebuild_if_stale(&balls, periods, scene.mean_radius, cache.own_spheres(scene)) {
+    let cell = &q_c.cell;
+    if cache.neighbours.rebuild_if_stale(&balls, cell, scene.mean_radius, cache.own_spheres(scene)) {
         if candidate_division::rebalance_cuts(cache) {
-            cache.neighbours.search_pairs(periods, cache.own_spheres(scene));
+            cache.neighbours.search_pairs(cell, cache.own_spheres(scene));
         }
         let near = std::mem::take(&mut cache.neighbours.pairs);
         let visible = near.into_par_iter().with_min_len(1024).filter_map(|pair| visible_spheres(scene, pair));
@@ -42,7 +42,7 @@ pub fn sphere_sphere_pairs(
     let listed_pair = |&([i, j], rule): &VisiblePair<SphereId>| {
         let pair = [i, j].map(|k| scene.spheres[k.index()]);
         let [i, j] = [i.index(), j.index()];
-        let (a, b) = (centres[i], centres[j] + scene.nearest_image_shift(&centres[i], &centres[j]));
+        let (a, b) = (centres[i], centres[j] + cell.nearest_shift(&(centres[i] - centres[j])));
         let gap = narrow::sphere_sphere(&a, radii[i], &b, radii[j]).gap;
         let approach = ApproachBounds { travel: travel[i] + travel[j], nearby: bounds.nearby * radii[i].min(radii[j]) };
         let closing = || swept::least_distance(&(a - b), &(path(i) - path(j))) - (radii[i] + radii[j]);
@@ -77,7 +77,7 @@ pub fn sphere_plate_pairs(
             let (s, pair) = (sphere.index(), [sphere, plane]);
             let travel = bounds.travel[s] + plate_travel;
             // Most spheres are far from the plate and need neither law nor geometry.
-            let from_plate = q_c.x[s] - q_c.x[p] - scene.nearest_image_shift(&q_c.x[s], &q_c.x[p]);
+            let from_plate = q_c.x[s] - q_c.x[p] - q_c.cell.nearest_shift(&(q_c.x[s] - q_c.x[p]));
             let gap = ((into_axes * from_plate).abs() - half_lengths).max() - scene.bodies[s].radius;
             let [sphere, plane] = [s, p].map(|i| &scene.bodies[i]);
             // In a scene without parts, spheres and plates that are driven have their whole motion imposed.
@@ -107,7 +107,7 @@ pub fn contact_geometry(
     [candidate, antagonist]: [BodyId; 2],
 ) -> narrow::ContactGeometry {
     let [a, b] = [candidate, antagonist].map(|i| (&scene.bodies[i.index()], q_c.x[i.index()]));
-    let (a, b) = ((a.0, &a.1), (b.0, &(b.1 + scene.nearest_image_shift(&a.1, &b.1))));
+    let (a, b) = ((a.0, &a.1), (b.0, &(b.1 + q_c.cell.nearest_shift(&(a.1 - b.1)))));
     match &b.0.shape {
         BodyShape::Plane { half_lengths } => {
             narrow::sphere_plane(a.1, a.0.radius, b.1, &q_c.q[antagonist.index()], half_lengths)
@@ -154,7 +154,7 @@ pub fn sphere_contact(scene: &Scene, q_c: &ContactConfiguration, pair: [BodyId; 
         part_numbers: ContactSides::default(),
         features: ContactSides { candidate: 0, antagonist: found.feature },
         point: found.point,
-        image: scene.nearest_image_shift(&q_c.x[candidate.index()], &q_c.x[antagonist.index()]),
+        image: q_c.cell.nearest_shift(&(q_c.x[candidate.index()] - q_c.x[antagonist.index()])),
         normal: found.normal,
         gap: found.gap,
         area: 0.0,

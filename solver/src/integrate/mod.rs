@@ -15,6 +15,7 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use cd_formats::compute::ExternalField;
+use cd_formats::geometry::periodic_cell::PeriodicCell;
 use rayon::prelude::*;
 
 use crate::math::rotation::{angular_momentum, angular_velocity, constrained_rotation, free_rotation};
@@ -32,6 +33,8 @@ pub struct ContactConfiguration {
     pub w: Vec<Vec3>,
     /// Angular momenta of [`State::angular_momentum`], predicted by free rotation.
     pub angular_momentum: Vec<Vec3>,
+    /// Cell of the scene.
+    pub cell: PeriodicCell,
     /// Mean velocity of the free bodies at the step's start, m/s; it changes no distance between them.
     pub mean_velocity: Vec3,
     /// Bodies ordered along Morton's curve.
@@ -125,6 +128,7 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
         q,
         w,
         angular_momentum: momenta,
+        cell: scene.periodic_cell(),
         mean_velocity,
         order,
         step_multiple,

@@ -120,7 +120,7 @@ impl ProbeRegion {
 
 /// Sum of whole periods that shifts a position into the cell about the origin, m.
 fn shift_to_cell(scene: &Scene, x: &Vec3) -> Vec3 {
-    scene.nearest_image_shift(&Vec3::zeros(), x)
+    scene.periodic_cell().nearest_shift(&-x)
 }
 
 impl MeanField {

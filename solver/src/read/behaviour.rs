@@ -344,7 +344,7 @@ fn moving_bodies_of(scene: &Scene, [a, b]: [usize; 2]) -> Option<[BodyId; 2]> {
 
 /// Rejects attraction that reaches farther than the nearest image.
 fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faults) {
-    let Some(period) = [scene.options.xperiode, scene.options.yperiode].into_iter().flatten().reduce(f64::min) else {
+    let Some(period) = scene.options.periods().into_iter().flatten().reduce(f64::min) else {
         return;
     };
     let largest = scene.free.iter().map(|&i| scene.bodies[i.index()].radius).fold(0.0, f64::max);

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use cd_formats::bodies::{Bodies, Body as BodyRecord, Contactor, ShapeRecord as FileShape};
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::compute::Compute;
+use cd_formats::compute::{Compute, PERIOD_NAMES};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
 use cd_formats::error::{Fault, Faults, RecordFault, RecordPart};
@@ -243,9 +243,7 @@ fn check_extents(
     for (index, record) in records.0.iter().enumerate().filter(|(index, _)| has_one_image(*index)) {
         // A larger body would be met by more than its nearest image.
         let extent = 2.0 * extents[index];
-        for period in
-            [options.xperiode, options.yperiode].into_iter().flatten().filter(|period| 2.0 * extent >= *period)
-        {
+        for period in options.periods().into_iter().flatten().filter(|period| 2.0 * extent >= *period) {
             let found =
                 format!("up to {} m long in a scene with the period {} m", rounded_number(extent), number_text(period));
             faults.push(Fault::new(
@@ -407,11 +405,17 @@ fn axes_notes(dof: &Dof, matches: &[AxesMatch]) -> Vec<String> {
     reasons.into_iter().filter_map(|(kind, reason)| note(kind, reason)).collect()
 }
 
+/// Component of a plate's normal along a period up to which the plate is level along it: rounding of files.
+const MAX_NORMAL_ALONG_PERIOD: f64 = 1e-6;
+
 /// Notes about periods that the widest plate does not span: bodies next to it would fall forever. `q`: orientations.
 pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
-    let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
-    let missed = periods.into_iter().enumerate().filter_map(|(axis, (name, period))| {
-        let driven_planes = scene.planes.iter().filter(|plate| scene.bodies[plate.index()].driven);
+    let periods = PERIOD_NAMES.into_iter().zip(scene.options.periods());
+    let missed = periods.enumerate().filter_map(|(axis, (name, period))| {
+        // A plate across z need not span the period along z.
+        let may_span = |plate: usize| axis < 2 || (q[plate] * Vec3::z())[axis].abs() < MAX_NORMAL_ALONG_PERIOD;
+        let is_meant = |plate: &&BodyId| scene.bodies[plate.index()].driven && may_span(plate.index());
+        let driven_planes = scene.planes.iter().filter(is_meant);
         let widest = driven_planes.map(|&plate| plate_extent(scene, q, plate.index(), axis)).reduce(f64::max)?;
         let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // rounding of files
         Some(format!(
@@ -425,19 +429,19 @@ pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
 
 /// Rejects plates that span a period on a slope along it: their images would form stairs. `q`: orientations.
 pub fn check_plates_are_level(datbox: &Path, records: &Bodies, scene: &Scene, q: &[Quat], faults: &mut Faults) {
-    let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
+    let periods: Vec<(&str, Option<f64>)> = PERIOD_NAMES.into_iter().zip(scene.options.periods()).collect();
     for &plate in &scene.planes {
         let plate = plate.index();
         let normal = q[plate] * Vec3::z();
         for (axis, (name, _)) in periods.iter().enumerate().filter(|(axis, (_, period))| {
             let spans = |period: f64| plate_extent(scene, q, plate, *axis) >= period * (1.0 - 1e-6); // rounding of files
-            period.is_some_and(spans) && normal[*axis].abs() > 1e-6
+            period.is_some_and(spans) && normal[*axis].abs() > MAX_NORMAL_ALONG_PERIOD
         }) {
             let found =
                 format!("a plate as wide as {name} whose normal {:.4?} is inclined along it", normal.as_slice());
             let expected = format!(
                 "expected {} 0 of the normal: images of an inclined plate form stairs; incline gravity instead",
-                ["x", "y"][axis]
+                ["x", "y", "z"][axis]
             );
             let line = Some(records.0[plate].line);
             faults.push(Fault::new(&datbox.join("BODIES.DAT"), line, format!("body {}", plate + 1), found, expected));

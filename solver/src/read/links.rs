@@ -123,8 +123,8 @@ pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut 
         }
     }
     links.dedup_by_key(|(link, _)| (link.bodies, link.part_numbers));
-    if let (Some((_, row)), [Some(_), _] | [_, Some(_)]) = (links.first(), scene.periods()) {
-        let expected = "expected neither xperiode nor yperiode: wires and rods do not reach over them";
+    if let (Some((_, row)), true) = (links.first(), scene.periodic_cell().is_periodic()) {
+        let expected = "expected no xperiode, yperiode or zperiode: wires and rods do not reach over them";
         faults.push(Fault::new(&file, Some(row.line), "PT3Dx", "in a periodic scene", expected));
     }
     scene.links = links.into_iter().map(|(link, _)| link).collect();

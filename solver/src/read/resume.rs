@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use cd_formats::compute::event_schedule;
+use cd_formats::compute::{NO_VALUE, OPTIONS_WRITTEN_IF_GIVEN, event_schedule};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::names::{count_text, number_text};
 use cd_formats::ron_file::value_with_current_names;
@@ -117,6 +117,13 @@ impl PreviousRun {
             now.insert("text".into(), scene.options.text.to_string());
             before.insert("text".into(), text_option.to_string());
         }
+        if !before.is_empty() {
+            for name in OPTIONS_WRITTEN_IF_GIVEN {
+                for options in [&mut now, &mut before] {
+                    options.entry(name.into()).or_insert_with(|| NO_VALUE.into());
+                }
+            }
+        }
         let (mut warnings, mut notes) = (Vec::new(), Vec::new());
         for (name, now) in now.iter().filter(|(name, now)| before.get(*name).is_some_and(|then| then != *now)) {
             let then = &before[name];
@@ -126,7 +133,7 @@ impl PreviousRun {
             };
             // An option without a value follows from others, such as `tol` from `accuracy`.
             let value_phrase = |verb: &str, value: &str| match value {
-                "None" => format!("{verb} not given"),
+                NO_VALUE => format!("{verb} not given"),
                 value => format!("{verb} {}", shortened_text(value)),
             };
             let (before, after) = (value_phrase("was", then), value_phrase("is", now));
@@ -137,7 +144,7 @@ impl PreviousRun {
             }
             let flag = format!("--{}", name.replace('_', "-"));
             let keep = match then.as_str() {
-                "None" => format!("COMPUTE.RON without {name} keeps it"),
+                NO_VALUE => format!("COMPUTE.RON without {name} keeps it"),
                 value if value.chars().all(|c| c.is_alphanumeric() || "._+-".contains(c)) => {
                     format!("{flag}={value} keeps it")
                 }

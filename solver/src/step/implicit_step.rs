@@ -134,7 +134,7 @@ impl<'a> FileStep<'a> {
     fn velocity_difference(&self, old: &SolvedContact) -> (Vec3, f64) {
         let FileStep { scene, state, ref x, time_after, residual } = *self;
         let Contact { candidate, antagonist, point, .. } = old.contact;
-        let image = scene.nearest_image_shift(&point, &x[antagonist.index()]);
+        let image = scene.periodic_cell().nearest_shift(&(point - x[antagonist.index()]));
         let velocities = Velocities { v: &state.v, w: &state.w };
         let u = relative_velocity(&Contact { image, ..old.contact }, x, velocities);
         let difference_limit = |body: BodyId| {

@@ -270,7 +270,7 @@ impl<'a> StepFigures<'a> {
     /// Position `x`, moved into the period, with the displacement and velocity of a body.
     fn motion_at(&self, i: usize, mut x: Vec3) -> [f64; 12] {
         let (scene, state) = (self.scene, self.state);
-        for (axis, period) in [scene.options.xperiode, scene.options.yperiode].into_iter().enumerate() {
+        for (axis, period) in scene.options.periods().into_iter().enumerate() {
             x[axis] = period.map_or(x[axis], |period| x[axis].rem_euclid(period));
         }
         let (displacement, velocity) = (state.x[i] - scene.reference[i], self.velocity(i));

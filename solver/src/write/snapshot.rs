@@ -59,6 +59,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
             gravity: options.gravity,
             xperiode: options.xperiode,
             yperiode: options.yperiode,
+            zperiode: options.zperiode,
             narrow_phase: scene.has_parts().then_some(options.narrow_phase()),
             face_friction: scene.has_parts().then_some(options.face_friction),
             gravity_constant: options.gravity_constant,

@@ -1,4 +1,4 @@
-//! Scenes that come again along x and y.
+//! Scenes that come again along x, y and z.
 
 use cd_formats::compute::{Compute, EventAction};
 use cd_formats::snapshot::Snapshot;
@@ -50,6 +50,69 @@ fn a_contact_through_the_border_is_one_within() {
     (within.options.xperiode, within.options.yperiode) = (None, None);
     let open = ways(&within.states(64, 64));
     assert!(open.iter().zip(ways(&expected)).any(|(a, b)| (a - b).norm() > 1e-2));
+}
+
+/// A gas in a cube that comes again on all sides, all of it moved by `to`.
+fn gas(to: [f64; 3]) -> Case {
+    let mut case = Case::new();
+    case.law("RST_CLB", &[0.75, 0.0, 0.25]);
+    let mut random = uniform(11);
+    for (radius, x) in shaken_lattice(3, 9) {
+        let (radius, x) = ((radius * 64.0).floor() / 64.0, x.map(|c| (c * 1024.0).round() / 1024.0));
+        let body = case.sphere(radius, [0, 1, 2].map(|k| x[k] + to[k]));
+        case.launch(body, [0; 3].map(|_| 4.0 * random() - 2.0), [0; 3].map(|_| random()));
+    }
+    let side = Some(3.75);
+    (case.options.xperiode, case.options.yperiode, case.options.zperiode) = (side, side, side);
+    (case.options.dt, case.options.tol) = (0.0078125, Some(1e-11));
+    case
+}
+
+/// Along z, too: a cube is the same wherever its border is, and its momentum is kept.
+#[test]
+fn a_cube_is_the_same_wherever_its_border_is() {
+    let expected = gas([0.0; 3]).states(64, 64);
+    for to in [[0.0, 0.0, 1.875], [1.0, -1.5, 2.0], [0.0, 0.0, -30.0]] {
+        let found = gas(to).states(64, 64);
+        // Digits of positions up to 32 and solutions to 1e-11, which every impact magnifies.
+        for (a, b) in ways(&found).into_iter().zip(ways(&expected)) {
+            near(a, b, 1e-6);
+        }
+    }
+    let mut open = gas([0.0; 3]);
+    open.options.zperiode = None;
+    let open = ways(&open.states(64, 64));
+    assert!(open.iter().zip(ways(&expected)).any(|(a, b)| (a - b).norm() > 1e-2));
+    let (start, end) = (&expected[0], &expected[1]);
+    let scale = end.meta.ledger.momentum_scale;
+    // Rounding of 64 steps.
+    assert!((end.momentum() - start.momentum()).norm() < 1e-13 * scale);
+    let angular_momentum = Vec3::from(end.meta.ledger.angular_momentum_expected);
+    assert!((end.angular_momentum() - angular_momentum).norm() < 1e-12 * scale * 10.0);
+    equal(end.kinetic(), start.kinetic() + end.meta.ledger.contact_work, 1e-12 * start.kinetic());
+}
+
+/// A block that leaves through the upper border strikes the one that rests on the other side of it.
+#[test]
+fn blocks_meet_through_the_upper_border() {
+    let run = |to: f64, period: Option<f64>| {
+        let mut case = Case::new();
+        case.law_of_all("RST_CLB", &[0.5, 0.0, 0.3]);
+        let turned = [X, [0.0, 0.6, 0.8], [0.0, -0.8, 0.6]];
+        let a = case.block([0.375, 0.25, 0.5], [0.0, 0.0, 1.25 + to], turned);
+        let b = case.block([0.25, 0.375, 0.3125], [0.0625, 0.125, -1.25 + to], [X, Y, Z]);
+        case.launch(a, [0.0, 0.0, 2.0], [0.5, -0.25, 1.0]);
+        case.launch(b, [0.0, 0.0, -2.0], [0.0; 3]);
+        (case.options.dt, case.options.zperiode) = (0.0078125, period);
+        case.run(40)
+    };
+    let (border, within, apart) = (run(0.0, Some(4.0)), run(2.0, Some(4.0)), run(0.0, None));
+    for body in 0..2 {
+        // Roundings of positions up to 4.
+        near(border.v(body), within.v(body), 1e-12);
+        near(border.w(body), within.w(body), 1e-12);
+        assert!((border.w(body) - apart.w(body)).norm() > 0.1);
+    }
 }
 
 /// The same for two blocks that meet with an edge, turn and part.
@@ -146,10 +209,11 @@ fn the_floor_of_a_cell_is_endless() {
 /// The same bytes on any number of threads, and after a resume.
 #[test]
 fn threads_and_resume_change_nothing() {
-    for blocks in [false, true] {
+    for (blocks, zperiode) in [(false, None), (true, None), (false, Some(4.0))] {
         let run = |flags: &[&[&str]]| {
-            let mut case = heap(blocks, [2.0, 2.0]);
+            let mut case = if zperiode.is_some() { gas([1.0, -1.0, 1.5]) } else { heap(blocks, [2.0, 2.0]) };
             (case.options.steps, case.options.output_every) = (Some(40), 20);
+            case.options.tol = zperiode.map(|_| 1e-6).or(case.options.tol);
             case.write();
             flags.iter().for_each(|flags| assert_eq!(case.solve(flags), 0));
             case.last().to_bytes()
@@ -173,6 +237,8 @@ fn what_cannot_repeat_is_rejected() {
     assert_eq!(refused(&|options| options.xperiode = Some(0.0)), 2);
     // The longest block measures 1.4 m.
     assert_eq!(refused(&|options| options.yperiode = Some(2.0)), 2);
+    assert_eq!(refused(&|options| options.zperiode = Some(2.0)), 2);
+    assert_eq!(refused(&|options| options.zperiode = Some(-8.0)), 2);
     assert_eq!(refused(&|options| (options.steps, options.yperiode) = (Some(1), Some(4.0))), 0);
 }
 

@@ -615,13 +615,13 @@ fn a_folder_that_cannot_be_written() {
 
 #[test]
 fn a_floor_narrower_than_the_period_is_reported() {
-    let printed = |half: [f64; 3], axes: [[f64; 3]; 3]| {
+    let printed = |half: [f64; 3], axes: [[f64; 3]; 3], periods: [Option<f64>; 3]| {
         let mut case = Case::new();
         case.law("IQS_CLB", &[0.3]);
         case.plate(half, [0.0, 0.0, -0.5], axes);
-        case.sphere(0.5, [0.0, 0.0, 0.5]);
+        case.sphere(0.5, [0.0, 2.0, 0.5]);
         case.options.steps = Some(2);
-        (case.options.xperiode, case.options.yperiode) = (Some(4.0), Some(6.0));
+        [case.options.xperiode, case.options.yperiode, case.options.zperiode] = periods;
         case.write();
         let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
         assert_eq!(output.status.code(), Some(0));
@@ -629,11 +629,17 @@ fn a_floor_narrower_than_the_period_is_reported() {
         text.lines().find(|line| line.contains("widest")).map(String::from)
     };
     let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
-    assert_eq!(printed([2.0, 3.0, 0.5], [x, y, z]), None);
+    let level = [Some(4.0), Some(6.0), None];
+    assert_eq!(printed([2.0, 3.0, 0.5], [x, y, z], level), None);
     // Turned by 90 degrees about z.
-    assert_eq!(printed([3.0, 2.0, 0.5], [y, x.map(|c| -c), z]), None);
+    assert_eq!(printed([3.0, 2.0, 0.5], [y, x.map(|c| -c), z], level), None);
     let note = "cd-solve: xperiode: the widest plate spans 3.8 m of the period 4 m; grains that miss it fall forever";
-    assert_eq!(printed([1.9, 3.0, 0.5], [x, y, z]).as_deref(), Some(note));
+    assert_eq!(printed([1.9, 3.0, 0.5], [x, y, z], level).as_deref(), Some(note));
+    // A floor need not span a period along its normal; a plate along it must.
+    let upright = [None, None, Some(4.0)];
+    assert_eq!(printed([2.0, 3.0, 0.5], [x, y, z], upright), None);
+    let note = "cd-solve: zperiode: the widest plate spans 3.8 m of the period 4 m; grains that miss it fall forever";
+    assert_eq!(printed([1.9, 3.0, 0.5], [z, x, y], upright).as_deref(), Some(note));
 }
 
 /// A floor that leans along a period, and a baffle that does, which is narrower.

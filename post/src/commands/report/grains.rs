@@ -59,8 +59,7 @@ impl PageState {
         if k + 1 < count && !is_evenly_chosen(k, count, max_states.min(MAX_STATES)) {
             return None;
         }
-        let options = &frame.meta.parameters;
-        let is_isolated = frame.walls.is_empty() && options.xperiode.is_none() && options.yperiode.is_none();
+        let is_isolated = frame.walls.is_empty() && !frame.cell().is_periodic();
         Some(PageState {
             step: frame.meta.step,
             time: frame.meta.time,

@@ -23,7 +23,6 @@ pub const EJECTA_COLUMNS: [Column; 3] = [
 pub fn ejecta_files(frame: &Frame, fragments: &[Fragment], added_bodies: &HashSet<u64>) -> Vec<StateFile> {
     let constant = self_gravity_constant(frame).unwrap_or(0.0);
     let cell = frame.cell();
-    let periods = [cell.0[0], cell.0[1], None];
     let largest = &fragments[0].sums;
     let mut orbits = fragment_orbits(fragments, constant).into_iter().map(Some).collect::<Vec<_>>();
     orbits.insert(0, None);
@@ -59,7 +58,9 @@ pub fn ejecta_files(frame: &Frame, fragments: &[Fragment], added_bodies: &HashSe
         let (v, w, [a, b, c]) = (sums.velocity(), sums.spin(), sums.semi_axes());
         let mut row = vec![k as f64, fragment.grains.len() as f64, sums.mass];
         row.extend(
-            (0..3).map(|axis| if periods[axis].is_some() { f64::NAN } else { sums.x[axis] }).chain(v.iter().copied()),
+            (0..3)
+                .map(|axis| if cell.periods[axis].is_some() { f64::NAN } else { sums.x[axis] })
+                .chain(v.iter().copied()),
         );
         // In a periodic scene arms would depend on the position of the border.
         let arms = [a, b, c, w.x, w.y, w.z, std::f64::consts::TAU / w.norm(), orbit.map_or(f64::NAN, |o| o.distance)];

@@ -10,7 +10,7 @@ use super::inner::{
     SurfaceContact, UpperContactor, any_is_low,
 };
 use super::solid::ConvexSolid;
-use crate::detect::posed::{CandidatePair, PosedContactor, PosedShape};
+use crate::detect::posed::{CandidatePair, PairMotion, PosedContactor, PosedShape};
 use crate::detect::travel::TravelBounds;
 use crate::geometry::{PosedPolyhedron, polyhedra_along, polyhedron_end_along};
 use crate::integrate::ContactConfiguration;
@@ -40,7 +40,14 @@ pub fn remove_inner_edges(
         return Vec::new();
     }
     let runs = search.runs;
-    replace_inner_contacts(scene, travel_bounds.nearby, contactors, &runs, &inner, contacts);
+    replace_inner_contacts(
+        scene,
+        PairMotion { nearby: travel_bounds.nearby, cell: &q_c.cell },
+        contactors,
+        &runs,
+        &inner,
+        contacts,
+    );
     inner.iter().map(|inner| runs[inner.contact.index as usize].parts).collect()
 }
 
@@ -248,7 +255,7 @@ impl<'a> InnerEdgeSearch<'a> {
 /// of spheres. `inner` is in the order of the runs.
 fn replace_inner_contacts(
     scene: &Scene,
-    nearby: f64,
+    motion: PairMotion,
     contactors: &[PosedContactor],
     runs: &[ContactRun],
     inner: &[InnerContact],
@@ -261,7 +268,7 @@ fn replace_inner_contacts(
         let [a, b] = parts.map(|part| &contactors[part.index()]);
         let Some(p) = polyhedron(a) else { continue };
         let Some(rule) = scene.visibility.interaction_rule(a.class, b.class) else { continue };
-        let pair = CandidatePair::new(scene, contactors, nearby, 0, &(parts, rule));
+        let pair = CandidatePair::new(scene, contactors, motion, 0, &(parts, rule));
         let n = if touch.a_is_antagonist { -n } else { *n };
         let along = match &b.shape {
             PosedShape::Cylinder { half_height, radius, hollow: false } => {

@@ -98,7 +98,7 @@ impl<'a> SphereOnPlates<'a> {
             a_is_antagonist: false,
             normal: found.normal,
             point: found.point - x - found.normal * (0.5 * found.gap),
-            centre: self.q_c.x[plate] + self.scene.nearest_image_shift(&x, &self.q_c.x[plate]) - x,
+            centre: self.q_c.x[plate] + self.q_c.cell.nearest_shift(&(x - self.q_c.x[plate])) - x,
             reach: 2.0 * half_lengths.norm(),
         }
     }
