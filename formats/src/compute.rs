@@ -10,11 +10,12 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 pub use crate::accuracy::{Accuracy, Adaptive};
+use crate::deforming_cell::CellControl;
 use crate::error::Faults;
 use crate::messages::parse_number;
 use crate::names::{number_text, rounded_number};
 use crate::orbit::OrbitSpec;
-use crate::probe::{EndCondition, FlowNames, Probe, check_probes};
+use crate::probe::{EndCondition, FlowNames, Probe, ProbeQuantity, check_probes};
 use crate::report::FaultReport;
 pub use crate::ron_file::from_ron;
 use crate::ron_text;
@@ -430,6 +431,9 @@ options! {
     /// Period along z, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     zperiode: Option<f64> = None, f64, [value_parser = parse_number, value_name = "M"];
+    /// Deformation of a cell with three periods, such as (z: Stress(value: 1e3, gain: 0.1), shear_xz: 1.0): rates of the logarithmic strain or stresses that are held along x, y and z, and shear rates. Default: the cell keeps its shape.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cell: Option<CellControl> = None, CellControl, [value_name = "RON"];
     /// Newtonian attraction between all free bodies.
     self_gravity: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Summation of self-gravity. direct: every pair; fmm: fast multipole method; auto: the faster of the two.
@@ -607,6 +611,9 @@ impl Compute {
                 report.add_fault(&path, found, "one RotatingFrame");
             }
         }
+        if let Some(cell) = &self.cell {
+            self.check_cell(cell, &format!("{prefix}cell"), report);
+        }
         let mut expect = |holds: bool, name: &str, found: String, expected: &str| {
             report.require(holds, &format!("{prefix}{name}"), found, expected);
         };
@@ -659,6 +666,24 @@ impl Compute {
         let sinks: Vec<&str> = self.sinks.iter().map(|sink| sink.name.as_str()).collect();
         let sources: Vec<&str> = self.sources.iter().map(|source| source.name.as_str()).collect();
         check_probes(&self.probes, &self.until, FlowNames { sinks: &sinks, sources: &sources }, prefix, report);
+    }
+
+    /// Reports values of the option `cell`, at `path`, that no run could use with the other options.
+    fn check_cell(&self, cell: &CellControl, path: &str, report: &mut FaultReport) {
+        let damps = self.quench > 0.0 || self.events.iter().any(|e| matches!(e.action, EventAction::SetQuench(_)));
+        let has_regions = self.probes.iter().any(|probe| matches!(probe.quantity, ProbeQuantity::Region { .. }));
+        let requirements = [
+            (self.periods().iter().all(Option::is_some), "xperiode, yperiode and zperiode with it"),
+            (!damps, "no quench with it: it would damp the flow of the cell"),
+            (self.sinks.is_empty() && self.sources.is_empty(), "no sinks and no sources with it: they are at rest"),
+            (!has_regions, "no probe of a region with it: regions are at rest"),
+            (!self.text, "text: false with it: LMGC90 has no such cell"),
+        ];
+        for (holds, expected) in requirements {
+            let found = report.shown_text_or(path, || to_ron(cell));
+            report.require(holds, path, found, expected);
+        }
+        cell.check_in(self.dt, path, report);
     }
 
     /// Reports the values of the event at `path` that no run could use.
@@ -732,7 +757,7 @@ pub const PERIOD_NAMES: [&str; 3] = ["xperiode", "yperiode", "zperiode"];
 pub const NO_VALUE: &str = "None";
 
 /// Options that files contain only if they are given: files of scenes without them are those of earlier versions.
-pub const OPTIONS_WRITTEN_IF_GIVEN: [&str; 1] = ["zperiode"];
+pub const OPTIONS_WRITTEN_IF_GIVEN: [&str; 2] = ["zperiode", "cell"];
 
 /// Requirement on a rotation in a periodic scene, since neighbours across its boundary would be separated.
 pub const ROTATION_ABOUT_PERIOD: &str =

@@ -83,6 +83,7 @@ pub mod bulk_behav;
 pub mod case;
 pub mod command_line;
 pub mod compute;
+pub mod deforming_cell;
 pub mod dof;
 pub mod doubts;
 pub mod drv_dof;

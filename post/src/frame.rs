@@ -5,6 +5,7 @@ use std::ops::Index;
 use std::path::Path;
 use std::sync::Arc;
 
+use cd_formats::deforming_cell::CellState;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldShapes;
 use cd_formats::geometry::periodic_cell::PeriodicCell;
@@ -274,7 +275,9 @@ impl Frame {
         let absent = absent.filter(|(_, is_present)| !**is_present).map(|(id, _)| *id).collect();
         let Snapshot { meta, bodies, contacts, memory, laws: law_memory, attractions, shapes, interval, .. } = snapshot;
         let detection_time = -meta.parameters.theta * meta.h;
-        let cell = meta.parameters.cell();
+        let cell = meta.periodic_cell();
+        // The cell in the contact configuration.
+        let contact_cell = meta.cell.map_or(cell, |state| state.moved_by(detection_time).cell());
         let is_wall = wall_rows(&bodies);
         let is_mesh: Vec<bool> = solids.iter().map(|solid| solid.as_ref().is_some_and(|solid| solid.is_mesh)).collect();
         // Bodies of balls alone, as BODIES.DAT has them: position k in the list is contactor k.
@@ -292,7 +295,7 @@ impl Frame {
                     walls.push(wall_of_row(&bodies, row, solid));
                     ContactBody::Wall(WallId::new(walls.len() - 1))
                 } else {
-                    grains.push(grain_of_row(&bodies, row, detection_time, solid, &cell));
+                    grains.push(grain_of_row(&bodies, row, detection_time, solid, (&cell, meta.cell.as_ref())));
                     ContactBody::Grain(GrainId::new(grains.len() - 1))
                 }
             })
@@ -305,6 +308,9 @@ impl Frame {
                 1.0 / ball.map_or(bodies.body_radius[body.index()], |(_, radius)| *radius)
             }
         };
+        // Sum of edges at contact detection that is `shift` at the snapshot's time.
+        let contact_shift =
+            |shift: Vec3| meta.cell.as_ref().map_or(shift, |state| shift + state.gradient() * shift * detection_time);
         let contacts = (0..contacts.contact_body.len())
             .filter_map(|row| {
                 let pair = contacts.contact_body[row].map(BodyId);
@@ -313,7 +319,7 @@ impl Frame {
                 let [n, t, s] = contacts.contact_frame[row].map(Vec3::from);
                 let [f_n, f_t, f_s] = contacts.contact_force[row];
                 let position_and_shift = |body: ContactBody| match body {
-                    ContactBody::Grain(k) => (grains[k].x_contact, grains[k].cell_shift),
+                    ContactBody::Grain(k) => (grains[k].x_contact, contact_shift(grains[k].cell_shift)),
                     ContactBody::Wall(k) => (walls[k].x, Vec3::zeros()),
                 };
                 let ((x, shift), (other, _)) = (position_and_shift(candidate), position_and_shift(antagonist));
@@ -329,7 +335,7 @@ impl Frame {
                     candidate,
                     antagonist,
                     point: Vec3::from(contacts.contact_point[row]) + shift,
-                    image: cell.nearest_shift(&(x - other)),
+                    image: contact_cell.nearest_shift(&(x - other)),
                     normal: n,
                     force: n * f_n + t * f_t + s * f_s,
                     normal_force: f_n,
@@ -362,7 +368,12 @@ impl Frame {
 
     /// Periodic cell of the scene.
     pub fn cell(&self) -> PeriodicCell {
-        self.meta.parameters.cell()
+        self.meta.periodic_cell()
+    }
+
+    /// Velocity of a grain, in a deforming cell about the affine field, m/s: it is the same for all images of the grain.
+    pub fn local_velocity(&self, grain: &Grain) -> Vec3 {
+        self.meta.cell.as_ref().map_or(grain.v, |cell| cell.fluctuation(&(grain.x - grain.cell_shift), &grain.v))
     }
 
     /// The indices of all grains.
@@ -398,16 +409,18 @@ fn body_rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
 }
 
-/// Grain of a row of the snapshot; `detection_time`: time of contact detection relative to the snapshot, s.
+/// Grain of a row of the snapshot; `detection_time`: time of contact detection relative to the snapshot, s. The image of the
+/// grain in a deforming cell moves with this.
 fn grain_of_row(
     bodies: &BodyArrays,
     row: usize,
     detection_time: f64,
     solid: Option<Arc<SolidShape>>,
-    cell: &PeriodicCell,
+    (cell, deforming_cell): (&PeriodicCell, Option<&CellState>),
 ) -> Grain {
     let (x, v) = (Vec3::from(bodies.body_x[row]), Vec3::from(bodies.body_v[row]));
     let shift = -cell.cell_origin(&x);
+    let image_velocity = deforming_cell.map_or(Vec3::zeros(), |cell| cell.gradient() * shift);
     let x = x + shift;
     let [j1, j2, j3] = bodies.body_inertia[row];
     // Equal moments need no rotation, and keep their digits without one.
@@ -423,7 +436,7 @@ fn grain_of_row(
         id: bodies.body_id[row],
         x,
         cell_shift: shift,
-        x_contact: x + detection_time * v,
+        x_contact: x + detection_time * (v + image_velocity),
         v,
         w: bodies.body_w_world[row].into(),
         mass: bodies.body_mass[row],

@@ -95,12 +95,27 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
         "at least one group of grains whose motion is not all imposed",
     );
     scene.compute.check_in(report, "compute.");
+    if scene.compute.cell.is_some() {
+        check_bodies_of_cell(scene, report);
+    }
     check_rotating_frame(report, &scene.compute, partly_driven_paths(&scene.grains, &scene.walls));
     let is_used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
     let laws: Vec<(&str, LawModel)> =
         scene.laws.iter().filter(is_used).map(|law| (law.name.as_str(), law.kind)).collect();
     check_laws_of_events(report, &scene.compute.events, &laws);
     check_moments(report, scene.compute.solver, &laws);
+}
+
+/// Reports bodies other than free spheres, in a scene whose cell deforms.
+fn check_bodies_of_cell(scene: &Scene, report: &mut FaultReport) {
+    let expected = "free spheres without walls in a scene whose cell deforms";
+    report.require(scene.walls.is_empty(), "walls", count_text(scene.walls.len(), "wall"), expected);
+    for (k, grains) in scene.grains.iter().enumerate() {
+        let is_sphere = grains.shape == GrainShape::Sphere;
+        report.require(is_sphere, &format!("grains.{k}.shape"), "not Sphere", expected);
+        let is_driven = grains.driven.is_some() || grains.driven_spin.is_some();
+        report.require(!is_driven, &format!("grains.{k}"), "imposed motion", expected);
+    }
 }
 
 /// Reports laws in use, with their names, whose moments `solver` does not support.

@@ -275,7 +275,8 @@ fn energy(scene: &Scene, state: &State, bodies: &[BodyId]) -> Vec<f64> {
 fn largest_speed(scene: &Scene, state: &State, bodies: &[BodyId]) -> f64 {
     let speed = |body: &BodyId| {
         let i = body.index();
-        state.v[i].norm() + state.w[i].norm() * scene.bodies[i].radius
+        let v = state.cell.map_or(state.v[i], |cell| cell.fluctuation(&state.x[i], &state.v[i]));
+        v.norm() + state.w[i].norm() * scene.bodies[i].radius
     };
     bodies.iter().map(speed).fold(0.0, f64::max)
 }

@@ -28,7 +28,7 @@ use crate::ranks::lists::{all_gather_values, any_rank, sum_over_ranks};
 use crate::ranks::{self, Communicator, RankTraffic};
 use crate::scene::{BodyId, Scene};
 use crate::sinks_and_sources::{exchange_bodies, presence_text};
-use crate::state::{Contact, DetectionCache, State};
+use crate::state::{Contact, DetectionCache, State, Velocities};
 use crate::step::{
     BalanceErrors, MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, StepReport, deeper_overlap,
     deepest_overlap_of_ranks, next_problem, step,
@@ -174,7 +174,8 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         let values = probes.values(scene, &state, Some((step_values, &exchange)));
         results.write(|files| files.add_probes(&state, &values)).map_err(RunFailure::Unwritten)?;
         agreement::agree_on_step(communicator, &state).map_err(|mismatch| RunFailure::Broken(mismatch.to_string()))?;
-        if let Some(condition) = probes.met_condition(scene, &mut state, &values, start.elapsed()) {
+        let condition = probes.met_condition(scene, &mut state, &values, start.elapsed());
+        if let Some(condition) = condition.or_else(|| small_cell_text(scene, &state)) {
             statistics.met_condition = Some(condition);
             last = state.step;
         }
@@ -225,6 +226,18 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     }
     statistics.wall_time = start.elapsed();
     summarise_run(case, scene, &state, &statistics)
+}
+
+/// Text about a deforming cell that has become too small for its bodies: they would touch several images. None as long as each
+/// period is more than twice the diameter of the largest body.
+fn small_cell_text(scene: &Scene, state: &State) -> Option<String> {
+    let cell = state.cell.as_ref()?;
+    let shortest = cell.periods.into_iter().fold(f64::INFINITY, f64::min);
+    let largest = scene.free.iter().map(|body| scene.bodies[body.index()].radius).fold(0.0, f64::max);
+    (shortest <= 4.0 * largest).then(|| {
+        let [shortest, diameter] = [shortest, 2.0 * largest].map(rounded_number);
+        format!("the cell has become {shortest} m short; expected more than twice the largest diameter {diameter} m")
+    })
 }
 
 /// Warns of the step, of rounding and of overlaps at the start of a run. Returns the ratio of overlap to smaller radius
@@ -450,7 +463,8 @@ fn single_step_warning(scene: &Scene, state: &State) -> Option<String> {
 fn current_contacts(scene: &Scene, state: &State, cache: &mut DetectionCache) -> Vec<Contact> {
     // Same lookahead as the first step, so that the cache is valid for it.
     let now = ContactConfiguration { lookahead: scene.options.dt, ..predict_configuration(scene, state, 0) };
-    detect::listed_contacts(scene, &now, state.velocities(), cache)
+    let velocities = Velocities { gradient: now.start_gradient(), ..state.velocities() };
+    detect::listed_contacts(scene, &now, velocities, cache)
 }
 
 /// Whether two bodies overlap against the law of their contact: springs overlap by law.

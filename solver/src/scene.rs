@@ -959,6 +959,7 @@ impl Scene {
         for (axis, period) in ["x", "y", "z"].into_iter().zip(self.options.periods()) {
             models.extend(period.map(|period| format!("period {period} m along {axis}")));
         }
+        models.extend(self.options.cell.map(|_| "a cell that deforms".to_string()));
         if self.has_self_gravity() {
             let gravity = self.gravity_solver();
             models.push(match gravity.method_for(self.free.len()) {

@@ -9,13 +9,15 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use cd_formats::compute::EventAction;
+use cd_formats::deforming_cell::CellState;
 use cd_formats::field::{FieldModel, PrimaryResponse};
+use cd_formats::geometry::periodic_cell::PeriodicCell;
 use cd_formats::snapshot::{FallbackState, Ledger, PostproSums};
 use rayon::prelude::*;
 
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
-use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame, sort_runs_by_key};
+use crate::math::{Mat3, PAR_MIN_LEN, Quat, Vec3, local_frame, sort_runs_by_key};
 use crate::ranks;
 use crate::scene::{BodyId, BodyPresence, ContactSides, InteractionRule, LawId, PartId, Scene, SphereId};
 
@@ -30,6 +32,9 @@ pub struct Velocities<'a> {
     pub v: &'a [Vec3],
     /// Angular velocities, rad/s, world frame.
     pub w: &'a [Vec3],
+    /// Velocity gradient L of a deforming cell, 1/s: an image at the distance s from its body moves by L s relative to it.
+    /// None if images move with their bodies.
+    pub gradient: Option<&'a Mat3>,
 }
 
 cd_formats::index_types! {
@@ -187,6 +192,9 @@ pub struct NeighbourList {
     pub skin: Vec<f64>,
     /// Centres in the last step, m.
     pub last: Vec<Vec3>,
+    /// Cells at the last rebuild and in the last step.
+    pub cell: PeriodicCell,
+    pub last_cell: PeriodicCell,
 }
 
 /// Direction along which two contactors were apart, if known.
@@ -402,6 +410,8 @@ pub struct State {
     pub laws: Vec<ContactLaw>,
     /// Response of the primary on an orbit, if its field has one.
     pub primary_response: Option<PrimaryResponse>,
+    /// Deforming cell at the end of the last step, if the run has one.
+    pub cell: Option<CellState>,
     /// Loads in the next step, set before each step of a step loop; not in snapshots.
     pub loads: Vec<BodyLoad>,
     /// Whether the next step bonds touching contacts: all, as an event requests, or those that no file knows at the
@@ -432,9 +442,9 @@ impl State {
         scene.external_fields(self.time + span, response.as_ref())
     }
 
-    /// Velocities of all bodies.
+    /// Velocities of all bodies, without the motion of images.
     pub fn velocities(&self) -> Velocities<'_> {
-        Velocities { v: &self.v, w: &self.w }
+        Velocities { v: &self.v, w: &self.w, gradient: None }
     }
 
     /// Whether the errors of self-gravity and of the narrow phase are measured in the next step, which is `step_multiple` of `dt`
@@ -486,7 +496,8 @@ impl State {
         let Ledger { energy_start, contact_work, friction_work, outside_work, momentum_scale, .. } = self.ledger;
         let sums = [energy_start, contact_work, friction_work, outside_work, momentum_scale];
         let momenta = [self.ledger.momentum_expected, self.ledger.angular_momentum_expected];
-        finite(&self.x)
+        self.cell.is_none_or(|cell| cell.is_sound())
+            && finite(&self.x)
             && finite(&self.v)
             && finite(&self.w)
             && finite(&self.angular_momentum)

@@ -47,6 +47,7 @@ const OUTSIDE: [&str; 10] = [
 fn is_shared_type(path: &str) -> bool {
     [
         "cd_formats::compute::",
+        "cd_formats::deforming_cell::",
         "cd_formats::doubts::EVENT_SLACK",
         "cd_formats::drv_dof::Evolution",
         "cd_formats::field::",

@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 use zip::result::ZipError;
 
 use crate::atomic;
+use crate::deforming_cell::CellState;
 use crate::error::{Fault, Faults};
 use crate::field::PrimaryResponse;
 use crate::geometry::periodic_cell::PeriodicCell;
@@ -152,6 +153,9 @@ pub struct SnapshotMeta {
     /// Response of the primary on an orbit; only if its field has `response`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub primary_response: Option<PrimaryResponse>,
+    /// Deforming cell; only if the run has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cell: Option<CellState>,
     /// Whether bodies have entered after the last step.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub bodies_entered: bool,
@@ -330,13 +334,6 @@ pub struct RunParameters {
     pub events_done: u64,
 }
 
-impl RunParameters {
-    /// Cell of the scene.
-    pub fn cell(&self) -> PeriodicCell {
-        PeriodicCell::with_periods([self.xperiode, self.yperiode, self.zperiode])
-    }
-}
-
 /// Running sums over the steps since step 0, and the expected momenta.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Ledger {
@@ -367,6 +364,13 @@ pub struct Ledger {
 }
 
 impl SnapshotMeta {
+    /// Cell of the scene at the time of the snapshot.
+    pub fn periodic_cell(&self) -> PeriodicCell {
+        let RunParameters { xperiode, yperiode, zperiode, .. } = self.parameters;
+        let at_start = || PeriodicCell::with_periods([xperiode, yperiode, zperiode]);
+        self.cell.as_ref().map_or_else(at_start, CellState::cell)
+    }
+
     /// Laws of TACT_BEHAV.DAT.
     pub fn laws_of_file(&self) -> &[LawName] {
         if self.laws_at_start.is_empty() { &self.laws } else { &self.laws_at_start }
@@ -394,6 +398,7 @@ impl Default for SnapshotMeta {
             postpro: PostproSums::default(),
             rest_since: None,
             primary_response: None,
+            cell: None,
             bodies_entered: false,
             options: BTreeMap::new(),
             parts: Vec::new(),

@@ -201,6 +201,18 @@ columns! {
     pressure_sphere: f64, "Pa", "pressure of the contacts between grains in the smallest enclosing ball of all grains";
     Z_all: f64, "1", "mean number of neighbours that a grain touches with force, of all grains";
     n_pulling: u64, "1", "pairs of bodies that only pull at a distance";
+    cell_x: f64, "m", "length of a deforming cell along x";
+    cell_y: f64, "m", "length of a deforming cell along y";
+    cell_z: f64, "m", "length of a deforming cell along z";
+    cell_xy: f64, "m", "shear of a deforming cell: x of its edge along y";
+    cell_xz: f64, "m", "shear of a deforming cell: x of its edge along z";
+    cell_yz: f64, "m", "shear of a deforming cell: y of its edge along z";
+    strain_x: f64, "1", "logarithmic strain of a deforming cell along x since the start";
+    strain_y: f64, "1", "logarithmic strain of a deforming cell along y since the start";
+    strain_z: f64, "1", "logarithmic strain of a deforming cell along z since the start";
+    strain_xy: f64, "1", "shear strain xy of a deforming cell since the start";
+    strain_xz: f64, "1", "shear strain xz of a deforming cell since the start";
+    strain_yz: f64, "1", "shear strain yz of a deforming cell since the start";
 }
 
 /// User's choices about the observables.
@@ -275,6 +287,10 @@ impl Row {
         let e_uniform = energy::uniform_gravity_energy(grains, Vec3::from(frame.meta.parameters.uniform_gravity));
         let e_fields = energy::field_energy(grains, &energy::external_fields(frame));
         let ledger = &frame.meta.ledger;
+        let [lengths, shears, log_strains, shear_strains] = frame
+            .meta
+            .cell
+            .map_or([[f64::NAN; 3]; 4], |cell| [cell.periods, cell.shears, cell.log_strains(), cell.shear_strains]);
         let mut row = Row {
             step: frame.meta.step,
             time: frame.meta.time,
@@ -362,6 +378,18 @@ impl Row {
             n_bonds: frame.contacts.iter().filter(|contact| contact.bonded).count() as u64,
             surface_slope: free_surface.as_ref().map_or(f64::NAN, |surface| surface.slope),
             surface_slope_error: free_surface.as_ref().map_or(f64::NAN, |surface| surface.slope_error),
+            cell_x: lengths[0],
+            cell_y: lengths[1],
+            cell_z: lengths[2],
+            cell_xy: shears[0],
+            cell_xz: shears[1],
+            cell_yz: shears[2],
+            strain_x: log_strains[0],
+            strain_y: log_strains[1],
+            strain_z: log_strains[2],
+            strain_xy: shear_strains[0],
+            strain_xz: shear_strains[1],
+            strain_yz: shear_strains[2],
             interval: frame.interval.length,
             Z_interval: coordination::interval_coordination(frame, &region.members),
             pressure_interval: region.interval_pressure(frame),

@@ -160,14 +160,16 @@ impl Region {
         touched_pairs.iter().map(virial).sum::<f64>() / length / (3.0 * self.volume)
     }
 
-    /// Velocity of the centre of mass of the region's contents, m/s.
+    /// Velocity of the centre of mass of the region's contents, in a deforming cell about the affine field, m/s.
     fn mean_velocity(&self, frame: &Frame, shares: &[(GrainId, f64)]) -> Vec3 {
-        let moment = |(i, share): &(GrainId, f64)| share * frame.grains[*i].mass * frame.grains[*i].v;
+        let moment =
+            |(i, share): &(GrainId, f64)| share * frame.grains[*i].mass * frame.local_velocity(&frame.grains[*i]);
         let mass = |(i, share): &(GrainId, f64)| share * frame.grains[*i].mass;
         shares.iter().map(moment).sum::<Vec3>() / shares.iter().map(mass).sum::<f64>()
     }
 
-    /// Kinetic stress, Pa: (1/V) sum m v' ⊗ v', v' = v - v_com of the region's contents.
+    /// Kinetic stress, Pa: (1/V) sum m v' ⊗ v', v' = v - v_com of the region's contents; in a deforming cell v' is the
+    /// velocity about the affine field.
     ///
     /// It is not included in [`Region::stress`]; a third of its trace is the pressure of the motion.
     pub fn kinetic_stress(&self, frame: &Frame) -> Mat3 {
@@ -175,7 +177,8 @@ impl Region {
         let mean = self.mean_velocity(frame, &shares);
         let moment = |&(i, share): &(GrainId, f64)| {
             let grain = &frame.grains[i];
-            share * grain.mass * (grain.v - mean) * (grain.v - mean).transpose()
+            let v = frame.local_velocity(grain) - mean;
+            share * grain.mass * v * v.transpose()
         };
         shares.iter().map(moment).sum::<Mat3>() / self.volume
     }

@@ -2,16 +2,23 @@
 
 use crate::derive::{Row, SeriesValue};
 
-/// Text of the file: names of [`Row::COLUMNS`], then the fields of each row.
+/// First column of those that the file has only if the scene has a deforming cell; they are the last ones.
+const FIRST_CELL_COLUMN: &str = "cell_x";
+
+/// Text of the file: names of [`Row::COLUMNS`], then the fields of each row. Columns of a deforming cell are left out if the
+/// scene has none.
 ///
 /// Numbers are the shortest decimals that read back as the same f64; an undefined value is an
 /// empty field, never `NaN`.
 pub fn series_text(rows: &[Row]) -> String {
-    let header: Vec<&str> = Row::COLUMNS.iter().map(|(name, _, _)| *name).collect();
+    let mut header: Vec<&str> = Row::COLUMNS.iter().map(|(name, _, _)| *name).collect();
+    if rows.iter().all(|row| row.cell_x.is_nan()) {
+        header.truncate(header.iter().position(|name| *name == FIRST_CELL_COLUMN).unwrap_or(header.len()));
+    }
     let mut text = header.join(",");
     text.push('\n');
     for row in rows {
-        text += &row.texts().join(",");
+        text += &row.texts()[..header.len()].join(",");
         text.push('\n');
     }
     text
@@ -80,7 +87,8 @@ mod tests {
         assert_eq!(lines.len(), 3);
         for (line, row) in lines[1..].iter().zip([full, empty]) {
             let fields: Vec<&str> = line.split(',').collect();
-            assert_eq!(fields.len(), Row::COLUMNS.len());
+            // Without a deforming cell there are no columns of it.
+            assert_eq!(fields.len(), Row::COLUMNS.len() - 12);
             for (field, number) in fields.iter().zip(row.numbers()) {
                 match field.parse::<f64>() {
                     Ok(read) => assert_eq!(read, number),

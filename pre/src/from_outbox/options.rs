@@ -54,6 +54,9 @@ pub fn run_options(
         quench,
         events_done,
     } = meta.parameters.clone();
+    // A cell that has deformed has the periods of the snapshot.
+    let [xperiode, yperiode, zperiode] =
+        meta.cell.map_or([xperiode, yperiode, zperiode], |cell| cell.periods.map(Some));
     let mut options = Compute {
         theta,
         accuracy,

@@ -7,6 +7,7 @@ use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::case::{CaseFolder, case_fault};
 use cd_formats::compute::{Compute, Event, EventAction};
+use cd_formats::deforming_cell::CellState;
 use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults, RecordFault};
@@ -17,7 +18,7 @@ use cd_formats::names::{count_text, vector_text};
 use cd_formats::probe::ProbeQuantity;
 use cd_formats::snapshot::{
     self, AttractionArrays, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PRESENCE_WAITING,
-    PairArrays, START_FILE, ShapeArrays, Snapshot, TurningArrays,
+    PairArrays, START_FILE, ShapeArrays, Snapshot, SnapshotMeta, TurningArrays,
 };
 use cd_formats::surface::MassProperties;
 use cd_formats::tact_behav::TactBehav;
@@ -122,7 +123,7 @@ impl SourceCase {
         } else {
             Some(Compute::default())
         };
-        let (Some((path, snapshot)), Some(bodies), Some(mut bulk), Some(tact), Some(driven), Some(file_options)) =
+        let (Some((path, mut snapshot)), Some(bodies), Some(mut bulk), Some(tact), Some(driven), Some(file_options)) =
             (snapshot, bodies, bulk, tact, driven, file_options)
         else {
             return Err(faults);
@@ -133,6 +134,7 @@ impl SourceCase {
         faults.gather_result(computed.expect_laws(&tact_path, &tact));
         faults.gather_result(computed.expect_driven(&driven_path, &driven));
         faults.0.extend(wire_fault(&snapshot, &bodies, &tact, &tact_path));
+        faults.0.extend(sheared_cell_fault(path, &snapshot.meta));
         faults.into_result(())?;
         let shift = |(body, own): (&Body, &MassProperties)| body.centre_of_mass_offset(own).into();
         let shifts = bodies.0.iter().zip(&mass_properties).map(shift).collect();
@@ -164,6 +166,10 @@ impl SourceCase {
             let text = format!("{run} m/s^2 as in the run; BULK_BEHAV.DAT has {file}");
             notes.push(("uniform gravity", text));
             bulk.gravity = gravity;
+        }
+        if let Some(cell) = snapshot.meta.cell.take() {
+            // cd-solve adds the velocities of the cell of the next run.
+            subtract_affine_velocities(&cell, &mut snapshot.bodies);
         }
         let case = case.to_path_buf();
         let has_masses_of_run = true;
@@ -375,6 +381,21 @@ impl SourceCase {
         let largest = largest_remnant(&sizes);
         (0..count).map(|row| Some(connected.find(row)) == largest).collect()
     }
+}
+
+/// Replaces the velocities of bodies by those about the affine field of a deforming cell.
+fn subtract_affine_velocities(cell: &CellState, bodies: &mut BodyArrays) {
+    for (x, v) in bodies.body_x.iter().zip(&mut bodies.body_v) {
+        *v = cell.fluctuation(&(*x).into(), &(*v).into()).into();
+    }
+}
+
+/// Fault of a snapshot whose cell is sheared: the periods of a scene have right angles.
+fn sheared_cell_fault(path: &Path, meta: &SnapshotMeta) -> Option<Fault> {
+    let shears = meta.cell?.shears;
+    let shears_text = || format!("a cell with the shears {} m", vector_text(&shears));
+    let expected = "expected one with right angles: a snapshot of a run without shear, or before it";
+    (shears != [0.0; 3]).then(|| Fault::new(path, None, "snapshot", shears_text(), expected))
 }
 
 /// Fault of a run with wires or rods between points, which no other run can continue.

@@ -71,14 +71,16 @@ impl OpenPair<'_> {
 
     /// Whether two spheres pass each other on the straight paths of their centres with an overlap of less than `depth` (m);
     /// false for other bodies.
-    pub fn misses(&self, Velocities { v, .. }: Velocities, depth: f64) -> bool {
+    pub fn misses(&self, Velocities { v, gradient, .. }: Velocities, depth: f64) -> bool {
         let OpenPair { scene, q_c, contact } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
         if !(scene.bodies[a].is_sphere() && scene.bodies[b].is_sphere()) {
             return false;
         }
         let radius_sum = scene.bodies[a].radius + scene.bodies[b].radius;
-        let (between, relative_velocity): (Vec3, Vec3) = (contact.normal * (radius_sum + contact.gap), v[a] - v[b]);
+        let image_velocity = gradient.map_or(Vec3::zeros(), |gradient| gradient * contact.image);
+        let between: Vec3 = contact.normal * (radius_sum + contact.gap);
+        let relative_velocity: Vec3 = v[a] - v[b] - image_velocity;
         let time = (-between.dot(&relative_velocity) / relative_velocity.norm_squared()).min(q_c.reach_time(scene));
         (between + relative_velocity * time).norm() >= radius_sum - depth
     }

@@ -10,7 +10,7 @@ use crate::state::{Contact, State, Velocities};
 
 /// Bounds on the motion of a body in the step.
 pub(super) struct MotionBounds {
-    /// |v_free| beyond the common velocity, m/s.
+    /// |v_free| beyond the common velocity, in a deforming cell about the affine field, m/s.
     pub speed: f64,
     /// |w_free|, rad/s.
     pub angular_speed: f64,
@@ -74,6 +74,9 @@ impl AssemblyContext<'_> {
             if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.mean_velocity).norm() } else { 0.0 };
         let time = q_c.reach_time(self.scene);
         let mut travel = time * (a.speed + plate_speed.max(b.speed));
+        if let Some(gradient) = self.free.gradient {
+            travel += time * (gradient * (at_a - at_b)).norm();
+        }
         if self.has_blocks {
             travel += time * (a.angular_speed * at_a.norm() + b.angular_speed * at_b.norm());
         }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::events::{ShakeEvent, shake_loads};
 use super::self_gravity::{GravityReport, mutual_energy, near_field, point_masses, self_gravity};
 use crate::integrate::ContactConfiguration;
-use crate::math::{PAR_MIN_LEN, Quat, Twist, Vec3, to_world};
+use crate::math::{Mat3, PAR_MIN_LEN, Quat, Twist, Vec3, to_world};
 use crate::scene::{BodyId, Scene};
 use crate::state::{BodyLoad, GravityHistory, State, Velocities};
 
@@ -16,12 +16,14 @@ pub struct FreeMotion {
     pub v: Vec<Vec3>,
     /// Angular velocities, rad/s, world frame.
     pub w: Vec<Vec3>,
+    /// Velocity gradient of a deforming cell at the step's end, 1/s.
+    pub gradient: Option<Mat3>,
     /// Potential energy of the grains in self-gravity, uniform gravity and outer fields, in the contact configuration, J.
     pub potential: f64,
     pub gravity: GravityReport,
     /// Self-gravity for the following steps, see [`GravityHistory`].
     pub attraction: Option<GravityHistory>,
-    /// Impulse of uniform gravity, outer fields and imposed forces on the free bodies, N s.
+    /// Impulse of uniform gravity, outer fields, imposed forces and a deforming cell on the free bodies, N s.
     pub impulse: Vec3,
     /// Angular impulse of these about the origin, N m s.
     pub angular_impulse: Vec3,
@@ -37,7 +39,7 @@ pub struct FreeMotion {
 impl FreeMotion {
     /// Velocities and angular velocities after the step without contact impulses.
     pub fn velocities(&self) -> Velocities<'_> {
-        Velocities { v: &self.v, w: &self.w }
+        Velocities { v: &self.v, w: &self.w, gradient: self.gradient.as_ref() }
     }
 
     /// Adds the change of velocity by a load over the step.
@@ -78,6 +80,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     let mut free = FreeMotion {
         v: state.v.clone(),
         w: q_c.w.clone(),
+        gradient: q_c.end_gradient().copied(),
         potential: self_gravity.energy,
         gravity: self_gravity.report,
         attraction: self_gravity.next,
@@ -138,7 +141,9 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         free.primary_impulse = free.loads.iter().map(|load| load.force * h).sum();
     }
     let shaking_loads = shakes.iter().flat_map(|shake| shake_loads(scene, q_c, shake));
-    for load in imposed_loads(scene, state, q_c).into_iter().chain(state.loads.iter().copied()).chain(shaking_loads) {
+    let cell_loads = cell_loads(scene, q_c);
+    let imposed = imposed_loads(scene, state, q_c).into_iter().chain(state.loads.iter().copied());
+    for load in imposed.chain(shaking_loads).chain(cell_loads) {
         free.apply_load(scene, q_c, &load);
         let BodyLoad { body, force, torque } = load;
         if !scene.bodies[body.index()].driven {
@@ -162,6 +167,16 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     }
     free.reaction_work = scene.held_grains.iter().map(|i| reaction_work(scene, state, q_c, &free, i.index())).sum();
     free
+}
+
+/// Loads that accelerate the free bodies with a deforming cell whose edges do not move at constant velocities.
+fn cell_loads(scene: &Scene, q_c: &ContactConfiguration) -> Vec<BodyLoad> {
+    let Some(gradient) = q_c.cell_step.as_ref().and_then(|cell| cell.acceleration_gradient) else { return Vec::new() };
+    let load = |&body: &BodyId| {
+        let (i, mass) = (body.index(), scene.bodies[body.index()].mass);
+        BodyLoad { body, force: gradient * q_c.x[i] * mass, torque: Vec3::zeros() }
+    };
+    scene.free.iter().map(load).collect()
 }
 
 /// Work (J) in a step of the reactions that impose components of the velocity of body `i`, without those to contacts: the

@@ -10,9 +10,17 @@ pub fn relative_velocity(contact: &Contact, x: &[Vec3], velocities: Velocities) 
 
 /// [`relative_velocity`] of a contact with these arms from the two centres to the contact point, m.
 #[inline(always)]
-pub fn velocity_at_arms(contact: &Contact, [at_a, at_b]: &[Vec3; 2], Velocities { v, w }: Velocities) -> Vec3 {
+pub fn velocity_at_arms(
+    contact: &Contact,
+    [at_a, at_b]: &[Vec3; 2],
+    Velocities { v, w, gradient }: Velocities,
+) -> Vec3 {
     let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
-    v[a] + w[a].cross(at_a) - (v[b] + w[b].cross(at_b))
+    let u = v[a] + w[a].cross(at_a) - (v[b] + w[b].cross(at_b));
+    match gradient {
+        Some(gradient) => u - gradient * contact.image,
+        None => u,
+    }
 }
 
 /// Vectors from the centres of the candidate and of the antagonist's image to the contact point, m.

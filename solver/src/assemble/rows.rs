@@ -61,7 +61,8 @@ pub fn contact_problem(
 ) -> ContactProblem {
     let mut block_data = block_data(scene, q_c);
     let [start_w, free_w] = [&q_c.w, free.w].map(|w| ContactConfiguration::without_spins(w, &q_c.pushed_at_centre));
-    let (start, free) = (Velocities { v: &state.v, w: &start_w }, Velocities { v: free.v, w: &free_w });
+    let start = Velocities { v: &state.v, w: &start_w, gradient: q_c.start_gradient() };
+    let free = Velocities { w: &free_w, ..free };
     let (solver_bodies, bounds) = body_data(scene, q_c, free, block_data.is_some());
     let context = AssemblyContext {
         scene,
@@ -125,6 +126,10 @@ fn body_data(
     bodies
         .map(|(body, (v, w))| (solver_body(body, v, w, has_blocks), motion_bounds(body, v, w, q_c)))
         .unzip_into_vecs(&mut solver_bodies, &mut bounds);
+    if q_c.cell_step.is_some() {
+        let speeds = bounds.par_iter_mut().zip(free.v).enumerate().with_min_len(PAR_MIN_LEN);
+        speeds.for_each(|(i, (bounds, v))| bounds.speed = q_c.relative_motion(i, v).norm());
+    }
     (solver_bodies, bounds)
 }
 
@@ -478,12 +483,17 @@ impl AssemblyContext<'_> {
             + (arm * radii[0]).powi(2) * solver_bodies[a].inverse_inertia
             + (arm * radii[1]).powi(2) * solver_bodies[b].inverse_inertia;
         let u_tangent = u_before - n * n.dot(&u_before);
+        let mut velocity_shift = n * shift.normal + (turning - n * turning.dot(&n)) + u_tangent * shift.tangential
+            - plate_velocity
+            + elastic_shift;
+        if let Some(gradient) = self.free.gradient {
+            velocity_shift -= gradient * contact.image; // motion of the antagonist's image relative to its body
+        }
         ContactConstraint {
             bodies,
             normal: n,
             arm,
-            shift: n * shift.normal + (turning - n * turning.dot(&n)) + u_tangent * shift.tangential - plate_velocity
-                + elastic_shift,
+            shift: velocity_shift,
             w_n,
             w_t,
             friction: shift.friction * law.friction_share(memory.soundness, radius),

@@ -47,7 +47,8 @@ pub fn late_contacts(
         return Vec::new();
     }
     let is_listed = |contact: &Contact| contacts.binary_search_by_key(&contactor_pair(contact), contactor_pair).is_ok();
-    let bounds = TravelBounds { nearby: 0.0, ..TravelBounds::new(scene, q_c, solved, span) };
+    let mut bounds = TravelBounds::new(scene, q_c, solved, span);
+    bounds.nearby = 0.0;
     if scene.has_parts() {
         let mut found =
             parts::swept_contacts(scene, q_c, &bounds, NarrowPhaseMode::Accurate, |body| searched[body.index()]);
@@ -68,9 +69,12 @@ pub fn late_contacts(
         kept.retain(|contact| !is_listed(contact));
         return kept;
     }
+    // Distances shrink with a deforming cell.
+    let shrinkage = bounds.reach_factor() - 1.0;
     let ball = |&i: &BodyId| {
-        let (i, radius) = (i.index(), scene.bodies[i.index()].radius);
-        SweptBall { centre: q_c.x[i], path: bounds.centre_path(i), radius, searched: searched[i] }
+        let (i, radius, path) = (i.index(), scene.bodies[i.index()].radius, bounds.centre_path(i.index()));
+        let radius = radius + (radius + path.norm()) * shrinkage;
+        SweptBall { centre: q_c.x[i], path, radius, searched: searched[i] }
     };
     let balls: Vec<SweptBall> = scene.spheres.iter().map(ball).collect();
     let reach: Vec<f64> = balls.iter().map(|ball| ball.radius + ball.path.norm()).collect();
@@ -80,8 +84,11 @@ pub fn late_contacts(
     let spheres = own_pairs.filter_map(|pair| visible_spheres(scene, pair)).filter_map(|([i, j], rule)| {
         let [a, b] = [i, j].map(|k| &balls[k.index()]);
         let between = a.centre - b.centre - q_c.cell.nearest_shift(&(a.centre - b.centre));
-        let closes = least_distance(&between, &(a.path - b.path)) < a.radius + b.radius;
-        closes.then_some(([i, j].map(|k| scene.spheres[k.index()]), rule.law))
+        let pair = [i, j].map(|k| scene.spheres[k.index()]);
+        let [radius, other_radius] = pair.map(|body| scene.bodies[body.index()].radius);
+        let path = a.path - b.path + bounds.affine_path(&between);
+        let closes = least_distance(&between, &path) < radius + other_radius;
+        closes.then_some((pair, rule.law))
     });
     let mut pairs: Vec<ListedPair> = spheres.collect();
     for &plane in &scene.planes {
@@ -120,10 +127,12 @@ fn contactor_pair(contact: &Contact) -> (BodyId, BodyId, ContactSides<u16>) {
 }
 
 /// Whether a contact's gap closes at these velocities within `span` (s).
-fn gap_closes(contact: &Contact, q_c: &ContactConfiguration, Velocities { v, w }: Velocities, span: f64) -> bool {
+fn gap_closes(contact: &Contact, q_c: &ContactConfiguration, velocities: Velocities, span: f64) -> bool {
+    let Velocities { v, w, gradient } = velocities;
     let [a, b] = [contact.candidate.index(), contact.antagonist.index()];
     let velocity_of_point = |i: usize, centre: Vec3| v[i] + w[i].cross(&(contact.point - centre));
-    let u = velocity_of_point(a, q_c.x[a]) - velocity_of_point(b, q_c.x[b] + contact.image);
+    let image_velocity = gradient.map_or(Vec3::zeros(), |gradient| gradient * contact.image);
+    let u = velocity_of_point(a, q_c.x[a]) - velocity_of_point(b, q_c.x[b] + contact.image) - image_velocity;
     contact.gap + span * contact.normal.dot(&u) < 0.0
 }
 

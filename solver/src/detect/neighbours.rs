@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::detect::periodic;
 use crate::detect::swept::SweptBall;
-use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::math::{Mat3, PAR_MIN_LEN, Vec3};
 use crate::state::NeighbourList;
 
 // Wider skins make searches rarer, and more pairs that are not near are examined in every step. The values of the first
@@ -70,6 +70,40 @@ impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
     }
 }
 
+/// Affine deformation from one shape of the cell to another.
+struct CellDeformation {
+    /// Matrix F that takes the edges of the first to those of the other; None if they are equal.
+    matrix: Option<Mat3>,
+    /// Norm of F - 1: it bounds the relative change of distances.
+    strain: f64,
+}
+
+impl CellDeformation {
+    /// Deformation from the cell `from` to the cell `to`. If whole periods have been subtracted from a shear in between, the
+    /// strain is large.
+    fn from_cells(from: &PeriodicCell, to: &PeriodicCell) -> CellDeformation {
+        if from == to || !(from.is_closed() && to.is_closed()) {
+            return CellDeformation { matrix: None, strain: 0.0 };
+        }
+        let [before, after] = [from, to].map(|cell| Mat3::from_columns(&[0, 1, 2].map(|axis| cell.edge(axis))));
+        match before.try_inverse() {
+            Some(inverse) => {
+                let matrix = after * inverse;
+                CellDeformation { strain: (matrix - Mat3::identity()).norm(), matrix: Some(matrix) }
+            }
+            None => CellDeformation { matrix: None, strain: f64::INFINITY },
+        }
+    }
+
+    /// Position that moves with the cell, m.
+    fn moved_position(&self, x: &Vec3) -> Vec3 {
+        match &self.matrix {
+            Some(matrix) => matrix * x,
+            None => *x,
+        }
+    }
+}
+
 impl NeighbourList {
     /// Updates the list to the pairs of `balls`; returns whether it was rebuilt.
     ///
@@ -89,26 +123,34 @@ impl NeighbourList {
             return true;
         }
         let has_history = self.centres.len() == centres.len();
+        let since_rebuild = CellDeformation::from_cells(&self.cell, cell);
         let all_in_skins = |common_displacement: Vec3| {
             let is_in_skin = |k: usize| {
-                let moved = centres[k] - self.centres[k] - common_displacement;
-                moved.norm() + (reach[k] - self.reach[k]).max(0.0) <= self.skin[k]
+                let moved = centres[k] - since_rebuild.moved_position(&self.centres[k]) - common_displacement;
+                let approach = since_rebuild.strain * (self.reach[k] + self.skin[k]);
+                moved.norm() + (reach[k] - self.reach[k]).max(0.0) + approach <= self.skin[k]
             };
             (0..centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).all(is_in_skin)
         };
         // A common displacement changes no distance.
-        let mean_displacement = |from: &[Vec3]| {
-            let sum: Vec3 = centres.iter().zip(from).map(|(centre, from)| centre - from).sum();
+        let mean_displacement = |from: &[Vec3], deformation: &CellDeformation| {
+            let displacement = |(centre, from): (&Vec3, &Vec3)| centre - deformation.moved_position(from);
+            let sum: Vec3 = centres.iter().zip(from).map(displacement).sum();
             sum / centres.len().max(1) as f64
         };
-        if has_history && (all_in_skins(Vec3::zeros()) || all_in_skins(mean_displacement(&self.centres))) {
+        if has_history
+            && (all_in_skins(Vec3::zeros()) || all_in_skins(mean_displacement(&self.centres, &since_rebuild)))
+        {
             self.last.copy_from_slice(centres);
+            self.last_cell = *cell;
             return false;
         }
-        let common_displacement = if has_history { mean_displacement(&self.last) } else { Vec3::zeros() };
+        let last_step = CellDeformation::from_cells(&self.last_cell, cell);
+        let common_displacement = if has_history { mean_displacement(&self.last, &last_step) } else { Vec3::zeros() };
         let last_displacement = |k: usize| {
-            let displacement = if has_history { centres[k] - self.last[k] } else { return travel[k] };
-            displacement.norm().min((displacement - common_displacement).norm())
+            let displacement =
+                if has_history { centres[k] - last_step.moved_position(&self.last[k]) } else { return travel[k] };
+            displacement.norm().min((displacement - common_displacement).norm()) + last_step.strain * reach[k]
         };
         let skin = |k: usize| MIN_SKIN * mean_radius + SKIN_STEPS * last_displacement(k);
         self.skin = (0..centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(skin).collect();
@@ -116,6 +158,7 @@ impl NeighbourList {
             self.skin.fill(ROUNDING_SKIN * mean_radius);
         }
         (self.centres, self.reach, self.last) = (centres.to_vec(), reach.to_vec(), centres.to_vec());
+        (self.cell, self.last_cell) = (*cell, *cell);
         self.search_pairs(cell, firsts);
         true
     }

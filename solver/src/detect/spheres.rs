@@ -24,7 +24,8 @@ pub fn sphere_sphere_pairs(
     let centres: Vec<Vec3> = bodies.clone().map(|&i| q_c.x[i.index()]).collect();
     let travel: Vec<f64> = bodies.clone().map(|&i| bounds.travel[i.index()]).collect();
     let radii: Vec<f64> = bodies.map(|&i| scene.bodies[i.index()].radius).collect();
-    let reach = |(radius, travel): (&f64, &f64)| radius + travel + 0.5 * scene.listing_range;
+    let factor = bounds.reach_factor();
+    let reach = |(radius, travel): (&f64, &f64)| (radius + travel + 0.5 * scene.listing_range) * factor;
     let reach: Vec<f64> = radii.iter().zip(&travel).map(reach).collect();
     let path = |k: usize| bounds.centre_path(scene.spheres[k].index());
     let balls = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
@@ -44,8 +45,11 @@ pub fn sphere_sphere_pairs(
         let [i, j] = [i.index(), j.index()];
         let (a, b) = (centres[i], centres[j] + cell.nearest_shift(&(centres[i] - centres[j])));
         let gap = narrow::sphere_sphere(&a, radii[i], &b, radii[j]).gap;
-        let approach = ApproachBounds { travel: travel[i] + travel[j], nearby: bounds.nearby * radii[i].min(radii[j]) };
-        let closing = || swept::least_distance(&(a - b), &(path(i) - path(j))) - (radii[i] + radii[j]);
+        let travel = travel[i] + travel[j] + bounds.affine_travel(&(a - b));
+        let approach = ApproachBounds { travel, nearby: bounds.nearby * radii[i].min(radii[j]) };
+        let closing = || {
+            swept::least_distance(&(a - b), &(path(i) - path(j) + bounds.affine_path(&(a - b)))) - (radii[i] + radii[j])
+        };
         is_listed(scene, pair, rule, gap, approach, closing).then_some((pair, rule.law))
     };
     cache.sphere_pairs.par_iter().with_min_len(512).filter_map(listed_pair).collect()

@@ -12,7 +12,8 @@
 //!
 //! Detection covers twice the length of a step ([`MAX_STEP_GROWTH`]), so that a pair that the next step could bring into
 //! contact is known when its length is chosen. At the start of a run no pair is known, and the first step is `dt`. While
-//! an imposed velocity or force changes, steps are `dt`, and no longer step reaches into such a time.
+//! an imposed velocity or force changes, steps are `dt`, and no longer step reaches into such a time. In a deforming cell
+//! all steps are `dt`.
 
 use std::f64::consts::{PI, TAU};
 
@@ -35,7 +36,7 @@ pub const MAX_STEP_GROWTH: u64 = 2;
 pub fn choose_step_multiple(scene: &Scene, state: &State, velocities_changed: bool) -> u64 {
     let adaptive = scene.options.adaptive();
     let knows_neighbours = state.step > scene.start.step && !velocities_changed;
-    if !adaptive.is_on() || !knows_neighbours {
+    if !adaptive.is_on() || !knows_neighbours || state.cell.is_some() {
         return 1;
     }
     let constant_time = scene.constant_until(state.time) - state.time;

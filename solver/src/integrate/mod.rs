@@ -15,11 +15,12 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use cd_formats::compute::ExternalField;
+use cd_formats::deforming_cell::CellState;
 use cd_formats::geometry::periodic_cell::PeriodicCell;
 use rayon::prelude::*;
 
 use crate::math::rotation::{angular_momentum, angular_velocity, constrained_rotation, free_rotation};
-use crate::math::{PAR_MIN_LEN, Quat, Vec3, morton, rotate_by_vector};
+use crate::math::{Mat3, PAR_MIN_LEN, Quat, Vec3, morton, rotate_by_vector};
 use crate::scene::{BodyId, RigidBody, Scene};
 use crate::state::{ContactKey, State, Velocities};
 
@@ -35,7 +36,10 @@ pub struct ContactConfiguration {
     pub angular_momentum: Vec<Vec3>,
     /// Cell of the scene.
     pub cell: PeriodicCell,
-    /// Mean velocity of the free bodies at the step's start, m/s; it changes no distance between them.
+    /// Motion of the cell, if it deforms.
+    pub cell_step: Option<CellStep>,
+    /// Mean velocity of the free bodies at the step's start, in a deforming cell about the affine field, m/s; it changes no
+    /// distance between them.
     pub mean_velocity: Vec3,
     /// Bodies ordered along Morton's curve.
     pub order: Vec<u32>,
@@ -57,7 +61,73 @@ pub struct ContactConfiguration {
     pub closed_by_others: BTreeSet<ContactKey>,
 }
 
+/// Motion of a deforming cell in a step.
+///
+/// The edges H move as imposed positions do: H_c = H + (1-θ) h Ḣ, H⁺ = H_c + θ h Ḣ⁺, h Ḣ⁺ = (exp(L h) - 1) H_c. An image
+/// is the sum H n of whole edges from its body, in every configuration with the same numbers n, and moves by Ḣ n relative
+/// to it.
+#[derive(Debug, Clone, Copy)]
+pub struct CellStep {
+    /// Cell in the contact configuration, with the rates of the step's end.
+    pub state: CellState,
+    /// Velocity gradients in the contact configuration by the rates of the step's start and end, 1/s.
+    pub start_gradient: Mat3,
+    pub end_gradient: Mat3,
+    /// Acceleration gradient (Ḣ⁺ - Ḣ) H_c⁻¹/h, 1/s²; None if the rates of the edges stay as they are. With the acceleration of
+    /// bodies by it times their positions, all images of a body have the same motion about the affine field.
+    pub acceleration_gradient: Option<Mat3>,
+    /// Shear rates xy, xz and yz, 1/s.
+    shear_rates: [f64; 3],
+}
+
+impl CellStep {
+    /// Motion in a step of the length `h` (s), of which the time `time_before` (s) is before the contact configuration; None if
+    /// the cell of the state does not deform.
+    fn new(scene: &Scene, state: &State, h: f64, time_before: f64) -> Option<CellStep> {
+        let start = state.cell?;
+        let moved = start.moved_by(time_before);
+        let control = scene.options.cell.unwrap_or_default();
+        let rates = control.velocity_gradient(&start.mean_stress);
+        let mut gradient = rates;
+        if h > 0.0 {
+            // From one contact configuration to the next the edges change by exp(L h), in shears up to the third order.
+            gradient += rates * rates * (0.5 * h) + rates * rates * rates * (h * h / 6.0);
+            (0..3).for_each(|axis| gradient[(axis, axis)] = libm::expm1(rates[(axis, axis)] * h) / h);
+        }
+        let cell = moved.with_gradient(&gradient);
+        let (start_gradient, end_gradient) = (moved.gradient(), cell.gradient());
+        let is_same = (cell.period_rates, cell.shear_rates) == (moved.period_rates, moved.shear_rates);
+        let acceleration_gradient = (!is_same && h > 0.0).then(|| (end_gradient - start_gradient) / h);
+        let shear_rates = [control.shear_xy, control.shear_xz, control.shear_yz];
+        Some(CellStep { start_gradient, end_gradient, acceleration_gradient, shear_rates, state: cell })
+    }
+
+    /// Cell at the step's end, the time `time_after` (s) after the contact configuration, in a step of the length `h` (s).
+    fn end_state(&self, h: f64, time_after: f64) -> CellState {
+        let mut cell = self.state.moved_by(time_after).reduced_cell();
+        cell.shear_strains.iter_mut().zip(self.shear_rates).for_each(|(strain, rate)| *strain += rate * h);
+        cell
+    }
+}
+
 impl ContactConfiguration {
+    /// Velocity gradients of a deforming cell by the rates of the step's start and end, 1/s.
+    pub fn start_gradient(&self) -> Option<&Mat3> {
+        self.cell_step.as_ref().map(|cell| &cell.start_gradient)
+    }
+
+    pub fn end_gradient(&self) -> Option<&Mat3> {
+        self.cell_step.as_ref().map(|cell| &cell.end_gradient)
+    }
+
+    /// Velocity `v` (m/s) of body `i` beyond the mean velocity, in a deforming cell about the affine field, m/s.
+    pub fn relative_motion(&self, i: usize, v: &Vec3) -> Vec3 {
+        match self.end_gradient() {
+            Some(gradient) => v - self.mean_velocity - gradient * self.x[i],
+            None => v - self.mean_velocity,
+        }
+    }
+
     /// Time in which the step's end velocities take the bodies from this contact configuration to the next if the next step
     /// is as long, s: h, and (2-θ) h if this step is taken with θ = 1.
     pub fn reach_time(&self, scene: &Scene) -> f64 {
@@ -121,14 +191,21 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
     }
     let lookahead = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 * h } else { h };
     let order = morton::morton_order(&x, &state.order);
+    let cell_step = CellStep::new(scene, state, h, time_before);
+    let affine_velocity = |i: usize| cell_step.as_ref().map_or(Vec3::zeros(), |cell| cell.start_gradient * x[i]);
     let sum: Vec3 = scene.free.iter().map(|&i| state.v[i.index()]).sum();
-    let mean_velocity = sum / scene.free.len().max(1) as f64;
+    let affine_sum: Vec3 = match cell_step {
+        Some(_) => scene.free.iter().map(|&i| affine_velocity(i.index())).sum(),
+        None => Vec3::zeros(),
+    };
+    let mean_velocity = (sum - affine_sum) / scene.free.len().max(1) as f64;
     ContactConfiguration {
         x,
         q,
         w,
         angular_momentum: momenta,
-        cell: scene.periodic_cell(),
+        cell: cell_step.map_or_else(|| scene.periodic_cell(), |cell| cell.state.cell()),
+        cell_step,
         mean_velocity,
         order,
         step_multiple,
@@ -145,7 +222,10 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
 /// Contact configuration of a step of `step_multiple` times `dt` that is taken with θ = 1: the configuration at its start.
 pub fn implicit_configuration(scene: &Scene, state: &State, step_multiple: u64) -> ContactConfiguration {
     let predicted = predict_configuration(scene, state, step_multiple);
+    let cell_step = CellStep::new(scene, state, predicted.h, 0.0);
     ContactConfiguration {
+        cell: cell_step.map_or(predicted.cell, |cell| cell.state.cell()),
+        cell_step,
         x: state.x.clone(),
         q: state.q.clone(),
         w: state.w.clone(),
@@ -217,7 +297,10 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
         let i = body.index();
         (state.q[i], w[i]) = rotate_constrained(&scene.bodies[i], &q_c.q[i], &w[i], time_after);
     }
-    driven.advance_state(scene, state, q_c, Velocities { v: &v, w: &w });
+    driven.advance_state(scene, state, q_c, Velocities { v: &v, w: &w, gradient: None });
+    if let (Some(step), Some(cell)) = (&q_c.cell_step, &mut state.cell) {
+        *cell = CellState { mean_stress: cell.mean_stress, ..step.end_state(h, time_after) };
+    }
     // No impulse acts from the contact configuration to the step's end: only the moments that impose rotations change this
     // energy.
     state.ledger.outside_work += held_rotational_energy(scene, &state.q, &w) - energy_before;
@@ -275,7 +358,7 @@ impl DrivenBodies {
     /// Advances these bodies from there to the step's end; along and about axes of which the motion is not imposed, from the
     /// start by h V⁺.
     fn advance_state(self, scene: &Scene, state: &mut State, q_c: &ContactConfiguration, end: Velocities) {
-        let Velocities { v, w } = end;
+        let Velocities { v, w, .. } = end;
         let time_after = q_c.h * scene.options.theta;
         for DrivenStart { body: i, x, q, rate } in self.0 {
             let imposed_x = x + v[i] * time_after;

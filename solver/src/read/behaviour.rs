@@ -6,6 +6,7 @@ use std::path::Path;
 
 use cd_formats::bodies::Bodies;
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent_events};
+use cd_formats::deforming_cell::CellState;
 use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::geometry::convex_region::MAX_REGION_IMAGES;
@@ -361,6 +362,32 @@ fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faul
             let expected = "expected twice the radius plus the range to be less than half of that";
             faults.push(Fault::new(file, line, format!("law '{}'", name.nickname), found, expected));
         }
+    }
+}
+
+/// Deforming cell at the start of a run, if it has one; it needs three periods.
+pub fn initial_cell(scene: &Scene) -> Option<CellState> {
+    let ([Some(x), Some(y), Some(z)], Some(control)) = (scene.options.periods(), &scene.options.cell) else {
+        return None;
+    };
+    Some(CellState::new([x, y, z], control))
+}
+
+/// Rejects bodies in a deforming cell other than free spheres, and commands of POSTPRO.DAT.
+pub fn check_cell(datbox: &Path, scene: &Scene, faults: &mut Faults) {
+    if scene.options.cell.is_none() {
+        return;
+    }
+    let is_other = |body: &RigidBody| body.driven || !body.is_sphere();
+    if let Some(body) = scene.bodies.iter().position(is_other) {
+        let found = "not a free sphere, in a scene whose cell deforms";
+        let expected = "expected free spheres: walls and other shapes do not deform with the cell";
+        faults.push(Fault::new(&datbox.join("BODIES.DAT"), None, format!("body {}", body + 1), found, expected));
+    }
+    if !scene.postpro.is_empty() {
+        let (found, expected) =
+            ("in a scene whose cell deforms", "expected no POSTPRO.DAT: its positions are those of a cell at rest");
+        faults.push(Fault::new(&datbox.join("POSTPRO.DAT"), None, "file", found, expected));
     }
 }
 

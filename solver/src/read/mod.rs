@@ -104,6 +104,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     behaviour::check_events(&scene, &mut event_report);
     behaviour::check_probes(&scene, &mut event_report);
     behaviour::check_text(&mut scene);
+    behaviour::check_cell(&datbox, &scene, &mut faults);
     let motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
     scene.notes.extend(bodies::period_gap_notes(&scene, &motion.q));
     bodies::check_plates_are_level(&datbox, &bodies, &scene, &motion.q, &mut faults);
@@ -127,6 +128,10 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
         faults.gather_result(resume::restore_start(&start, &scene, &mut state));
         scene.start = StepTime { step: state.step, time: state.time };
         scene.counted_from = scene.start;
+    }
+    if let Some(cell) = state.cell {
+        // Velocities in the files are those about the affine field.
+        scene.free.iter().map(|i| i.index()).for_each(|i| state.v[i] += cell.gradient() * state.x[i]);
     }
     behaviour::check_event_counts(&scene, &mut event_report);
     if BARE {
@@ -195,6 +200,7 @@ fn initial_state(
         torque: Vec3::zeros(),
         laws: scene.laws.clone(),
         primary_response: scene.initial_response(),
+        cell: behaviour::initial_cell(scene),
         loads: Vec::new(),
         bonding: BondingMode::New,
         events_done: 0,

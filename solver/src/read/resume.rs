@@ -469,6 +469,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     state.rest_since = meta.rest_since;
     state.primary_response = state.primary_response.map(|initial| meta.primary_response.unwrap_or(initial));
     state.bodies_entered = meta.bodies_entered;
+    state.cell = meta.cell.or(state.cell);
     state.fallback = meta.fallback;
     let pair_virials = interval.interval_body.into_iter().zip(interval.interval_virial);
     state.interval = OutputInterval {

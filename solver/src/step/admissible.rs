@@ -56,7 +56,7 @@ pub fn solve_until_admissible(
         let (v, w) = solved_velocities(&solution, free, q_c);
         // Velocities with which the bodies move to the step's end, where some keep their orientation.
         let moving_w = ContactConfiguration::without_spins(&w, &q_c.orientation_kept);
-        let moving = Velocities { v: &v, w: &moving_w };
+        let moving = Velocities { v: &v, w: &moving_w, gradient: q_c.end_gradient() };
         let late = detect::late_contacts(scene, q_c, free.velocities(), moving, contacts, &state.detection_cache);
         clock.add_lap(|times| &mut times.detection);
         if activity::is_stopped() {
@@ -69,7 +69,7 @@ pub fn solve_until_admissible(
         }
         let free_w = ContactConfiguration::without_spins(&free.w, &q_c.pushed_at_centre);
         // Free velocities of the contact problem, in which bodies that contacts push at their centres do not rotate.
-        let free_of_problem = Velocities { v: &free.v, w: &free_w };
+        let free_of_problem = Velocities { w: &free_w, ..free.velocities() };
         let closed_by_others =
             assemble::contacts_closed_by_others(scene, state, q_c, contacts, free_of_problem, moving);
         if is_any(!closed_by_others.is_empty()) {
@@ -81,7 +81,7 @@ pub fn solve_until_admissible(
             q_c.orientation_kept.extend(overturned);
             // Contacts that stop the motion of a centre do not turn its body; its own rotation is stopped by turning it.
             let free_w = ContactConfiguration::without_spins(&free.w, &q_c.orientation_kept);
-            let free_moving = Velocities { v: &free.v, w: &free_w };
+            let free_moving = Velocities { w: &free_w, ..free.velocities() };
             q_c.pushed_at_centre.extend(pushed_bodies(scene, q_c, contacts, free_moving));
             continue;
         }

@@ -29,9 +29,9 @@ pub struct StepOutcome {
 }
 
 impl StepOutcome {
-    /// Velocities and angular velocities at the step's end, in the contact configuration.
+    /// Velocities and angular velocities at the step's end, in the contact configuration, without the motion of images.
     pub fn velocities(&self) -> Velocities<'_> {
-        Velocities { v: &self.v, w: &self.w }
+        Velocities { v: &self.v, w: &self.w, gradient: None }
     }
 }
 
@@ -65,9 +65,9 @@ pub fn finish_contacts(
     let mut solved_contacts = std::mem::take(&mut state.contacts);
     solved_contacts.resize(contacts.len(), SolvedContact::default());
     let warning_depth = OVERLAP_WARNING_SHARE * scene.smallest_radius;
-    let velocities = Velocities { v: &v, w: &w };
+    let velocities = Velocities { v: &v, w: &w, gradient: q_c.end_gradient() };
     let w_without_rotation = ContactConfiguration::without_spins(&w, &q_c.pushed_at_centre);
-    let velocities_without_rotation = Velocities { v: &v, w: &w_without_rotation };
+    let velocities_without_rotation = Velocities { w: &w_without_rotation, ..velocities };
     let post_solve = PostSolve {
         scene,
         state,
@@ -302,7 +302,7 @@ impl PostSolve<'_> {
     /// Adds the contribution of contact `k` with the impulse `r` of its row to the totals; returns its impulse times its
     /// branch, N m s.
     fn accumulate_totals(&self, k: usize, r: &Vec3, contact: &SolvedContact, totals: &mut ContactTotals) -> f64 {
-        let &PostSolve { scene, state, q_c, contact_problem, velocities: Velocities { v, w }, .. } = self;
+        let &PostSolve { scene, state, q_c, contact_problem, velocities: Velocities { v, w, .. }, .. } = self;
         let (bodies, walls) = (&scene.bodies, &scene.walls);
         let row = &contact_problem.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
@@ -338,6 +338,12 @@ impl PostSolve<'_> {
         let branch = branch_arm(antagonist, arms[1]) - branch_arm(candidate, arms[0]);
         totals.contact_work += impulse.dot(&mean_velocity) + turning_work;
         totals.friction_work += impulse.y * mean_velocity.y + impulse.z * mean_velocity.z + turning_work;
+        if let Some(cell) = &q_c.cell_step {
+            // The cell moves the image of the antagonist.
+            let doubled_image_velocity = (cell.start_gradient + cell.end_gradient) * contact.image;
+            totals.outside_work += 0.5 * force.dot(&doubled_image_velocity);
+            totals.normal_moments += force.component_mul(&branch);
+        }
         if !bodies[antagonist].driven {
             // The impulse on the antagonist acts at its own position, not at the position of the image.
             totals.angular_momentum_change += contact.image.cross(&force);

@@ -59,10 +59,11 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
     let mut cache = state.detection_cache.clone();
     // Contacts of the last step are compared: they stay with their ranks.
     cache.division.iter_mut().for_each(|division| division.can_move_cuts = false);
-    let contacts = detect::listed_contacts(scene, &start, state.velocities(), &mut cache);
+    let velocities = Velocities { gradient: start.start_gradient(), ..state.velocities() };
+    let contacts = detect::listed_contacts(scene, &start, velocities, &mut cache);
     let file = FileStep::new(scene, state);
     let is_closing = |contact: &Contact| {
-        let u = contact.normal.dot(&relative_velocity(contact, &start.x, Velocities { v: &state.v, w: &start.w }));
+        let u = contact.normal.dot(&relative_velocity(contact, &start.x, Velocities { w: &start.w, ..velocities }));
         let radius = scene.effective_radius(
             (contact.candidate, contact.part_numbers.candidate),
             (contact.antagonist, contact.part_numbers.antagonist),
@@ -135,7 +136,7 @@ impl<'a> FileStep<'a> {
         let FileStep { scene, state, ref x, time_after, residual } = *self;
         let Contact { candidate, antagonist, point, .. } = old.contact;
         let image = scene.periodic_cell().nearest_shift(&(point - x[antagonist.index()]));
-        let velocities = Velocities { v: &state.v, w: &state.w };
+        let velocities = state.velocities();
         let u = relative_velocity(&Contact { image, ..old.contact }, x, velocities);
         let difference_limit = |body: BodyId| {
             let (v, w, x) = (&state.v[body.index()], state.w[body.index()].norm(), &x[body.index()]);

@@ -4,6 +4,7 @@ use std::ops::Add;
 
 use rayon::prelude::*;
 
+use super::cell_stress::mean_normal_stresses;
 use super::collectives::{conflicting_bodies_of_ranks, contact_of_ranks};
 use super::conflict::conflicting_bodies;
 use super::context::{SolvedProblem, StepContext};
@@ -116,6 +117,9 @@ pub fn update_ledger(
 ) -> StepReport {
     let h = q_c.h;
     let contact_totals = &outcome.totals;
+    if let (Some(step), Some(cell)) = (&q_c.cell_step, &mut state.cell) {
+        cell.mean_stress = mean_normal_stresses(scene, q_c, step, outcome, cell.mean_stress);
+    }
     if state.step.is_multiple_of(scene.options.output_every) {
         state.interval = OutputInterval { start: state.time, ..OutputInterval::default() };
     }
@@ -229,7 +233,7 @@ pub struct MotionTotals {
 
 impl MotionTotals {
     /// Sums over the free bodies with the orientations `q` and these velocities.
-    pub fn from_bodies(scene: &Scene, q: &[Quat], Velocities { v, w }: Velocities) -> Self {
+    pub fn from_bodies(scene: &Scene, q: &[Quat], Velocities { v, w, .. }: Velocities) -> Self {
         let sum_of_chunk = |bodies: &[BodyId]| {
             bodies.iter().map(|&i| i.index()).fold(MotionTotals::default(), |sum, i| {
                 let body = &scene.bodies[i];

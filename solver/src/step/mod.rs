@@ -2,6 +2,7 @@
 
 mod admissible;
 mod bond_closing;
+mod cell_stress;
 mod clock;
 mod collectives;
 mod conflict;
@@ -128,8 +129,10 @@ fn travel_tolerance(
     let span = q_c.reach_time(scene);
     let allowed = MAX_TRAVEL_ERROR * scene.smallest_radius;
     // Without fast bodies no contact is evaluated.
-    let speed = |((body, v), w): ((&RigidBody, &Vec3), &Vec3)| (v - q_c.mean_velocity).norm() + w.norm() * body.radius;
-    let bodies = scene.bodies.par_iter().zip(free.v).zip(free.w).with_min_len(PAR_MIN_LEN);
+    let speed = |(i, ((body, v), w)): (usize, ((&RigidBody, &Vec3), &Vec3))| {
+        q_c.relative_motion(i, v).norm() + w.norm() * body.radius
+    };
+    let bodies = scene.bodies.par_iter().zip(free.v).zip(free.w).enumerate().with_min_len(PAR_MIN_LEN);
     let fastest = bodies.map(speed).reduce(|| 0.0, f64::max);
     if 2.0 * span * fastest * scene.options.tol() <= allowed {
         return f64::INFINITY;

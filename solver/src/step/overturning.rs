@@ -162,7 +162,7 @@ impl StepMotion<'_> {
         surface: &BodyPart,
         rotation: SurfaceRotation,
     ) -> f64 {
-        let &StepMotion { q_c, span, velocities: Velocities { v, w }, .. } = self;
+        let &StepMotion { q_c, span, velocities: Velocities { v, w, .. }, .. } = self;
         let (i, k) = (part.body.index(), surface.body.index());
         let [at_candidate, at_antagonist] = contact_arms(contact, &q_c.x);
         // Arms to the point of the other surface, which lies on the antagonist at the gap from the contact point.

@@ -81,7 +81,9 @@ pub struct ContactTotals {
     pub friction_work: f64,
     /// Sum of impulses times branches, N m s.
     pub virial: f64,
-    /// Work by walls, and by the reactions of held grains to contacts, J.
+    /// Sums of the components along x, y and z of impulses times those of branches, N m s; only in a deforming cell.
+    pub normal_moments: Vec3,
+    /// Work by walls and by a deforming cell, and by the reactions of held grains to contacts, J.
     pub outside_work: f64,
     /// Impulse of driven bodies on free ones, N s.
     pub driven_impulse: Vec3,
@@ -107,6 +109,7 @@ impl Add for ContactTotals {
             contact_work: self.contact_work + other.contact_work,
             friction_work: self.friction_work + other.friction_work,
             virial: self.virial + other.virial,
+            normal_moments: self.normal_moments + other.normal_moments,
             outside_work: self.outside_work + other.outside_work,
             driven_impulse: self.driven_impulse + other.driven_impulse,
             angular_momentum_change: self.angular_momentum_change + other.angular_momentum_change,

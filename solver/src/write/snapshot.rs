@@ -85,6 +85,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
         postpro: state.postpro,
         rest_since: state.rest_since,
         primary_response: state.primary_response,
+        cell: state.cell,
         bodies_entered: state.bodies_entered,
         options: options.result_options(),
         parts: Vec::new(),

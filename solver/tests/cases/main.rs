@@ -7,6 +7,7 @@ mod beams;
 mod bonds;
 mod breaking;
 mod case;
+mod cell;
 mod clumps;
 mod clusters;
 mod constrained_rotation;

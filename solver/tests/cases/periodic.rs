@@ -265,3 +265,40 @@ fn a_torque_turns_a_cell_about_its_period_whichever_images_its_bodies_are() {
     let other = turned(-2.25).1;
     assert_eq!((end.bodies.body_v, end.bodies.body_w), (other.bodies.body_v, other.bodies.body_w));
 }
+
+/// A granular gas in a cube that comes again on all sides cools as T(t) = T_0/(1 + t/τ)² (Haff, J. Fluid Mech. 134 (1983)
+/// 401), 1/τ = (1-e²) ω/6 with the collision frequency ω = 4 √π n d² g √(T_0/m) and g = (1-ν/2)/(1-ν)³ (Carnahan and
+/// Starling).
+#[test]
+fn a_granular_gas_cools_by_haffs_law() {
+    let (side, nu, e) = (6, 0.1, 0.7);
+    let count = f64::from(side * side * side);
+    let length = (count * std::f64::consts::PI / 6.0 / nu).cbrt();
+    let mut case = Case::new();
+    case.law("RST_CLB", &[e, 0.0, 0.0]);
+    let mut random = uniform(5);
+    for k in 0..side * side * side {
+        let cell = [k % side, k / side % side, k / side / side].map(|c| f64::from(c) + 0.5);
+        let body = case.sphere(0.5, cell.map(|c| length * (c / f64::from(side) - 0.5)));
+        case.launch(body, [0; 3].map(|_| 2.0 * random() - 1.0), [0.0; 3]);
+    }
+    let period = Some(length);
+    (case.options.xperiode, case.options.yperiode, case.options.zperiode) = (period, period, period);
+    (case.options.dt, case.options.tol) = (0.02, Some(1e-6));
+    // T/m, m²/s²
+    let temperature = |state: &Snapshot| {
+        let mean = state.momentum() / state.free().iter().map(|&i| state.mass(i)).sum::<f64>();
+        state.free().iter().map(|&i| (state.v(i) - mean).norm_squared()).sum::<f64>() / (3.0 * count)
+    };
+    let states = case.states(1750, 350);
+    let start = temperature(&states[0]);
+    let g = (1.0 - 0.5 * nu) / (1.0 - nu).powi(3);
+    let frequency = 4.0 * std::f64::consts::PI.sqrt() * count / length.powi(3) * g * start.sqrt();
+    let rate = (1.0 - e * e) * frequency / 6.0;
+    for state in &states[1..] {
+        // 1800 collisions make 2.5 % of standard deviation, displacements of a fiftieth of d in a step 2 %.
+        let found = ((start / temperature(state)).sqrt() - 1.0) / state.meta.time;
+        assert!((found / rate - 1.0).abs() < 0.1, "t = {}: 1/τ {found}, not {rate}", state.meta.time);
+    }
+    assert!(temperature(&states[5]) < 0.1 * start);
+}

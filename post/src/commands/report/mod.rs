@@ -60,7 +60,7 @@ const STATE_FIGURES: [(&str, &str); 12] = [
 ];
 
 /// Columns of the series in groups, each with its title; every column is in one of them.
-const COLUMN_GROUPS: [(&str, &[&str]); 9] = [
+const COLUMN_GROUPS: [(&str, &[&str]); 10] = [
     ("State", &["step", "time", "interval", "n_grains", "mass"]),
     (
         "Contacts",
@@ -81,6 +81,23 @@ const COLUMN_GROUPS: [(&str, &[&str]); 9] = [
             "anisotropy",
             "mobilised",
             "sliding_fraction",
+        ],
+    ),
+    (
+        "Deforming cell",
+        &[
+            "cell_x",
+            "cell_y",
+            "cell_z",
+            "cell_xy",
+            "cell_xz",
+            "cell_yz",
+            "strain_x",
+            "strain_y",
+            "strain_z",
+            "strain_xy",
+            "strain_xz",
+            "strain_yz",
         ],
     ),
     ("Packing", &["region", "region_volume", "nu", "nu_sphere", "R_enclosing"]),
