@@ -206,9 +206,9 @@ fn what_a_deforming_cell_cannot_have_is_rejected() {
     assert_eq!(with_x(AxisControl::Rate(f64::INFINITY)), 2);
     let servo = |value, gain| AxisControl::Stress { value, gain, average: 0.0, max_rate: None };
     assert_eq!([servo(1.0, 0.5), servo(0.0, 0.5), servo(1.0, -1.0)].map(with_x), [0, 2, 2]);
-    assert_eq!(refused(&|case: &mut Case| drop(case.floor())), 2);
+    assert_eq!(refused(&|case: &mut Case| _ = case.floor()), 2);
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    assert_eq!(refused(&|case: &mut Case| drop(case.block([0.25; 3], [0.0; 3], axes))), 2);
+    assert_eq!(refused(&|case: &mut Case| _ = case.block([0.25; 3], [0.0; 3], axes)), 2);
 }
 
 /// A cell that becomes too small for its bodies ends the run.
