@@ -137,8 +137,9 @@ pub fn read_clump(folder: &Path, file: &str, scale: ModelScale) -> Result<(Princ
     };
     let balls = particles.centres.into_iter().zip(radii).map(|(centre, radius)| ClumpBall { centre, radius });
     let mut balls: Vec<ClumpBall> = balls.collect();
-    let expect_clump =
-        |balls: &[ClumpBall]| check_balls(balls).map_err(|BallsError { found, expected }| file_fault(found, &expected));
+    let expect_clump = |balls: &[ClumpBall]| {
+        check_balls(balls).map_err(|BallsError { found, expected }| Faults::from(file_fault(found, &expected)))
+    };
     expect_clump(&balls)?;
     let factor = scale_factor(&balls, scale);
     if factor != 1.0 {
