@@ -1,26 +1,31 @@
-# Mass rates of a silo against the side D of its orifice, with Beverloo's law W = C rho sqrt(g) (D - k d)^(5/2):
+# Mass rates of a silo against the side of its orifice, or its diameter, D, with Beverloo's law W = C rho sqrt(g) (D - k d)^(5/2):
 #
 #   awk -v svg=silo.svg -f ../datbox.awk -f silo.awk D0.10 D0.11 ...
 #
-# Means are from START s on, when the flow is steady. Errors of rates: a standard deviation of means over tenths of that time, over the root
+# Of other vessels `vessel` is the name, `width` the word for D, and `start` the time from which on the flow is steady, s.
+#
+# Means are from `start` on, when the flow is steady. Errors of rates: a standard deviation of means over tenths of that time, over the root
 # of ten. C and k are those of the line of least squares through W^(2/5). The exponent is the slope of the line through log W against
 # log (D - k d), for two values of k, of which 1.4 is Beverloo's for round grains; its error is that of the line.
 #
 # Reads: CASE/POSTPRO/probe-outflow.csv: time, h, number, passed_mass; CASE/POSTPRO/probe-bed.csv: time, density, mu, inertial_number;
 #   CASE/DATBOX: gravity, mean diameter d of the beads
-# Writes: silo.csv next to the figure: side (m), rate (kg/s), rate_error, number, density (kg/m^3), mu, inertial_number; the same on stdout, with
-#   the fits; the figure (svg)
+# Writes: the table next to the figure, silo.csv: side or diameter (m), rate (kg/s), rate_error, number, density (kg/m^3), mu,
+#   inertial_number; the same on stdout, with the fits; the figure (svg)
 
 BEGIN {
-    FS = ","; START = 0.2
+    FS = ","
+    if (start == "") start = 0.2
+    if (vessel == "") vessel = "silo through a square orifice"
+    if (width == "") width = "side"
     for (i = 1; i < ARGC; i++) if (ARGV[i] ~ /D[0-9.]+$/) { cases++; measure(ARGV[i], cases) }
     if (cases < 3) { print "expected the folders of three cases or more" > "/dev/stderr"; exit 1 }
     table = svg; sub(/svg$/, "csv", table)
-    print "side,rate,rate_error,number,density,mu,inertial_number" > table
-    printf "%9s %13s %8s %7s %17s %7s %16s\n", "side [m]", "rate [kg/s]", "+-", "beads", "density [kg/m^3]", "mu", "inertial number"
+    print width ",rate,rate_error,number,density,mu,inertial_number" > table
+    printf "%12s %13s %8s %7s %17s %7s %16s\n", width " [m]", "rate [kg/s]", "+-", "beads", "density [kg/m^3]", "mu", "inertial number"
     for (n = 1; n <= cases; n++) {
         printf "%.4g,%.6g,%.3g,%d,%.6g,%.4g,%.4g\n", side[n], rate[n], error[n], beads[n], density[n], mu[n], inertial[n] > table
-        printf "%9.3g %13.4g %8.2g %7d %17.1f %7.3f %16.3g\n", side[n], rate[n], error[n], beads[n], density[n], mu[n], inertial[n]
+        printf "%12.3g %13.4g %8.2g %7d %17.1f %7.3f %16.3g\n", side[n], rate[n], error[n], beads[n], density[n], mu[n], inertial[n]
         rho += density[n] / cases
     }
     close(table)
@@ -48,18 +53,18 @@ function measure(folder, n,    file, rows, mass, h, m, tenth, part, length_of, s
     file = folder "/POSTPRO/probe-outflow.csv"
     open(file)
     while ((getline < file) > 0) {
-        if ($column["time"] <= START) continue
+        if ($column["time"] <= start) continue
         rows++; mass[rows] = $column["passed_mass"]; h[rows] = $column["h"]; beads[n] += $column["number"]
     }
     close(file)
-    if (rows < 20) { print file ": fewer than twenty rows after " START " s" > "/dev/stderr"; exit 1 }
+    if (rows < 20) { print file ": fewer than twenty rows after " start " s" > "/dev/stderr"; exit 1 }
     for (m = 1; m <= rows; m++) { tenth = int(10 * (m - 1) / rows); part[tenth] += mass[m]; length_of[tenth] += h[m] }
     for (m = 0; m < 10; m++) { one = part[m] / length_of[m]; sum += one / 10; sum2 += one ^ 2 / 10 }
     rate[n] = sum; error[n] = sqrt((sum2 - sum ^ 2) / 9)
     file = folder "/POSTPRO/probe-bed.csv"; rows = 0
     open(file)
     while ((getline < file) > 0) {
-        if ($column["time"] <= START) continue
+        if ($column["time"] <= start) continue
         rows++; density[n] += $column["density"]; mu[n] += $column["mu"]; inertial[n] += $column["inertial_number"]
     }
     close(file)
@@ -93,7 +98,7 @@ function draw(    n, tick, low, high) {
     roof = 1; while (roof < rate[cases] ^ 0.4 * 1.1) roof++
     print "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"560\" height=\"470\" font-family=\"sans-serif\" font-size=\"13\">" > svg
     print "<rect width=\"560\" height=\"470\" fill=\"white\"/>" > svg
-    text(300, 25, "middle", "Discharge of a silo through a square orifice")
+    text(300, 25, "middle", "Discharge of a " vessel)
     text(90, 80, "start", "line: W = C ρ √g (D − k d)^(5/2)"); text(90, 98, "start", sprintf("C = %.2f, k = %.2f", c, k))
     text(90, 116, "start", sprintf("exponent %.2f with k = 1, %.2f with k = 1.4", first, slope))
     for (tick = 0; tick <= 10; tick += 2) { stroke(px(tick), 400, px(tick), 405, "stroke=\"black\""); text(px(tick), 420, "middle", tick) }
@@ -105,7 +110,7 @@ function draw(    n, tick, low, high) {
         stroke(px(side[n] / mean_diameter), py(low), px(side[n] / mean_diameter), py(high), "stroke=\"#0072b2\" stroke-width=\"1.5\"")
         printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"#0072b2\"/>\n", px(side[n] / mean_diameter), py(rate[n] ^ 0.4) > svg
     }
-    text(300, 450, "middle", "side of the orifice over the mean diameter of the beads, D/d")
+    text(300, 450, "middle", width " of the orifice over the mean diameter of the beads, D/d")
     print "<text x=\"30\" y=\"230\" text-anchor=\"middle\" transform=\"rotate(-90 30 230)\">W^(2/5), W in kg/s</text>" > svg
     print "</svg>" > svg
     close(svg)
