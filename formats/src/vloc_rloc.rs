@@ -82,7 +82,7 @@ struct ContactKind {
 }
 
 /// Kinds that can be read, in their order in a file.
-const CONTACT_KINDS: [ContactKind; 11] = [
+const CONTACT_KINDS: [ContactKind; 12] = [
     ContactKind {
         name: "CDCDx",
         pair: &LONG_COLUMNS,
@@ -97,6 +97,15 @@ const CONTACT_KINDS: [ContactKind; 11] = [
         components: "stn",
         gap_label: "gTT =",
         rows: "stnp",
+        reversed_s: true,
+    },
+    // Polyhedra with surfaces MESHx, which LMGC90 does not have.
+    ContactKind {
+        name: "PRMSx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gapTT",
+        rows: "ptns",
         reversed_s: true,
     },
     ContactKind {

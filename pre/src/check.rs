@@ -853,10 +853,6 @@ pub(crate) const NO_WALL_LAW: &str = "no law: walls touch each other only if one
 pub(crate) const NO_IMPOSED_LAW: &str =
     "no law: bodies whose motion is all imposed (of spheres: their translation) do not meet";
 
-/// Expected value instead of a law between polyhedra and a triangulated surface.
-const NO_MESH_LAW: &str =
-    "spheres: a Mesh has no contacts with polyhedra; give the wall or the grains another shape or colour";
-
 /// Whether cd-solve computes contacts between walls with these contactors.
 pub(crate) fn is_computed_wall_pair(kinds: [&str; 2]) -> bool {
     kinds.contains(&"CYLND") && kinds.iter().all(|kind| ["CYLND", "PLANx"].contains(kind))
@@ -911,17 +907,6 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
             |colour: &String| wall_colours.contains(&&colour[..]) && !grain_colours.contains(&&colour[..]);
         let is_wall_law = contact.law.is_some() && is_of_walls(a) && is_of_walls(b) && !walls_meet(&scene.walls, a, b);
         report.require(!is_wall_law, &path, format!("a law between the walls '{a}' and '{b}'"), NO_WALL_LAW);
-        let has_polyhedra = |colour: &String| {
-            scene
-                .grains
-                .iter()
-                .any(|grains| grains.colour == *colour && grains.is_polyhedral() && grains.can_be_pushed())
-        };
-        let has_mesh =
-            |colour: &String| scene.walls.iter().any(|wall| wall.colour() == colour && wall.contactor() == "MESHx");
-        let touches_mesh = [(a, b), (b, a)].iter().any(|(grains, walls)| has_polyhedra(grains) && has_mesh(walls));
-        let found = format!("a law between '{a}' and '{b}', polyhedra and a Mesh");
-        report.require(contact.law.is_none() || !touches_mesh, &path, found, NO_MESH_LAW);
         let exist = [a, b].iter().all(|colour| all_colours.contains(&colour.as_str()));
         let are_imposed = exist && is_imposed(scene, a) && is_imposed(scene, b);
         // A scene in which nothing is free has another fault.

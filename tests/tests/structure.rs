@@ -9,7 +9,7 @@
 //!
 //! | who | may import | never |
 //! |---|---|---|
-//! | kernel: `laws`, `gravity`, `geometry`, `math` | `math`; `geometry` types of `formats::faces`, with which cd-pre checks shapes; `laws` types of `formats::law_table` | data, stages, other formats |
+//! | kernel: `laws`, `gravity`, `geometry`, `math` | `math`; `geometry` types of `formats::faces` and `formats::wall_mesh`, with which cd-pre checks shapes; `laws` types of `formats::law_table` | data, stages, other formats |
 //! | data: `scene`, `state` | kernels, types of formats | stages |
 //! | stage: `integrate`, `detect`, `assemble`, `solve` | data, kernels, types of stages earlier in the step, types of options | functions of another stage, other formats |
 //! | stage: `read`, `write` | data, kernels, formats, types of `step` | functions of another stage |
@@ -89,7 +89,9 @@ fn allowed(who: &str, path: &str) -> bool {
     match root {
         "cd_formats" if OUTSIDE.contains(&who) || FILE_STAGES.contains(&who) => true,
         "cd_formats" if who == "laws" => path.starts_with("cd_formats::law_table::") && is_type(path),
-        "cd_formats" if who == "geometry" => path.starts_with("cd_formats::faces::") && is_type(path),
+        "cd_formats" if who == "geometry" => {
+            ["cd_formats::faces::", "cd_formats::wall_mesh::"].iter().any(|p| path.starts_with(p)) && is_type(path)
+        }
         "cd_formats" => (DATA.contains(&who) || STAGES.contains(&who)) && is_shared_type(path),
         _ if what == who || OUTSIDE.contains(&who) => true,
         _ if KERNELS.contains(&who) => what == "math",

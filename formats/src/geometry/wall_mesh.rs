@@ -1,4 +1,5 @@
-//! Triangulated surfaces of walls, contactors MESHx: their checks, and the points where balls touch them.
+//! Triangulated surfaces of walls, contactors MESHx: their checks, the points where balls touch them, and the directions in
+//! which other bodies can.
 //!
 //! A ball touches a surface where the distance of its centre from the surface has a local minimum: at a point of the surface
 //! that is the nearest one of every triangle that contains it. An edge or corner is therefore touched only if the surface is
@@ -79,14 +80,21 @@ pub fn triangle_of(feature: u32) -> u32 {
     feature / FEATURES_PER_TRIANGLE
 }
 
-/// Region of a triangle in which its point nearest to a given point lies.
+/// Part of a triangle: its inside, an edge without its ends, or a corner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum TriangleRegion {
+pub enum TriangleRegion {
     Face,
     /// Edge from the corner with this index to the next.
     Edge(usize),
     Corner(usize),
 }
+
+/// Largest angle between two triangles at a flush edge, rad: the edge is no feature of their plane. Bodies whose faces
+/// cover such an edge may be wrong by 5e-6 of the triangles' size.
+const FLUSH_ANGLE: f64 = 1e-5;
+
+/// Cosine between a direction and an edge up to which the direction is perpendicular to the edge: rounding of unit vectors.
+const CONE_TOLERANCE: f64 = 1e-12;
 
 /// Triangle near a ball.
 #[derive(Debug, Clone, Copy)]
@@ -112,6 +120,10 @@ pub struct WallMesh {
     fan_starts: Vec<u32>,
     /// Whether each vertex is on the rim, where an edge belongs to one triangle.
     rim: Vec<bool>,
+    /// Bits 0 to 2 of each triangle: whether its edges are flush, see [`WallMesh::is_flush`].
+    flush_edges: Vec<u8>,
+    /// Whether all edges of each vertex are flush.
+    flush_vertices: Vec<bool>,
     /// Largest distance of a vertex from the origin, m.
     radius: f64,
     tree: Bvh,
@@ -171,7 +183,7 @@ impl WallMesh {
             let (u, v) = sides.into_iter().min_by(|a, b| sharpness(a).total_cmp(&sharpness(b))).unwrap_or_default();
             u.cross(&v).normalize()
         };
-        let normals = triangles.iter().map(normal).collect();
+        let normals: Vec<Vec3> = triangles.iter().map(normal).collect();
         let boxes: Vec<Aabb> = triangles
             .iter()
             .map(|triangle| {
@@ -194,6 +206,19 @@ impl WallMesh {
         for edge in edges.iter().filter(|(_, sides)| sides.len() == 1).flat_map(|(edge, _)| edge) {
             rim[*edge as usize] = true;
         }
+        let mut flush_edges = vec![0; triangles.len()];
+        let mut flush_vertices = vec![true; vertices.len()];
+        for (edge, sides) in &edges {
+            if is_flush_edge(&vertices, triangles, &normals, edge, sides) {
+                for (number, _) in sides {
+                    let t = &triangles[*number as usize];
+                    let k = (0..3).find(|&k| edge.contains(&t[k]) && edge.contains(&t[(k + 1) % 3])).unwrap_or(0);
+                    flush_edges[*number as usize] |= 1 << k;
+                }
+            } else {
+                edge.iter().for_each(|&vertex| flush_vertices[vertex as usize] = false);
+            }
+        }
         Ok(WallMesh {
             radius: vertices.iter().map(|vertex| vertex.norm()).fold(0.0, f64::max),
             tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),
@@ -204,6 +229,8 @@ impl WallMesh {
             fans,
             fan_starts,
             rim,
+            flush_edges,
+            flush_vertices,
         })
     }
 
@@ -262,6 +289,101 @@ impl WallMesh {
     /// Sides that push bodies.
     pub fn sides(&self) -> MeshSides {
         self.sides
+    }
+
+    /// Corners of a triangle, m.
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.triangles[triangle as usize].map(|k| self.vertices[k as usize])
+    }
+
+    /// Unit normal of a triangle, towards the side from which it is seen counter-clockwise.
+    pub fn normal(&self, triangle: u32) -> Vec3 {
+        self.normals[triangle as usize]
+    }
+
+    /// Triangles whose boxes meet the box between two corners, m, ascending.
+    pub fn triangles_in_box(&self, lower: &Vec3, upper: &Vec3) -> SmallVec<[u32; 16]> {
+        let mut found: SmallVec<[u32; 16]> =
+            self.tree.intersect_aabb(&Aabb::new(tree_point(lower), tree_point(upper))).collect();
+        found.sort_unstable();
+        found
+    }
+
+    /// Number of the feature of a region of a triangle, see [`feature_of`].
+    pub fn feature(&self, triangle: u32, region: TriangleRegion) -> u32 {
+        let first = self.triangles_at(triangle, region).first().copied().unwrap_or(triangle);
+        let corners = &self.triangles[triangle as usize];
+        let position =
+            |vertex: u32| (self.triangles[first as usize].iter().position(|&k| k == vertex)).unwrap_or_default();
+        let region = match region {
+            TriangleRegion::Face => 0,
+            TriangleRegion::Corner(k) => 4 + position(corners[k]),
+            TriangleRegion::Edge(k) => {
+                // Edges of the first triangle begin at one of the two ends.
+                let [start, end] = [position(corners[k]), position(corners[(k + 1) % 3])];
+                1 + if (start + 1) % 3 == end { start } else { end }
+            }
+        };
+        feature_of(first, region as u32)
+    }
+
+    /// Whether a region is inside of a plane of triangles: an edge of two triangles in one plane, to 1e-5 rad, a corner all
+    /// of whose edges are such, or a face.
+    ///
+    /// ```
+    /// use cd_formats::wall_mesh::{MeshSides, TriangleRegion, WallMesh};
+    /// let square = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    /// let mesh = WallMesh::new(&square, &[[0, 1, 2], [0, 2, 3]], MeshSides::One).unwrap();
+    /// let edge = TriangleRegion::Edge;
+    /// assert_eq!([edge(0), edge(1), edge(2)].map(|region| mesh.is_flush(0, region)), [false, false, true]);
+    /// ```
+    pub fn is_flush(&self, triangle: u32, region: TriangleRegion) -> bool {
+        match region {
+            TriangleRegion::Face => true,
+            TriangleRegion::Edge(k) => self.flush_edges[triangle as usize] >> k & 1 == 1,
+            TriangleRegion::Corner(k) => self.flush_vertices[self.triangles[triangle as usize][k] as usize],
+        }
+    }
+
+    /// Whether the surface near a region of a triangle lies, to first order, behind the plane through it across the unit
+    /// vector `n`, and `n` points to a side that pushes: a body may touch the surface there along `n`.
+    ///
+    /// On a face n is its normal; at an edge that is convex it is between the normals of its triangles, at a convex corner in
+    /// the cone of those around it. Concave edges have no such direction.
+    ///
+    /// ```
+    /// use cd_formats::wall_mesh::{MeshSides, TriangleRegion, WallMesh};
+    /// use nalgebra::Vector3;
+    /// let points = |z: f64| [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, z], [0.0, -1.0, z]];
+    /// let up = |z: f64| {
+    ///     let mesh = WallMesh::new(&points(z), &[[0, 1, 2], [0, 3, 1]], MeshSides::One).unwrap();
+    ///     mesh.allows_normal(0, TriangleRegion::Edge(0), &Vector3::z())
+    /// };
+    /// assert_eq!([-0.5, 0.0, 0.5].map(up), [true, true, false]);
+    /// ```
+    pub fn allows_normal(&self, triangle: u32, region: TriangleRegion, n: &Vec3) -> bool {
+        let vertices = &self.triangles[triangle as usize];
+        let position = |vertex: u32| self.vertices[vertex as usize];
+        let is_behind = |direction: Vec3| n.dot(&direction) <= CONE_TOLERANCE * direction.norm();
+        let at_feature = self.triangles_at(triangle, region);
+        let is_local_maximum = match region {
+            TriangleRegion::Face => true,
+            TriangleRegion::Edge(k) => {
+                let [start, end] = [vertices[k], vertices[(k + 1) % 3]];
+                let along = (position(end) - position(start)).normalize();
+                at_feature.iter().all(|&other| {
+                    let opposite =
+                        self.triangles[other as usize].iter().find(|&&vertex| vertex != start && vertex != end);
+                    let side = opposite.map_or(Vec3::zeros(), |&vertex| position(vertex) - position(start));
+                    is_behind(side - along * along.dot(&side))
+                })
+            }
+            TriangleRegion::Corner(k) => {
+                let all = at_feature.iter().flat_map(|&other| self.triangles[other as usize]);
+                all.into_iter().all(|vertex| is_behind(position(vertex) - position(vertices[k])))
+            }
+        };
+        is_local_maximum && self.outward(triangle, region, &at_feature).is_none_or(|outward| outward.dot(n) >= 0.0)
     }
 
     /// Whether each edge belongs to two triangles or more.
@@ -361,16 +483,37 @@ impl WallMesh {
         &self.fans[start..end]
     }
 
-    /// Triangles that have the feature of `found`, ascending.
-    fn triangles_at(&self, found: &NearTriangle) -> SmallVec<[u32; 8]> {
-        let triangle = &self.triangles[found.triangle as usize];
-        match found.region {
-            TriangleRegion::Face => [found.triangle].into_iter().collect(),
-            TriangleRegion::Corner(k) => self.fan(triangle[k]).iter().copied().collect(),
+    /// Triangles that have the edge or corner of a region of a triangle, ascending.
+    fn triangles_at(&self, triangle: u32, region: TriangleRegion) -> SmallVec<[u32; 8]> {
+        let vertices = &self.triangles[triangle as usize];
+        match region {
+            TriangleRegion::Face => [triangle].into_iter().collect(),
+            TriangleRegion::Corner(k) => self.fan(vertices[k]).iter().copied().collect(),
             TriangleRegion::Edge(k) => {
-                let end = triangle[(k + 1) % 3];
+                let end = vertices[(k + 1) % 3];
                 let has_end = |other: &u32| self.triangles[*other as usize].contains(&end);
-                self.fan(triangle[k]).iter().copied().filter(has_end).collect()
+                self.fan(vertices[k]).iter().copied().filter(has_end).collect()
+            }
+        }
+    }
+
+    /// Direction out of the surface at a region of a triangle, of any length; `None` if both sides push, and at the rim.
+    /// `at_feature`: the triangles there.
+    fn outward(&self, triangle: u32, region: TriangleRegion, at_feature: &[u32]) -> Option<Vec3> {
+        if self.sides == MeshSides::Both {
+            return None;
+        }
+        let vertices = &self.triangles[triangle as usize];
+        match region {
+            TriangleRegion::Face => Some(self.normals[triangle as usize]),
+            TriangleRegion::Edge(_) if at_feature.len() == 1 => None,
+            TriangleRegion::Edge(_) => Some(at_feature.iter().map(|&k| self.normals[k as usize]).sum()),
+            TriangleRegion::Corner(k) if self.rim[vertices[k] as usize] => None,
+            // Normals weighted by the angles at the corner: J. A. Baerentzen, H. Aanaes, Signed distance computation using
+            // the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243-253.
+            TriangleRegion::Corner(k) => {
+                let weighted = |&other: &u32| self.normals[other as usize] * self.angle_at(other, vertices[k]);
+                Some(at_feature.iter().map(weighted).sum())
             }
         }
     }
@@ -380,7 +523,7 @@ impl WallMesh {
         if found.region == TriangleRegion::Face {
             return true;
         }
-        self.triangles_at(found).iter().all(|other| {
+        self.triangles_at(found.triangle, found.region).iter().all(|other| {
             let position = triangles.binary_search_by_key(other, |triangle| triangle.triangle);
             position.is_err() || position.is_ok_and(|k| triangles[k].distance >= found.distance - rounding)
         })
@@ -391,21 +534,9 @@ impl WallMesh {
         if self.sides == MeshSides::Both {
             return true;
         }
-        let triangle = &self.triangles[found.triangle as usize];
-        let at_feature = self.triangles_at(found);
-        let outward: Vec3 = match found.region {
-            TriangleRegion::Face => self.normals[found.triangle as usize],
-            TriangleRegion::Edge(_) if at_feature.len() == 1 => return true,
-            TriangleRegion::Edge(_) => at_feature.iter().map(|&k| self.normals[k as usize]).sum(),
-            TriangleRegion::Corner(k) if self.rim[triangle[k] as usize] => return true,
-            // Normals weighted by the angles at the corner: J. A. Baerentzen, H. Aanaes, Signed distance computation using
-            // the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243-253.
-            TriangleRegion::Corner(k) => {
-                let weighted = |&other: &u32| self.normals[other as usize] * self.angle_at(other, triangle[k]);
-                at_feature.iter().map(weighted).sum()
-            }
-        };
-        outward.dot(&(point - found.point)) >= 0.0
+        let at_feature = self.triangles_at(found.triangle, found.region);
+        let outward = self.outward(found.triangle, found.region, &at_feature);
+        outward.is_none_or(|outward| outward.dot(&(point - found.point)) >= 0.0)
     }
 
     /// Angle of a triangle at one of its vertices, rad.
@@ -430,21 +561,33 @@ impl WallMesh {
             _ if found.distance > self.rounding(centre) => between * (side / found.distance),
             _ => face_normal,
         };
-        let first = self.triangles_at(found).first().copied().unwrap_or(found.triangle);
-        let corners = &self.triangles[found.triangle as usize];
-        let position =
-            |vertex: u32| (self.triangles[first as usize].iter().position(|&k| k == vertex)).unwrap_or_default();
-        let region = match found.region {
-            TriangleRegion::Face => 0,
-            TriangleRegion::Corner(k) => 4 + position(corners[k]),
-            TriangleRegion::Edge(k) => {
-                // Edges of the first triangle begin at one of the two ends.
-                let [start, end] = [position(corners[k]), position(corners[(k + 1) % 3])];
-                1 + if (start + 1) % 3 == end { start } else { end }
-            }
-        };
-        MeshContact { feature: feature_of(first, region as u32), point: found.point, normal, distance: found.distance }
+        MeshContact {
+            feature: self.feature(found.triangle, found.region),
+            point: found.point,
+            normal,
+            distance: found.distance,
+        }
     }
+}
+
+/// Whether an edge is in the middle of two triangles in one plane, to [`FLUSH_ANGLE`].
+fn is_flush_edge(
+    vertices: &[Vec3],
+    triangles: &[[u32; 3]],
+    normals: &[Vec3],
+    [start, end]: &[u32; 2],
+    sides: &[(u32, bool)],
+) -> bool {
+    let [(one, forward), (other, other_forward)] = sides else { return false };
+    let along = vertices[*end as usize] - vertices[*start as usize];
+    let sideways = |number: &u32| {
+        let opposite = triangles[*number as usize].iter().find(|&vertex| vertex != start && vertex != end);
+        let side = opposite.map_or(Vec3::zeros(), |&vertex| vertices[vertex as usize] - vertices[*start as usize]);
+        side - along * (along.dot(&side) / along.norm_squared())
+    };
+    let sign = if forward == other_forward { -1.0 } else { 1.0 };
+    let [n, m] = [one, other].map(|&number| normals[number as usize]);
+    (n - m * sign).norm_squared() <= FLUSH_ANGLE * FLUSH_ANGLE && sideways(one).dot(&sideways(other)) < 0.0
 }
 
 /// Number of faults of one surface that are printed one by one; a broken surface has thousands of the same kind.

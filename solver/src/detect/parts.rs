@@ -17,7 +17,7 @@ use super::{joints, narrow, periodic, rank_pairs};
 use crate::activity;
 use crate::geometry::{
     CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairRequest, PairResult, Separated,
-    cylinder_cylinder, far_walls, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_sphere,
+    cylinder_cylinder, far_walls, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_mesh, polyhedron_sphere,
     vertices_at_far_walls,
 };
 use crate::integrate::ContactConfiguration;
@@ -442,6 +442,13 @@ fn narrow_phase_pair<'a>(
         }
         return;
     }
+    if let (PosedShape::Polyhedron(p), PosedShape::Mesh(mesh)) = (&a.shape, &b.shape) {
+        match polyhedron_mesh(p, mesh, &c, &b.axes, range) {
+            Ok(found) => found.iter().for_each(|manifold| record(pair, Ok((CachedFeature::default(), manifold)))),
+            Err(gap) => record(pair, Err(Separated { n: Vec3::z(), s: gap })),
+        }
+        return;
+    }
     let found: SmallVec<[Manifold; 1]> = match (&a.shape, &b.shape) {
         // A plate is a cuboid.
         (PosedShape::Polyhedron(p), PosedShape::Polyhedron(q) | PosedShape::Plane { cuboid: q, .. }) => {
@@ -483,7 +490,7 @@ fn narrow_phase_pair<'a>(
             PosedShape::Cylinder { half_height: h, radius: r, hollow: false },
             PosedShape::Cylinder { half_height, radius, hollow: false },
         ) => cylinder_cylinder(&a.axes, [*h, *r], &c, &b.axes, [*half_height, *radius], range).into_iter().collect(),
-        // Pairs of two plates, of a hollow cylinder and a wall, or of a surface and other bodies than spheres are rejected on
+        // Pairs of two plates, of a hollow cylinder and a wall, or of a surface and cylinders or plates are rejected on
         // input if one can move.
         _ => SmallVec::new(),
     };

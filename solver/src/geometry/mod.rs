@@ -1,5 +1,5 @@
-//! Kernel: contact geometry of convex polyhedra - with each other, with spheres, plates and cylinders - and of cylinders;
-//! and the search for near pairs.
+//! Kernel: contact geometry of convex polyhedra - with each other, with spheres, plates, cylinders and triangulated walls -
+//! and of cylinders; and the search for near pairs.
 //!
 //! All lengths are relative to the centre of body A, so that precision does not depend on the distance from the origin:
 //! `c` is x_B - x_A. Normals point from B, the antagonist, to A, the candidate.
@@ -15,6 +15,7 @@
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
 //! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | contact of a polyhedron with other shapes |
 //! | `cylinders` | contact of two cylinders |
+//! | `mesh` | contact of a polyhedron with a triangulated wall |
 //! | `flush` | heights and contact along a given direction |
 //! | `outline` | the corners of the common part of two faces seen along the normal |
 //! | `triangles` | corners of the common part of two triangles, for several pairs at once |
@@ -28,6 +29,7 @@ mod flush;
 mod gjk;
 mod hollow_cylinder;
 mod manifold;
+mod mesh;
 mod near_pairs;
 mod outline;
 mod pair;
@@ -50,6 +52,7 @@ pub use manifold::{
     ContactPoint, ContactPoints, ListingRange, Manifold, NarrowPhaseMode, Separated, edge_feature, face_feature,
     vertex_feature,
 };
+pub use mesh::polyhedron_mesh;
 pub use near_pairs::{near_pairs, near_pairs_from};
 pub use plate::polyhedron_plane;
 pub use polyhedra::{PairBatch, PairRequest, PairResult, polyhedron_polyhedron};

@@ -223,7 +223,7 @@ pub(super) fn share_at_tilt(polygon: &[[f64; 3]]) -> f64 {
 
 /// Area of the part of a convex polygon where its gap, which is linear on it, is at most `max_gap` (m), m^2; for a finite
 /// `max_gap` multiplied by [`share_at_tilt`].
-fn polygon_area(corners: &[PatchCorner], max_gap: f64) -> f64 {
+pub(super) fn polygon_area(corners: &[PatchCorner], max_gap: f64) -> f64 {
     if corners.len() < 3 {
         return 0.0;
     }

@@ -226,8 +226,8 @@ fn uncomputed_pair(names: [&str; 2]) -> Option<&'static str> {
         ["DNLYC", "PLANx" | "CYLND" | "DNLYC"] | ["PLANx" | "CYLND", "DNLYC"] => Some(
             "expected no such row: a hollow cylinder has contacts with SPHER and POLYR alone; make the other a POLYR",
         ),
-        ["MESHx", other] | [other, "MESHx"] if other != "SPHER" => Some(
-            "expected no such row: a surface MESHx has contacts with SPHER alone, of which bodies may have several (SPHEb)",
+        ["MESHx", other] | [other, "MESHx"] if !["SPHER", "POLYR"].contains(&other) => Some(
+            "expected no such row: a surface MESHx has contacts with SPHER and POLYR alone; make the other a POLYR",
         ),
         _ => None,
     }
@@ -482,7 +482,8 @@ pub fn check_text(scene: &mut Scene) {
         scene.notes.push(note.into());
     }
     if scene.options.text && scene.parts.iter().any(|part| matches!(part.geometry, ContactorShape::Mesh(_))) {
-        let note = "Vloc_Rloc.OUT.k: contacts with surfaces MESHx are written as SPMSx: LMGC90 has neither";
+        let note =
+            "Vloc_Rloc.OUT.k: contacts with surfaces MESHx are written as SPMSx and PRMSx, which LMGC90 does not have";
         scene.notes.push(note.into());
     }
 }

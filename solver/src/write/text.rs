@@ -112,11 +112,12 @@ fn contactor_name(part: &BodyPart) -> &'static str {
 }
 
 /// Contact kind in LMGC90. It has none between a polyhedron and a cylinder: PRPRx is the nearest. Contacts with surfaces,
-/// which LMGC90 does not have, are SPMSx.
+/// which LMGC90 does not have, are SPMSx and PRMSx.
 fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
     match (candidate, antagonist) {
         ("PT3Dx", _) => "PTPT3",
         ("POLYR", "PLANx") => "PRPLx",
+        ("POLYR", "MESHx") => "PRMSx",
         ("POLYR", _) => "PRPRx",
         (_, "SPHER") => "SPSPx",
         ("CYLND", "PLANx") => "CDPLx",

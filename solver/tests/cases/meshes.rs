@@ -11,10 +11,10 @@ use crate::same_bits::{files, same};
 const STEP: f64 = 1.0 / 128.0;
 
 /// Vertices and triangles.
-type Triangles = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+pub type Triangles = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
 /// Squares of side `side` about the origin, `count` along x and y, each cut in two, with the height of each corner.
-fn terrain(count: u32, side: f64, mut height: impl FnMut() -> f64) -> Triangles {
+pub fn terrain(count: u32, side: f64, mut height: impl FnMut() -> f64) -> Triangles {
     let at = |k: u32| side * (f64::from(k) - 0.5 * f64::from(count));
     let mut vertices = Vec::new();
     for (i, j) in (0..=count).flat_map(|j| (0..=count).map(move |i| (i, j))) {
@@ -29,7 +29,7 @@ fn terrain(count: u32, side: f64, mut height: impl FnMut() -> f64) -> Triangles 
 }
 
 /// Right-handed axes of a wall that is turned about x and then about y.
-fn turned(about_x: f64, about_y: f64) -> [[f64; 3]; 3] {
+pub fn turned(about_x: f64, about_y: f64) -> [[f64; 3]; 3] {
     let turn = nalgebra::Rotation3::from_euler_angles(about_x, about_y, 0.0);
     [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| (turn * axis).into())
 }
@@ -227,8 +227,10 @@ fn walls_that_are_not_computed_are_rejected() {
     rejected(&case, "BODIES.DAT:11: body 2: a MESHx whose motion is not all imposed; expected vlocy lines");
 
     let mut case = sound();
-    case.law_between("POLYR", "MESHx", "IQS_CLB", &[0.3]);
-    case.block([0.5; 3], [0.0, 0.0, 2.0], AXES);
+    case.law_between("CYLND", "MESHx", "IQS_CLB", &[0.3]);
+    let cylinder = case.plate([1.0; 3], [0.0, 0.0, 2.0], AXES);
+    case.driven.retain(|driven| driven.body != cylinder);
+    case.bodies[cylinder].contactors[0].shape = ShapeRecord::Cylinder { half_height: 0.5, radius: 0.25, hollow: false };
     case.write();
     rejected(&case, "body 3, which is not all driven, and body 2; expected no such row: a surface MESHx");
 
