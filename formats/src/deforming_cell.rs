@@ -280,7 +280,8 @@ mod tests {
 
     #[test]
     fn a_reduced_cell_is_the_same_lattice_with_the_same_gradient() {
-        for span in [0.0, 1.0, -3.0, 20.0] {
+        // Times in which no period vanishes; the shear xz changes by 15 m in a second.
+        for span in [0.0, 0.5, -0.5, 1.5] {
             let before = sheared_cell().moved_by(span);
             let (after, cell) = (before.reduced_cell(), before.reduced_cell().cell());
             for axis in 0..3 {

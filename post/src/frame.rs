@@ -324,7 +324,8 @@ impl Frame {
                 };
                 let ((x, shift), (other, _)) = (position_and_shift(candidate), position_and_shift(antagonist));
                 let shared_area = shapes.as_ref().map_or(0.0, |shapes| shapes.contacts.contact_area[row]);
-                let contactors = shapes.as_ref().map_or([0; 2], |shapes| shapes.contacts.contact_rank[row]);
+                let ranks = shapes.as_ref().map(|shapes| &shapes.contacts.contact_rank);
+                let contactors = ranks.and_then(|ranks| ranks.get(row)).copied().unwrap_or_default();
                 let curvatures = [0, 1].map(|side| curvature(pair[side], contactors[side] as usize));
                 let law = contacts.contact_law[row];
                 let disc = || match laws.get(law as usize) {

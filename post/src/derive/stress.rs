@@ -292,19 +292,19 @@ mod tests {
 
     #[test]
     fn forces_through_the_upper_border_of_a_cell_count_like_others() {
-        // Two grains above each other in a cube of 4: two contacts with the force p over an area of 16.
-        for first in [[-1.0, 1.0], [1.0, 3.0], [-9.0, 9.0]] {
+        // Three grains above each other in a cube of 6, one contact through the border, wherever they are.
+        for first in [[-2.0, 0.0, 2.0], [1.0, 3.0, 5.0], [-8.0, 0.0, 8.0]] {
             let mut scene = Scene::default();
             let parameters = &mut scene.snapshot.meta.parameters;
-            (parameters.xperiode, parameters.yperiode, parameters.zperiode) = (Some(4.0), Some(4.0), Some(4.0));
+            (parameters.xperiode, parameters.yperiode, parameters.zperiode) = (Some(6.0), Some(6.0), Some(6.0));
             let grains = first.map(|z| scene.grain([0.5, 0.0, z], 1.0));
-            for (k, other) in [(0, 1), (1, 0)] {
+            for k in 0..3 {
                 let point = [0.5, 0.0, first[k] + 1.0];
-                scene.contact_at(grains[k], grains[other], point, Vec3::new(0.0, 0.0, -3.0));
+                scene.contact_at(grains[k], grains[(k + 1) % 3], point, Vec3::new(0.0, 0.0, -4.0));
             }
             let frame = scene.frame();
-            assert_close(region(&frame).stress(&frame)[(2, 2)], 2.0 * 3.0 * 2.0 / 64.0);
-            assert!(frame.grains.iter().all(|grain| grain.x.z.abs() <= 2.0));
+            assert_close(region(&frame).stress(&frame)[(2, 2)], 3.0 * 4.0 * 2.0 / 216.0);
+            assert!(frame.grains.iter().all(|grain| grain.x.z.abs() <= 3.0));
         }
     }
 
