@@ -117,7 +117,7 @@ pub enum BodySelection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum EndCondition {
-    /// No point of a free body has been faster than `speed` (m/s) for `during` (s).
+    /// No point of a free body has been faster than `speed` (m/s) for `during` (s), and no body waits to enter.
     AtRest { speed: f64, during: f64 },
     /// The centres of mass of two selections are farther from each other than `distance` (m).
     Separation { between: (BodySelection, BodySelection), distance: f64 },

@@ -12,7 +12,7 @@ use nalgebra::Matrix3;
 use self::region::ProbeRegion;
 use crate::activity;
 use crate::math::{Vec3, to_world};
-use crate::scene::{BodyId, Scene};
+use crate::scene::{BodyId, BodyPresence, Scene};
 use crate::sinks_and_sources::{BodyExchange, BodyFlow};
 use crate::state::State;
 use crate::step::StepStart;
@@ -144,7 +144,8 @@ impl Probes {
             };
             let holds = match condition {
                 EndCondition::AtRest { speed, during } => {
-                    if largest_speed(scene, state, &scene.free) > *speed {
+                    let is_any_waiting = state.presence.contains(&BodyPresence::Waiting);
+                    if is_any_waiting || largest_speed(scene, state, &scene.free) > *speed {
                         state.rest_since = None;
                     } else if state.rest_since.is_none() {
                         state.rest_since = Some(state.time - state.h);

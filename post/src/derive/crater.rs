@@ -125,7 +125,8 @@ impl OldSurface {
     /// exact, other grains have their faces.
     pub fn new(grains: &[Grain], axis: CraterAxis, reach: f64) -> Option<OldSurface> {
         let mean_radius = mean_radius(grains);
-        if !(reach > 0.0 && mean_radius > 0.0) {
+        // The first ring is a mean radius wide.
+        if !(mean_radius > 0.0 && reach >= mean_radius) {
             return None;
         }
         let grid = ColumnGrid::about_axis(axis.point, axis.normal, reach, COLUMN_WIDTH * mean_radius);
