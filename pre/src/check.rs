@@ -879,7 +879,7 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
     let grain_colours = sorted_and_distinct(scene.grains.iter().map(|grains| grains.colour.as_str()));
     let wall_colours = sorted_and_distinct(scene.walls.iter().map(SceneWall::colour));
     let all_colours = sorted_and_distinct(grain_colours.iter().chain(&wall_colours).copied());
-    let sorted =
+    let sorted_pair =
         |a: &str, b: &str| if a <= b { (a.to_string(), b.to_string()) } else { (b.to_string(), a.to_string()) };
     let mut known_pairs = Vec::new();
     for (k, contact) in scene.contacts.iter().enumerate() {
@@ -893,7 +893,7 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
                 known.report_unknown(report, &path, found, colour);
             }
         }
-        let pair = sorted(a, b);
+        let pair = sorted_pair(a, b);
         let found = format!("'{a}' and '{b}' are listed twice");
         report.require(!known_pairs.contains(&pair), &format!("{path}.between"), found, "each pair once");
         known_pairs.push(pair);
@@ -938,8 +938,8 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
         for b in grain_colours[k..].iter().chain(further_walls) {
             let is_single = a == b && has_single_body(a) && !wall_colours.contains(a);
             let are_imposed = is_imposed(scene, a) && is_imposed(scene, b);
-            if !(known_pairs.contains(&sorted(a, b)) || is_single || are_imposed) {
-                known_pairs.push(sorted(a, b));
+            if !(known_pairs.contains(&sorted_pair(a, b)) || is_single || are_imposed) {
+                known_pairs.push(sorted_pair(a, b));
                 report.add_fault(
                     "contacts",
                     format!("no law between '{a}' and '{b}'"),

@@ -123,12 +123,15 @@ fn has_name_as_word(text: &str) -> bool {
 
 /// Names of the closures of all crates.
 fn closure_names() -> Vec<String> {
-    let name = |line: &String| {
+    // The value of a long one begins on the next line.
+    let name = |[line, next]: [&str; 2]| {
         let rest = line.trim_start().strip_prefix("let ")?;
-        let (name, value) = rest.trim_start_matches("mut ").split_once(" = ")?;
+        let (name, value) = rest.trim_start_matches("mut ").split_once(" =")?;
+        let value = if value.is_empty() { next.trim_start() } else { value.trim_start() };
         value.trim_start_matches("move ").starts_with('|').then(|| name.to_string())
     };
-    lines().iter().filter_map(name).collect()
+    let lines = lines();
+    lines.windows(2).filter_map(|pair| name([&pair[0], &pair[1]])).collect()
 }
 
 /// First of the retired words in a text.

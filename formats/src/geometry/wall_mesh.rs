@@ -719,9 +719,9 @@ pub fn oriented_triangles(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Orie
             }
         }
     }
-    let oriented =
+    let coherent_triangle =
         |(&[a, b, c], turned): (&[u32; 3], Option<bool>)| if turned == Some(true) { [a, c, b] } else { [a, b, c] };
-    let mut triangles: Vec<[u32; 3]> = triangles.iter().zip(turned).map(oriented).collect();
+    let mut triangles: Vec<[u32; 3]> = triangles.iter().zip(turned).map(coherent_triangle).collect();
     let about = vertices.first().map_or(Vec3::zeros(), |&vertex| vertex.into());
     let volume = |triangle: &[u32; 3]| {
         let [a, b, c] = triangle.map(|k| Vec3::from(vertices[k as usize]) - about);

@@ -155,12 +155,12 @@ impl ExactHull<'_> {
     fn new(points: &[[i64; 3]]) -> ExactHull<'_> {
         let mut hull = ExactHull { points, faces: Vec::new() };
         let float = |k: usize| Vec3::from(points[k].map(|x| x as f64));
-        let farthest =
+        let farthest_point =
             |of: &dyn Fn(usize) -> f64| (0..points.len()).max_by(|a, b| of(*a).total_cmp(&of(*b))).unwrap_or_default();
         let a = 0;
-        let b = farthest(&|k| (float(k) - float(a)).norm());
-        let c = farthest(&|k| (float(k) - float(a)).cross(&(float(b) - float(a))).norm());
-        let d = farthest(&|k| hull.determinant(&[a, b, c], k).unsigned_abs() as f64);
+        let b = farthest_point(&|k| (float(k) - float(a)).norm());
+        let c = farthest_point(&|k| (float(k) - float(a)).cross(&(float(b) - float(a))).norm());
+        let d = farthest_point(&|k| hull.determinant(&[a, b, c], k).unsigned_abs() as f64);
         let start = if hull.determinant(&[a, b, c], d) > 0 { [a, c, b, d] } else { [a, b, c, d] };
         let [a, b, c, d] = start;
         for corners in [[a, b, c], [a, d, b], [b, d, c], [c, d, a]] {

@@ -18,13 +18,14 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use cd_formats::field::FieldModel;
 use cd_formats::wall_mesh::triangle_of;
 use vtkio::model::{
     Attribute, Attributes, ByteOrder, DataArray, DataSet, IOBuffer, PolyDataPiece, Version, VertexNumbers, Vtk,
 };
 
 use crate::derive::coordination::{contact_counts, neighbour_counts};
-use crate::derive::energy::KineticEnergy;
+use crate::derive::energy::{KineticEnergy, external_fields};
 use crate::derive::fabric::mobilised_share;
 use crate::derive::fragments::{Fragment, fragment_numbers};
 use crate::derive::motion::AggregateSums;
@@ -253,14 +254,26 @@ fn triangle_forces(frame: &Frame, wall: usize, count: usize) -> Vec<Vec3> {
     forces
 }
 
+/// Angle (degrees) between the normal of a face and the direction against uniform gravity and the fields at the middle of its
+/// first three corners; `None` where there is no acceleration.
+fn face_slope(frame: &Frame, fields: &[FieldModel], corners: [Vec3; 3]) -> Option<f64> {
+    let [a, b, c] = corners;
+    let middle = (a + b + c) / 3.0;
+    let from_fields: Vec3 = fields.iter().map(|field| field.acceleration_and_potential(&middle).0).sum();
+    let up = (-(Vec3::from(frame.meta.parameters.uniform_gravity) + from_fields)).try_normalize(0.0)?;
+    let normal = (b - a).cross(&(c - a));
+    Some(normal.cross(&up).norm().atan2(normal.dot(&up)).to_degrees())
+}
+
 /// The walls: plates as boxes, driven polyhedra and triangulated walls by their faces, driven balls as points with a radius.
 fn walls_piece(frame: &Frame) -> PolyDataPiece {
     let cell = frame.cell();
     let (mut points, mut radii, mut balls, mut faces) = (vec![], vec![], vec![], vec![]);
     // Walls of the cells.
     let (mut ball_walls, mut face_walls) = (vec![], vec![]);
-    // Forces on the faces of triangulated walls, N, and their pressures, Pa; 0 of other walls.
-    let (mut face_forces, mut face_pressures) = (vec![], vec![]);
+    // Forces on the faces of triangulated walls, N, their pressures, Pa, and slopes, degrees; 0 of other walls.
+    let (mut face_forces, mut face_pressures, mut face_slopes) = (vec![], vec![], vec![]);
+    let fields = external_fields(frame);
     for (k, wall) in frame.walls.iter().enumerate() {
         let first = points.len() as u64;
         let x = drawn_position(wall, &cell);
@@ -290,10 +303,12 @@ fn walls_piece(frame: &Frame) -> PolyDataPiece {
                 if solid.is_mesh {
                     face_forces.resize(faces.len() - polygons.len(), Vec3::zeros());
                     face_pressures.resize(faces.len() - polygons.len(), 0.0);
+                    face_slopes.resize(faces.len() - polygons.len(), Some(0.0));
                     for (face, force) in polygons.iter().zip(triangle_forces(frame, k, polygons.len())) {
                         let [a, b, c] = [0, 1, 2].map(|corner| vertices[face[corner] as usize]);
                         let doubled_area = wall.rotation * (b - a).cross(&(c - a));
                         face_forces.push(force);
+                        face_slopes.push(face_slope(frame, &fields, [a, b, c].map(|v| x + wall.rotation * v)));
                         face_pressures.push(2.0 * force.dot(&doubled_area).abs() / doubled_area.norm_squared());
                     }
                 }
@@ -315,6 +330,11 @@ fn walls_piece(frame: &Frame) -> PolyDataPiece {
         face_pressures.resize(rows.len(), 0.0);
         cell_data.push(vector_attribute("face_force", face_forces.into_iter()));
         cell_data.push(scalar_attribute("face_pressure", face_pressures));
+        if let Some(mut slopes) = face_slopes.into_iter().collect::<Option<Vec<f64>>>() {
+            slopes.splice(0..0, vec![0.0; ball_count]);
+            slopes.resize(rows.len(), 0.0);
+            cell_data.push(scalar_attribute("face_slope", slopes));
+        }
     }
     PolyDataPiece {
         points: flat_components(points.into_iter()).into(),
@@ -549,6 +569,18 @@ mod tests {
         assert_eq!((forces.len(), &forces[3..6]), (24, &[0.0, 0.0, -5.0][..]));
         assert!(forces[..3].iter().chain(&forces[6..]).all(|force| *force == 0.0));
         assert_eq!(values("face_pressure")[..2], [0.0, 5.0]);
+        // The faces look up: without gravity they have no slope, with gravity along x and -z one of 45 degrees.
+        let is_slope =
+            |attribute: &Attribute| matches!(attribute, Attribute::DataArray(array) if array.name == "face_slope");
+        assert!(!cells.iter().any(is_slope));
+        frame.meta.parameters.uniform_gravity = [1.0, 0.0, -1.0];
+        let cells = walls_piece(&frame).data.cell;
+        let slopes = cells.iter().find_map(|attribute| match attribute {
+            Attribute::DataArray(array) if array.name == "face_slope" => array.data.clone().into_vec::<f64>(),
+            _ => None,
+        });
+        let slopes = slopes.unwrap();
+        assert!(slopes[..2].iter().all(|slope| (slope - 45.0).abs() < 1e-12) && slopes[2..] == [0.0; 6]);
     }
 
     #[test]

@@ -93,10 +93,10 @@ impl ContactPatch {
     /// in the middle, and a corner that is hardly cut off appears twice. The deepest corner is kept.
     fn drop_flat_corners(&self, order: &mut SmallVec<[u32; 12]>, tie: f64) {
         let flat_position = |k: u32| self.corners[k as usize].flat;
-        let between =
+        let side_vector =
             |a: u32, b: u32| [flat_position(b)[0] - flat_position(a)[0], flat_position(b)[1] - flat_position(a)[1]];
         let length = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
-        let size = order.iter().map(|&k| length(between(order[0], k))).fold(0.0, f64::max);
+        let size = order.iter().map(|&k| length(side_vector(order[0], k))).fold(0.0, f64::max);
         let gap = |k: u32| self.corners[k as usize].gap;
         let outline = convex_order(&self.corners);
         let (corner_count, mut count) = (outline.len(), outline.len());
@@ -116,9 +116,9 @@ impl ContactPatch {
                 next = next_index(next);
             }
             let (previous_corner, next_corner) = (outline[previous], outline[next]);
-            let side = between(previous_corner, next_corner);
+            let side = side_vector(previous_corner, next_corner);
             let stands_out = |k: u32| {
-                let next = between(previous_corner, k);
+                let next = side_vector(previous_corner, k);
                 (side[0] * next[1] - side[1] * next[0]).abs() > FLAT_CORNER_HEIGHT * size * length(side)
             };
             let mut within = std::iter::successors(Some(next_index(previous)), |&index| Some(next_index(index)))

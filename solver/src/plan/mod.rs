@@ -148,10 +148,10 @@ fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, mean_velocity: &Vec3,
             parts.map(|part| part.offset.norm() + part.bounding_radius).fold(0.0, f64::max)
         }
     };
-    let imposed =
+    let velocity_change =
         |k: usize, from: f64| drive.velocity[k].as_ref().map_or(0.0, |value| value.max_difference(from, times));
-    let speed = Vec3::from_fn(|k, _| imposed(k, mean_velocity[k])).norm();
-    let spin = Vec3::from_fn(|k, _| imposed(3 + k, 0.0)).norm();
+    let speed = Vec3::from_fn(|k, _| velocity_change(k, mean_velocity[k])).norm();
+    let spin = Vec3::from_fn(|k, _| velocity_change(3 + k, 0.0)).norm();
     speed + spin * reach
 }
 
