@@ -183,13 +183,13 @@ impl FieldModel {
         let points: Vec<Vec3> = x.iter().map(to_shape).collect();
         let mut values = shape.attractions_and_potentials(&points);
         for ((x, point), (attraction, potential)) in x.iter().zip(&points).zip(&mut values) {
-            let turned = |vector: Vec3| rotation.map_or(vector, |rotation| rotation * vector) * *strength;
+            let to_world = |vector: Vec3| rotation.map_or(vector, |rotation| rotation * vector) * *strength;
             *attraction = match falling {
                 Some(falling) => {
                     tide(strength * shape.volume(), &(falling - position), &(x - falling))
-                        + turned(shape.attraction_of_shape(point, attraction))
+                        + to_world(shape.attraction_of_shape(point, attraction))
                 }
-                None => turned(*attraction),
+                None => to_world(*attraction),
             };
             *potential = if self.is_moving() { 0.0 } else { *potential * strength };
         }

@@ -491,16 +491,16 @@ impl State {
 
     /// Whether every number of the bodies and of the ledger is finite.
     pub fn is_finite(&self) -> bool {
-        let finite =
+        let are_finite =
             |vectors: &[Vec3]| vectors.par_iter().with_min_len(PAR_MIN_LEN).all(|v| v.iter().all(|x| x.is_finite()));
         let Ledger { energy_start, contact_work, friction_work, outside_work, momentum_scale, .. } = self.ledger;
         let sums = [energy_start, contact_work, friction_work, outside_work, momentum_scale];
         let momenta = [self.ledger.momentum_expected, self.ledger.angular_momentum_expected];
         self.cell.is_none_or(|cell| cell.is_sound())
-            && finite(&self.x)
-            && finite(&self.v)
-            && finite(&self.w)
-            && finite(&self.angular_momentum)
+            && are_finite(&self.x)
+            && are_finite(&self.v)
+            && are_finite(&self.w)
+            && are_finite(&self.angular_momentum)
             && self.q.par_iter().with_min_len(PAR_MIN_LEN).all(|q| q.coords.iter().all(|x| x.is_finite()))
             && sums.iter().chain(momenta.iter().flatten()).all(|x| x.is_finite())
     }

@@ -4,6 +4,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
 
 use cd_tests::case::{Case, pre};
 use tempfile::TempDir;
@@ -17,15 +18,26 @@ fn folders() -> Vec<PathBuf> {
     fs::read_dir(examples()).unwrap().flatten().map(|entry| entry.path()).filter(|path| path.is_dir()).collect()
 }
 
+/// Folder of each example, with the surfaces that its scenes name and that are not in the repository: its Makefile makes them
+/// before all targets.
+fn folders_with_surfaces() -> &'static [PathBuf] {
+    static FOLDERS: OnceLock<Vec<PathBuf>> = OnceLock::new();
+    FOLDERS.get_or_init(|| {
+        let folders = folders();
+        for folder in &folders {
+            assert!(Command::new("make").arg("-C").arg(folder).arg("help").output().unwrap().status.success());
+        }
+        folders
+    })
+}
+
 #[test]
 fn scenes_are_accepted_and_begin_to_run() {
     let mut count = 0;
-    for folder in folders() {
+    for folder in folders_with_surfaces() {
         for name in ["scene.ron", "Makefile", "README.md"] {
             assert!(folder.join(name).is_file(), "no {name} in {}", folder.display());
         }
-        // Makefiles make the surfaces that a scene names and that are not in the folder, before all targets.
-        assert!(Command::new("make").arg("-C").arg(&folder).arg("help").output().unwrap().status.success());
         let case = Case::empty();
         assert_eq!(pre(&folder.join("scene.ron"), case.path()), 0, "cd-pre rejected the scene of {}", folder.display());
         case.solved(&["--steps", "2"]);
@@ -40,7 +52,9 @@ fn studies_are_accepted() {
     // One of the many seeds.
     let one_seed = ["--set", "groups.1.seeds=[101]", "--set", "groups.2.seeds=[101]"];
     let names = [("study.ron", &[][..]), ("fluid.ron", &[]), ("many.ron", &one_seed)];
-    for (study, flags) in folders().iter().flat_map(|folder| names.map(|(name, flags)| (folder.join(name), flags))) {
+    for (study, flags) in
+        folders_with_surfaces().iter().flat_map(|folder| names.map(|(name, flags)| (folder.join(name), flags)))
+    {
         if study.is_file() {
             let output = tempfile::tempdir().unwrap();
             let words =

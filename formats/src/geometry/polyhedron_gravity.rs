@@ -204,7 +204,7 @@ impl PolyhedronGravity {
         let is_far = distances.map(|distance| distance * MAX_FAR_RATIO > self.extent);
         let size = libm::cbrt(self.volume);
         let reach_factors = distances.map(|distance| distance.max(size) / size);
-        // Index of the node at which each point goes on.
+        // Index of the node at which each point continues.
         let mut resumes: [u64; N] = is_far.map(|far| if far { u64::MAX } else { 0 });
         let mut k = 0;
         while let Some(node) = self.nodes.get(k) {
