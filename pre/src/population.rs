@@ -82,12 +82,13 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
     // Grains of a packing that fills a period touch images across it: their centres are within the period.
     let fills_period =
         |group: usize, axis: usize| placement::filled_periods(&scene.grains[group], periods)[axis].is_some();
-    let groups_across: Vec<[bool; 3]> =
-        (0..scene.grains.len()).map(|group| [0, 1, 2].map(|axis| fills_period(group, axis))).collect();
-    for axis in 0..3 {
+    // Whether each group fills the period, by axes.
+    let groups_across: [Vec<bool>; 3] =
+        [0, 1, 2].map(|axis| (0..scene.grains.len()).map(|group| fills_period(group, axis)).collect());
+    for (axis, is_across) in groups_across.iter().enumerate() {
         let balls = population.grains.iter().map(|grain| {
-            let is_across = groups_across[grain.group][axis];
-            (grain.position, if is_across { 0.0 } else { grain.reach })
+            let reach = if is_across[grain.group] { 0.0 } else { grain.reach };
+            (grain.position, reach)
         });
         check_extent_along(&scene.compute, axis, balls, report);
     }

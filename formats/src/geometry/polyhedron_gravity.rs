@@ -436,7 +436,7 @@ impl LayerMoments {
 /// Source: J. Radon, Zur mechanischen Kubatur (1948).
 const CUBATURE: [[f64; 3]; 7] = {
     let (near, far) = (0.101_286_507_323_456_34, 0.470_142_064_105_115_1);
-    let (near_weight, far_weight) = (0.125_939_180_544_827_15, 0.132_394_152_788_506_18);
+    let (near_weight, far_weight) = (0.125_939_180_544_827_15, 0.132_394_152_788_506_2);
     let third = 1.0 / 3.0;
     [
         [third, third, 0.225],

@@ -579,14 +579,15 @@ impl<'a> MeshSearch<'a> {
 
 /// Keeps of points with the same features along several directions that with the smallest gap.
 fn drop_repeated_points(manifolds: &mut SmallVec<[Manifold; 2]>) {
-    let all: SmallVec<[(usize, (u32, u32), f64); 16]> = (0..)
+    // Points with the numbers of their directions.
+    let all: SmallVec<[(usize, ContactPoint); 16]> = (0..)
         .zip(manifolds.iter())
-        .flat_map(|(k, manifold)| manifold.points.iter().map(move |point| (k, point.features, point.gap)))
+        .flat_map(|(k, manifold)| manifold.points.iter().map(move |point| (k, *point)))
         .collect();
     for (k, manifold) in manifolds.iter_mut().enumerate() {
         manifold.points.retain(|point| {
-            let is_nearer = |(other, features, gap): &(usize, (u32, u32), f64)| {
-                *features == point.features && *other != k && (*gap, *other) < (point.gap, k)
+            let is_nearer = |(other, known): &(usize, ContactPoint)| {
+                known.features == point.features && *other != k && (known.gap, *other) < (point.gap, k)
             };
             !all.iter().any(is_nearer)
         });
