@@ -54,6 +54,7 @@ impl<'a> TravelBounds<'a> {
 
     /// Relative displacement of two points at the distance `branch` from each other by the affine field of a deforming cell,
     /// m.
+    #[inline]
     pub fn affine_path(&self, branch: &Vec3) -> Vec3 {
         self.strain.map_or(Vec3::zeros(), |strain| strain * branch)
     }
