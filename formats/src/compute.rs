@@ -212,7 +212,7 @@ impl ExternalField {
                 match orbit {
                     _ if !sound => Some("the name of a file, scale and density > 0, finite position and rate"),
                     Some(_) if *position != [0.0; 3] => Some("either position or orbit"),
-                    // Of the mass only the sign matters here.
+                    // The mass is known with the surface only; its sign is that of the density.
                     Some(orbit) => orbit.invalid_value(gravity_constant * density),
                     None => None,
                 }

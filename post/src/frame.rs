@@ -556,7 +556,7 @@ mod tests {
         assert_eq!(frame.walls.len(), 2);
     }
 
-    /// Of a clump the ball in contact counts: π R², 1/R = 1/r_a + 1/r_b.
+    /// Discs of bonds have the radius of the balls in contact, also in clumps: π R², 1/R = 1/r_a + 1/r_b.
     #[test]
     fn the_area_of_a_contact_of_clumps_is_that_of_their_balls() {
         let mut scene = Scene::default();

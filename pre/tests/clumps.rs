@@ -11,7 +11,7 @@ use cd_formats::scan::AsciiText;
 use cd_pre::write;
 use nalgebra::{Matrix3, Vector3};
 
-/// A scene of one body of grains, with the given fields.
+/// A scene of one group of grains, with the given fields.
 fn scene(fields: &str) -> String {
     format!(
         r#"(

@@ -84,7 +84,7 @@ pub fn inscribed_balls(surface: &Surface, max_balls: usize, max_error: f64) -> O
     while balls.len() < max_balls {
         let gain = |bits: &Vec<u64>| bits.iter().zip(&uncovered).map(|(a, b)| (a & b).count_ones()).sum::<u32>();
         let gains: Vec<u32> = covered_points.par_iter().map(gain).collect();
-        // Of equal ones the first.
+        // The first of equal ones is taken.
         let Some((best, _)) =
             gains.iter().enumerate().rev().max_by_key(|(_, gain)| **gain).filter(|(_, gain)| **gain > 0)
         else {

@@ -424,7 +424,7 @@ impl<'a> MeshSearch<'a> {
             let new = (PatchCorner { point: point.into(), flat: [x, y], gap, features }, is_real);
             match found.iter_mut().find(|(corner, _)| corner.is_near([x, y], self.size)) {
                 None => found.push(new),
-                // Of a triangle that is seen as a line, the nearer edge touches.
+                // The nearer edge of a triangle that is seen as a line touches.
                 Some(known) if gap < known.0.gap - self.tie() => *known = new,
                 Some(_) => {}
             }
@@ -532,7 +532,7 @@ impl<'a> MeshSearch<'a> {
             .filter(|found| !found.points.is_empty())
             .collect();
         if found.is_empty() {
-            // Of bodies that overlap, one point at least separates them.
+            // One point at least separates bodies that overlap.
             return self.deepest_point(triangles).into_iter().collect();
         }
         if found.len() > 1 {
