@@ -61,6 +61,7 @@ pub mod from_outbox;
 pub mod grain;
 pub mod motion;
 mod orbits;
+mod overlaps;
 pub mod parse;
 pub mod particles;
 pub mod placement;

@@ -1,7 +1,6 @@
 //! Makes the bodies of a scene, grains and walls with their initial motion, and checks that they do not overlap and that the
 //! files can hold their numbers.
 
-use std::cell::OnceCell;
 use std::path::Path;
 
 use cd_formats::bodies::ShapeRecord;
@@ -12,22 +11,17 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::grain::{Grain, Population};
+use crate::overlaps::{Obstacles, ShapedGrain, TOUCHING_TOLERANCE};
 use crate::particles::{self, ParticleState};
 use crate::placement::cells::SphereGrid;
 use crate::placement::{self, PlacedGrains, PlacementInput};
 use crate::random::{RandomStream, StreamPurpose};
 use crate::scene::{GrainPlacement, Grains, Scene, TimeFunction};
-use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::shapes::read::report_file_faults;
-use crate::shapes::union::ClumpBall;
 use crate::shapes::{GrainSampler, SampledGrain, ShapeError};
 use crate::sizes::MAX_BODIES;
 use crate::sphere::sphere_volume;
 use crate::{check, motion, orbits, walls, write};
-
-/// Largest overlap of touching bodies, divided by the smaller radius: rounding to 8 digits of a contact that the user
-/// has computed by hand.
-const TOUCHING_TOLERANCE: f64 = 1e-6;
 
 /// Largest number of overlaps that are reported one by one.
 const MAX_REPORTED_OVERLAPS: usize = 5;
@@ -39,6 +33,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
     let walls = walls::wall_bodies(&scene.walls, folder, report);
     let mut population = Population { grains: Vec::new(), walls, regions: Vec::new(), file_summaries: Vec::new() };
     let periods = scene.compute.periods();
+    let shifts = image_shifts(scene);
     for (group, grains) in scene.grains.iter().enumerate() {
         let shapes = GrainSampler::from_grains(grains, folder, scene.seed, group);
         let shapes = shapes.map_err(|error| match error {
@@ -54,7 +49,15 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
             continue;
         };
         let (region, file_summary) = region.map_or((None, String::new()), |(region, summary)| (Some(region), summary));
-        let input = PlacementInput { region, particles, periods };
+        // A group on an orbit gets its position later.
+        let may_overlap = |grain: &&Grain| scene.grains[grain.group].placement.allows_overlap();
+        let fixed: Vec<&Grain> = population.grains.iter().filter(|grain| !may_overlap(grain)).collect();
+        let obstacles = grains
+            .orbit
+            .is_none()
+            .then(|| Obstacles::new(fixed, &population.walls, &scene.compute, &shifts))
+            .filter(|obstacles| !obstacles.is_empty());
+        let input = PlacementInput { region, particles, periods, obstacles };
         match placement::place_grains(grains, &mut shapes, input, scene.seed, group) {
             Ok(placed) => {
                 let is_single = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
@@ -304,58 +307,8 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
     }
 }
 
-/// Checks that no two grains, and no grain and wall, overlap, unless a List allows it.
-fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultReport) {
-    let grains = &population.grains;
-    let may_overlap: Vec<bool> = scene.grains.iter().map(|grains| grains.placement.allows_overlap()).collect();
-    let group_starts: Vec<usize> =
-        (0..scene.grains.len()).map(|group| grains.partition_point(|grain| grain.group < group)).collect();
-    let name = |k: usize| format!("grain {} of grains {}", k + 1 - group_starts[grains[k].group], grains[k].group + 1);
-    // Index of the first grain, and text, of each overlap.
-    let mut overlaps: Vec<(usize, String)> = Vec::new();
-    // Pieces are made once, and only for grains that are near another.
-    let piece_cache: Vec<OnceCell<Vec<ConvexPiece>>> = vec![OnceCell::new(); grains.len()];
-    let pieces = |k: usize| piece_cache[k].get_or_init(|| grains[k].convex_pieces()).as_slice();
-    // Penetration of the balls of a grain, moved by `shift`, into a polyhedron, m.
-    let overlap_with_balls = |polyhedron: usize, other: usize, shift: Vector3<f64>| {
-        let overlap = |ball: ClumpBall, piece: &ConvexPiece| piece.overlap_of_ball(&(ball.centre + shift), ball.radius);
-        let ball_overlap = |ball| pieces(polyhedron).iter().map(|piece| overlap(ball, piece)).fold(0.0, f64::max);
-        grains[other].balls().into_iter().map(ball_overlap).fold(0.0, f64::max)
-    };
-    // Penetration of two grains, m, whose bounding balls overlap by `overlap`, the first one moved by `shift`.
-    let penetration =
-        |a: usize, b: usize, shift: Vector3<f64>, overlap: f64| match [a, b].map(|k| grains[k].polyhedron.is_some()) {
-            [false, false] if grains[a].is_sphere() && grains[b].is_sphere() => overlap,
-            [false, false] => {
-                let (first, second) = (grains[a].balls(), grains[b].balls());
-                let pairs = first.iter().flat_map(|one| second.iter().map(move |other| (one, other)));
-                let overlap = |(one, other): (&ClumpBall, &ClumpBall)| {
-                    one.radius + other.radius - (one.centre + shift - other.centre).norm()
-                };
-                pairs.map(overlap).fold(0.0, f64::max)
-            }
-            [true, false] => overlap_with_balls(a, b, -shift),
-            [false, true] => overlap_with_balls(b, a, shift),
-            [true, true] => {
-                let allowed = TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius);
-                if shift == Vector3::zeros() {
-                    return deepest_overlap(pieces(a), pieces(b), allowed);
-                }
-                let mut moved = pieces(a).to_vec();
-                moved.iter_mut().for_each(|piece| piece.centre += shift);
-                deepest_overlap(&moved, pieces(b), allowed)
-            }
-        };
-
-    let mut order: Vec<usize> = (0..grains.len()).collect();
-    order.par_sort_unstable_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
-    let mut cells = SphereGrid::new(order.first().map_or(1.0, |&k| grains[k].reach));
-    let mut numbers = vec![0; grains.len()];
-    for (number, &k) in order.iter().enumerate() {
-        cells.add(grains[k].position, grains[k].reach);
-        numbers[k] = number;
-    }
-    // Shifts to the images that grains can overlap: none where all grains fit within a period.
+/// Shifts, m, to the periodic images that grains can overlap: none where all grains fit within a period.
+fn image_shifts(scene: &Scene) -> Vec<Vector3<f64>> {
     let periods = scene.compute.periods();
     let mut shifts = vec![Vector3::zeros()];
     for axis in 0..3 {
@@ -365,6 +318,28 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
             shifts = shifts.iter().flat_map(|shift| [*shift, shift + unit, shift - unit]).collect();
         }
     }
+    shifts
+}
+
+/// Checks that no two grains, and no grain and wall, overlap, unless a List allows it.
+fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultReport) {
+    let grains = &population.grains;
+    let may_overlap: Vec<bool> = scene.grains.iter().map(|grains| grains.placement.allows_overlap()).collect();
+    let group_starts: Vec<usize> =
+        (0..scene.grains.len()).map(|group| grains.partition_point(|grain| grain.group < group)).collect();
+    let name = |k: usize| format!("grain {} of grains {}", k + 1 - group_starts[grains[k].group], grains[k].group + 1);
+    // Index of the first grain, and text, of each overlap.
+    let mut overlaps: Vec<(usize, String)> = Vec::new();
+    let shaped: Vec<ShapedGrain> = grains.iter().map(ShapedGrain::new).collect();
+    let mut order: Vec<usize> = (0..grains.len()).collect();
+    order.par_sort_unstable_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
+    let mut cells = SphereGrid::new(order.first().map_or(1.0, |&k| grains[k].reach));
+    let mut numbers = vec![0; grains.len()];
+    for (number, &k) in order.iter().enumerate() {
+        cells.add(grains[k].position, grains[k].reach);
+        numbers[k] = number;
+    }
+    let shifts = image_shifts(scene);
     // Grains whose bounding balls overlap, the smaller first, and its shift. Neighbours in the list of grains are mostly near in
     // space.
     let first_overlap = |(k, grain): (usize, &Grain)| {
@@ -383,27 +358,14 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         grains.par_iter().enumerate().flat_map_iter(first_overlap).collect();
     for (k, other, shift, overlap) in near {
         let (a, b) = (k.min(other), k.max(other));
-        let overlap = penetration(k, other, shift, overlap);
+        let overlap = shaped[k].overlap_with(&shaped[other], shift, overlap);
         if overlap > TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius) {
             overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b))));
         }
     }
     for (k, grain) in grains.iter().enumerate() {
         for wall in population.walls.iter().filter(|_| !may_overlap[grain.group]) {
-            let image_overlap = |shift: Vector3<f64>| {
-                let overlap = wall.ball_overlap(&(grain.position - shift), grain.reach);
-                if overlap <= TOUCHING_TOLERANCE * grain.radius || grain.is_sphere() {
-                    return overlap;
-                }
-                if grain.clump.is_some() {
-                    let balls = grain.balls().into_iter();
-                    let overlaps = balls.map(|ball| wall.ball_overlap(&(ball.centre - shift), ball.radius));
-                    return overlaps.fold(f64::NEG_INFINITY, f64::max);
-                }
-                wall.pieces_overlap(pieces(k), &shift, TOUCHING_TOLERANCE * grain.radius)
-            };
-            let shifts = nearest_images(&scene.compute, &(grain.position - wall.centre));
-            let overlap = shifts.into_iter().map(image_overlap).fold(f64::NEG_INFINITY, f64::max);
+            let overlap = shaped[k].overlap_with_wall(wall, &scene.compute);
             if overlap > TOUCHING_TOLERANCE * grain.radius {
                 overlaps.push((k, format!("{} and wall {} overlap by {overlap:.3e} m", name(k), wall.wall + 1)));
             }

@@ -65,6 +65,36 @@ fn rocks_whose_balls_do_not_fit_are_placed_by_their_shapes() {
     assert!(faults.contains("tries found no free position for the next by its shape; expected"), "{faults}");
 }
 
+/// A cube in the middle, a sphere next to it and an inclined plate through the envelope; the positions are checked for overlaps
+/// by the reader. Without obstacles the same grains are elsewhere.
+#[test]
+fn grains_are_placed_around_walls_and_the_groups_before() {
+    let list = |positions: &str| format!("placement: List(positions: [{positions}])");
+    let next = "), (material: \"ROCKx\", colour: \"BLUEx\"";
+    let obstacles = format!(
+        "shape: Cube, sizes: Single(1.2), {}{next}, sizes: Single(0.8), {}{next}, ",
+        list("(0, 0, 0)"),
+        list("(2.6, 0, 0)")
+    );
+    let wall = "walls: [Plate(material: \"ROCKx\", colour: \"BLUEx\", centre: (0, 0, -2), normal: (1, 0, 3), \
+                half_lengths: (9, 9, 0.2))],";
+    for grains in [
+        "number: 150, sizes: Single(0.4)".to_string(),
+        format!("number: 60, {}", ROCKS.replace("0.2", "0.3")),
+        "number: 30, shape: Clump([(0, 0, 0, 0.4), (0.5, 0, 0, 0.3)])".to_string(),
+    ] {
+        let grains = format!("{grains}, placement: RandomSequential(envelope: Box(lengths: (6, 6, 6)))");
+        let around = scene(&format!("{obstacles}{grains}"), wall);
+        let alone = placed(&scene(&grains, ""));
+        let population = placed(&around);
+        assert_eq!(population.grains.len(), alone.grains.len() + 2);
+        let is_in_cube = |grain: &cd_pre::grain::Grain| grain.position.norm() < 0.9; // half of its edge is 0.97 m
+        assert!(alone.grains.iter().any(is_in_cube), "{grains}: the cube is in no grain's place");
+        assert_eq!(population.grains.iter().filter(|grain| is_in_cube(grain)).count(), 1, "{grains}");
+        assert_eq!(placed(&around), population);
+    }
+}
+
 #[test]
 fn dense_packings_fill_every_envelope() {
     for (envelope, amount, nu) in [

@@ -27,6 +27,8 @@ use std::sync::Arc;
 use cd_formats::names::number_text;
 use nalgebra::{Matrix3, Vector3};
 
+use crate::grain::Grain;
+use crate::overlaps::Obstacles;
 use crate::particles::ParticleState;
 use crate::random::{RandomStream, StreamPurpose};
 use crate::rotation::rotation_matrix;
@@ -64,14 +66,16 @@ pub struct GrainMotion {
 }
 
 /// Data of files and options by which a group of grains is placed.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct PlacementInput {
+#[derive(Debug, Clone, Default)]
+pub struct PlacementInput<'a> {
     /// Region of the envelope, if there is one.
     pub region: Option<GrainRegion>,
     /// Particles of the placement `File`.
     pub particles: Option<ParticleState>,
     /// Periods of the scene along x, y and z, m.
     pub periods: [Option<f64>; 3],
+    /// Bodies around which `RandomSequential` places grains.
+    pub obstacles: Option<Obstacles<'a>>,
 }
 
 /// Grains that do not fit: the value found and the value expected.
@@ -116,7 +120,7 @@ impl PlacementError {
 pub fn place_grains(
     grains: &Grains,
     shapes: &mut GrainSampler,
-    PlacementInput { region, particles, periods }: PlacementInput,
+    PlacementInput { region, particles, periods, obstacles }: PlacementInput,
     seed: u64,
     group: usize,
 ) -> Result<PlacedGrains, PlacementError> {
@@ -214,7 +218,14 @@ pub fn place_grains(
         GrainPlacement::DensePacking { .. } => {
             dense_packing(&PackingCell { region: &region, periods }, &mut drawn, margin, &mut random)
         }
-        _ => random_sequential(&region, &mut drawn, &rotation, margin, &mut random),
+        _ => {
+            let search = obstacles.map(|obstacles| obstacles.into_search(largest_reach(&drawn)));
+            let is_clear = |grain: &SampledGrain, local: &Vector3<f64>| {
+                let position = rounded_point(rotation * local + centre);
+                search.as_ref().is_none_or(|search| search.is_clear(&grain_at(grain, position)))
+            };
+            random_sequential(&region, &mut drawn, &rotation, margin, &is_clear, &mut random)
+        }
     };
     // A margin that is a tenth of the grains or more may be the reason why they do not fit.
     let positions = positions
@@ -323,6 +334,21 @@ fn expect_smaller(region: &GrainRegion, grains: &[SampledGrain]) -> Result<(), P
     }
 }
 
+/// Grain of density 1 at rest at `position`, m.
+fn grain_at(sampled: &SampledGrain, position: Vector3<f64>) -> Grain {
+    Grain {
+        group: 0,
+        radius: sampled.radius,
+        reach: sampled.reach,
+        polyhedron: sampled.polyhedron.clone(),
+        clump: sampled.clump.clone(),
+        mass: sampled.volume(),
+        position,
+        velocity: Vector3::zeros(),
+        spin: Vector3::zeros(),
+    }
+}
+
 /// Radius of the largest bounding ball, m.
 fn largest_reach(grains: &[SampledGrain]) -> f64 {
     grains.iter().map(|grain| grain.reach).fold(0.0, f64::max)
@@ -355,12 +381,14 @@ fn jittered_lattice(
 }
 
 /// Places grains by falling size; reorders the grains like the returned positions. `rotation` turns the axes of the region
-/// into the fixed ones, in which the grains have their orientations.
+/// into the fixed ones, in which the grains have their orientations. `is_clear`: whether a grain at a position in the region
+/// overlaps no other body.
 fn random_sequential(
     region: &GrainRegion,
     grains: &mut Vec<SampledGrain>,
     rotation: &Matrix3<f64>,
     margin: f64,
+    is_clear: &dyn Fn(&SampledGrain, &Vector3<f64>) -> bool,
     random: &mut RandomStream,
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     grains.sort_by(|a, b| b.reach.total_cmp(&a.reach));
@@ -372,6 +400,7 @@ fn random_sequential(
         radii: &padded_radii,
         margin,
         shape: shape.as_ref().map(|shape| shape as &dyn Fn(usize) -> GrainHulls),
+        is_clear: &|k, position| is_clear(&grains[k], position),
     };
     let kind_of_tries = if sequence.shape.is_some() { " by its shape" } else { "" };
     let centres = sequential::place_one_by_one(region, &sequence, random).map_err(|placed| PlacementError {

@@ -19,6 +19,8 @@ pub struct SequentialGrains<'a> {
     pub margin: f64,
     /// Shape of the polyhedron of an index, about the origin; none for spheres.
     pub shape: Option<&'a dyn Fn(usize) -> GrainHulls>,
+    /// Whether the grain of an index at a position overlaps no body that was placed before.
+    pub is_clear: &'a dyn Fn(usize, &Vector3<f64>) -> bool,
 }
 
 /// Places grains without overlap and completely in the region; returns their centres, m.
@@ -41,9 +43,11 @@ pub fn place_one_by_one(
         let mut position = None;
         if hulls.is_none() {
             let range = halves.map(|half| (half - radius).max(0.0));
-            position = (0..MAX_ATTEMPTS)
-                .map(|_| random.point_in_cube().component_mul(&range))
-                .find(|position| region.contains_ball(position, radius) && cells.is_free(position, radius));
+            position = (0..MAX_ATTEMPTS).map(|_| random.point_in_cube().component_mul(&range)).find(|position| {
+                region.contains_ball(position, radius)
+                    && cells.is_free(position, radius)
+                    && (grains.is_clear)(k, position)
+            });
         }
         if position.is_none()
             && let Some(shape) = grains.shape
@@ -55,7 +59,8 @@ pub fn place_one_by_one(
             };
             let placed = hulls.get_or_insert_with(|| centres.iter().enumerate().map(shape_at).collect());
             let mut own = shape(k);
-            position = free_position(region, &mut own, radius, grains.margin, &cells, placed, random);
+            let is_clear = |position: &Vector3<f64>| (grains.is_clear)(k, position);
+            position = free_position(region, &mut own, (radius, grains.margin), &cells, placed, &is_clear, random);
             placed.push(own);
         }
         let Some(position) = position else { return Err(centres.len()) };
@@ -65,15 +70,15 @@ pub fn place_one_by_one(
     Ok(centres)
 }
 
-/// Moves the polyhedron `own`, whose ball has this radius, m, to a random position in the region at which it overlaps
-/// none of those `placed`; returns the position.
+/// Moves the polyhedron `own`, whose ball has this radius, m, to a random position in the region, a margin (m) from its
+/// boundary, at which it overlaps none of those `placed` and `is_clear` of others; returns the position.
 fn free_position(
     region: &GrainRegion,
     own: &mut GrainHulls,
-    radius: f64,
-    margin: f64,
+    (radius, margin): (f64, f64),
     cells: &SphereGrid,
     placed: &[GrainHulls],
+    is_clear: &dyn Fn(&Vector3<f64>) -> bool,
     random: &mut RandomStream,
 ) -> Option<Vector3<f64>> {
     let halves = region.half_extents();
@@ -90,7 +95,7 @@ fn free_position(
             cells.for_each_overlap(position, radius, |number, _| {
                 is_free = is_free && own.is_apart_from(&placed[number], margin);
             });
-            is_free && own.lies_in(region, margin)
+            is_free && own.lies_in(region, margin) && is_clear(position)
         })
 }
 
@@ -103,7 +108,7 @@ mod tests {
     fn equal_spheres_reach_a_solid_fraction_of_030_but_not_040() {
         let radii = |share: f64| vec![1.0; (share * 1000.0) as usize]; // in a ball of radius 10
         let place = |share| {
-            let grains = SequentialGrains { radii: &radii(share), margin: 0.0, shape: None };
+            let grains = SequentialGrains { radii: &radii(share), margin: 0.0, shape: None, is_clear: &|_, _| true };
             place_one_by_one(&GrainRegion::Ball(10.0), &grains, &mut RandomStream::new(2, 0, StreamPurpose::Positions))
         };
         assert!(place(0.28).is_ok());

@@ -1,0 +1,158 @@
+//! Overlaps of grains with each other and with walls, as the files hold them.
+
+use std::cell::OnceCell;
+
+use cd_formats::compute::Compute;
+use nalgebra::Vector3;
+
+use crate::grain::Grain;
+use crate::placement::cells::SphereGrid;
+use crate::population::nearest_images;
+use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
+use crate::shapes::union::ClumpBall;
+use crate::walls::WallBody;
+
+/// Largest overlap of touching bodies, divided by the smaller radius: rounding to 8 digits of a contact that the user
+/// has computed by hand.
+pub(crate) const TOUCHING_TOLERANCE: f64 = 1e-6;
+
+/// Grain with the convex pieces of its shape, which are made once, and only for grains that are near another body.
+#[derive(Debug, Clone)]
+pub(crate) struct ShapedGrain<'a> {
+    pub grain: &'a Grain,
+    pieces: OnceCell<Vec<ConvexPiece>>,
+}
+
+impl<'a> ShapedGrain<'a> {
+    /// Grain whose pieces are not made yet.
+    pub fn new(grain: &'a Grain) -> Self {
+        ShapedGrain { grain, pieces: OnceCell::new() }
+    }
+
+    /// Convex pieces of a polyhedron at its position.
+    fn pieces(&self) -> &[ConvexPiece] {
+        self.pieces.get_or_init(|| self.grain.convex_pieces())
+    }
+
+    /// Penetration of the balls of `other`, moved by `shift`, into this polyhedron, m.
+    fn overlap_with_balls(&self, other: &Grain, shift: Vector3<f64>) -> f64 {
+        let overlap = |ball: ClumpBall, piece: &ConvexPiece| piece.overlap_of_ball(&(ball.centre + shift), ball.radius);
+        let ball_overlap = |ball| self.pieces().iter().map(|piece| overlap(ball, piece)).fold(0.0, f64::max);
+        other.balls().into_iter().map(ball_overlap).fold(0.0, f64::max)
+    }
+
+    /// Penetration, m, of this grain, moved by `shift`, and another one whose bounding ball it overlaps by `ball_overlap`; if it
+    /// is at most that of touching grains, any such value may be returned.
+    pub fn overlap_with(&self, other: &ShapedGrain, shift: Vector3<f64>, ball_overlap: f64) -> f64 {
+        let (a, b) = (self.grain, other.grain);
+        match [a, b].map(|grain| grain.polyhedron.is_some()) {
+            [false, false] if a.is_sphere() && b.is_sphere() => ball_overlap,
+            [false, false] => {
+                let (first, second) = (a.balls(), b.balls());
+                let pairs = first.iter().flat_map(|one| second.iter().map(move |other| (one, other)));
+                let overlap = |(one, other): (&ClumpBall, &ClumpBall)| {
+                    one.radius + other.radius - (one.centre + shift - other.centre).norm()
+                };
+                pairs.map(overlap).fold(0.0, f64::max)
+            }
+            [true, false] => self.overlap_with_balls(b, -shift),
+            [false, true] => other.overlap_with_balls(a, shift),
+            [true, true] => {
+                let allowed = TOUCHING_TOLERANCE * a.radius.min(b.radius);
+                if shift == Vector3::zeros() {
+                    return deepest_overlap(self.pieces(), other.pieces(), allowed);
+                }
+                let mut moved = self.pieces().to_vec();
+                moved.iter_mut().for_each(|piece| piece.centre += shift);
+                deepest_overlap(&moved, other.pieces(), allowed)
+            }
+        }
+    }
+
+    /// Penetration of the grain into a wall and its periodic images, m; negative when apart.
+    pub fn overlap_with_wall(&self, wall: &WallBody, options: &Compute) -> f64 {
+        let grain = self.grain;
+        let image_overlap = |shift: Vector3<f64>| {
+            let overlap = wall.ball_overlap(&(grain.position - shift), grain.reach);
+            if overlap <= TOUCHING_TOLERANCE * grain.radius || grain.is_sphere() {
+                return overlap;
+            }
+            if grain.clump.is_some() {
+                let balls = grain.balls().into_iter();
+                let overlaps = balls.map(|ball| wall.ball_overlap(&(ball.centre - shift), ball.radius));
+                return overlaps.fold(f64::NEG_INFINITY, f64::max);
+            }
+            wall.pieces_overlap(self.pieces(), &shift, TOUCHING_TOLERANCE * grain.radius)
+        };
+        let shifts = nearest_images(options, &(grain.position - wall.centre));
+        shifts.into_iter().map(image_overlap).fold(f64::NEG_INFINITY, f64::max)
+    }
+}
+
+/// Bodies around which grains are placed.
+#[derive(Debug, Clone)]
+pub struct Obstacles<'a> {
+    grains: Vec<&'a Grain>,
+    walls: &'a [WallBody],
+    options: &'a Compute,
+    /// Shifts to the periodic images of grains that new ones can overlap.
+    shifts: &'a [Vector3<f64>],
+}
+
+impl<'a> Obstacles<'a> {
+    pub(crate) fn new(
+        grains: Vec<&'a Grain>,
+        walls: &'a [WallBody],
+        options: &'a Compute,
+        shifts: &'a [Vector3<f64>],
+    ) -> Self {
+        Obstacles { grains, walls, options, shifts }
+    }
+
+    /// Whether there are none.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.grains.is_empty() && self.walls.is_empty()
+    }
+
+    /// Search for overlaps of grains whose bounding balls have the radius `largest`, m, at most.
+    pub(crate) fn into_search(self, largest: f64) -> ObstacleSearch<'a> {
+        // The grid finds balls that are no smaller than that of a trial.
+        let padded_reach = |k: usize| self.grains[k].reach.max(largest);
+        let mut order: Vec<usize> = (0..self.grains.len()).collect();
+        order.sort_by(|&a, &b| padded_reach(b).total_cmp(&padded_reach(a)));
+        let mut cells = SphereGrid::new(order.first().map_or(1.0, |&k| padded_reach(k)));
+        order.iter().for_each(|&k| cells.add(self.grains[k].position, padded_reach(k)));
+        let shaped = order.iter().map(|&k| ShapedGrain::new(self.grains[k])).collect();
+        ObstacleSearch { shaped, cells, obstacles: self }
+    }
+}
+
+/// Obstacles, ordered for a search of those near a grain.
+pub(crate) struct ObstacleSearch<'a> {
+    obstacles: Obstacles<'a>,
+    /// Grains by their numbers in `cells`.
+    shaped: Vec<ShapedGrain<'a>>,
+    cells: SphereGrid,
+}
+
+impl ObstacleSearch<'_> {
+    /// Whether a grain overlaps none of the obstacles; it may touch them.
+    pub fn is_clear(&self, grain: &Grain) -> bool {
+        let own = ShapedGrain::new(grain);
+        let is_apart_from = |other: &ShapedGrain, shift: Vector3<f64>| {
+            let between = grain.position + shift - other.grain.position;
+            let ball_overlap = grain.reach + other.grain.reach - between.norm();
+            let allowed = TOUCHING_TOLERANCE * grain.radius.min(other.grain.radius);
+            ball_overlap <= allowed || own.overlap_with(other, shift, ball_overlap) <= allowed
+        };
+        let mut is_free = true;
+        for shift in self.obstacles.shifts {
+            self.cells.for_each_overlap(&(grain.position + shift), grain.reach, |number, _| {
+                is_free = is_free && is_apart_from(&self.shaped[number], *shift);
+            });
+        }
+        let Obstacles { walls, options, .. } = self.obstacles;
+        let allowed = TOUCHING_TOLERANCE * grain.radius;
+        is_free && walls.iter().all(|wall| own.overlap_with_wall(wall, options) <= allowed)
+    }
+}
