@@ -13,7 +13,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::math::Vector as TreePoint;
-use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
 use parry3d_f64::query::PointProjection;
 use smallvec::SmallVec;
 
@@ -459,9 +459,11 @@ impl WallMesh {
 
     /// Triangles up to `reach` from a point, m, in the order of their numbers.
     fn near_triangles(&self, point: &Vec3, reach: f64) -> SmallVec<[NearTriangle; 16]> {
-        let cube = Aabb::new(tree_point(&point.add_scalar(-reach)), tree_point(&point.add_scalar(reach)));
-        let in_cube = self.tree.intersect_aabb(&cube).map(|triangle| self.near_triangle(triangle, point));
-        let mut found: SmallVec<[NearTriangle; 16]> = in_cube.filter(|triangle| triangle.distance <= reach).collect();
+        // Distances of triangles from the point have rounding errors, those of boxes hardly any.
+        let limit = reach + self.rounding(point);
+        let is_near = |node: &BvhNode| box_distance_squared(node, point) <= limit * limit;
+        let in_reach = self.tree.leaves(is_near).map(|triangle| self.near_triangle(triangle, point));
+        let mut found: SmallVec<[NearTriangle; 16]> = in_reach.filter(|triangle| triangle.distance <= reach).collect();
         found.sort_unstable_by_key(|triangle| triangle.triangle);
         found
     }
@@ -596,6 +598,15 @@ const MAX_PRINTED_FAULTS: usize = 5;
 /// Whether a feature is a face.
 fn is_face(feature: u32) -> bool {
     feature.is_multiple_of(FEATURES_PER_TRIANGLE)
+}
+
+/// Square of the distance of a point from the box of a node, m².
+#[inline]
+fn box_distance_squared(node: &BvhNode, point: &Vec3) -> f64 {
+    let (low, high) = (node.mins(), node.maxs());
+    let beyond = |low: f64, x: f64, high: f64| (low - x).max(x - high).max(0.0);
+    let [dx, dy, dz] = [beyond(low.x, point.x, high.x), beyond(low.y, point.y, high.y), beyond(low.z, point.z, high.z)];
+    dx * dx + dy * dy + dz * dz
 }
 
 fn tree_point(point: &Vec3) -> TreePoint {
