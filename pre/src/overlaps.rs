@@ -7,7 +7,6 @@ use nalgebra::Vector3;
 
 use crate::grain::Grain;
 use crate::placement::cells::SphereGrid;
-use crate::population::nearest_images;
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::shapes::union::ClumpBall;
 use crate::walls::WallBody;
@@ -87,6 +86,22 @@ impl<'a> ShapedGrain<'a> {
         let shifts = nearest_images(options, &(grain.position - wall.centre));
         shifts.into_iter().map(image_overlap).fold(f64::NEG_INFINITY, f64::max)
     }
+}
+
+/// Shifts, m, by which an object at the start of the vector `separation` comes nearest to its end in a periodic scene, with
+/// those of the neighbouring cells.
+pub(crate) fn nearest_images(options: &Compute, separation: &Vector3<f64>) -> Vec<Vector3<f64>> {
+    let mut shifts = vec![Vector3::zeros()];
+    for (axis, period) in options.periods().into_iter().enumerate() {
+        let Some(period) = period else { continue };
+        let axis_shift = |shift: &Vector3<f64>, cells: f64| {
+            let mut shift = *shift;
+            shift[axis] = (libm::round(separation[axis] / period) + cells) * period;
+            shift
+        };
+        shifts = shifts.iter().flat_map(|shift| [0.0, 1.0, -1.0].map(|cells| axis_shift(shift, cells))).collect();
+    }
+    shifts
 }
 
 /// Bodies around which grains are placed.

@@ -247,22 +247,6 @@ fn check_extent_along(
     }
 }
 
-/// Shifts, m, by which an object at the start of the vector `separation` comes nearest to its end in a periodic scene, with
-/// those of the neighbouring cells.
-pub(crate) fn nearest_images(options: &Compute, separation: &Vector3<f64>) -> Vec<Vector3<f64>> {
-    let mut shifts = vec![Vector3::zeros()];
-    for (axis, period) in options.periods().into_iter().enumerate() {
-        let Some(period) = period else { continue };
-        let axis_shift = |shift: &Vector3<f64>, cells: f64| {
-            let mut shift = *shift;
-            shift[axis] = (libm::round(separation[axis] / period) + cells) * period;
-            shift
-        };
-        shifts = shifts.iter().flat_map(|shift| [0.0, 1.0, -1.0].map(|cells| axis_shift(shift, cells))).collect();
-    }
-    shifts
-}
-
 /// Rejects products of numbers of a scene that do not fit the files, whose exponents have two digits.
 fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;

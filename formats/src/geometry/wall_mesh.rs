@@ -604,8 +604,8 @@ fn is_face(feature: u32) -> bool {
 #[inline]
 fn box_distance_squared(node: &BvhNode, point: &Vec3) -> f64 {
     let (low, high) = (node.mins(), node.maxs());
-    let beyond = |low: f64, x: f64, high: f64| (low - x).max(x - high).max(0.0);
-    let [dx, dy, dz] = [beyond(low.x, point.x, high.x), beyond(low.y, point.y, high.y), beyond(low.z, point.z, high.z)];
+    let excess = |low: f64, x: f64, high: f64| (low - x).max(x - high).max(0.0);
+    let [dx, dy, dz] = [excess(low.x, point.x, high.x), excess(low.y, point.y, high.y), excess(low.z, point.z, high.z)];
     dx * dx + dy * dy + dz * dz
 }
 

@@ -17,8 +17,9 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use super::changes::Changes;
 use super::source::{SourceCase, SourcePart, scene_path, unit_quaternion};
 use crate::grain::Population;
+use crate::overlaps::nearest_images;
 use crate::placement::cells::SphereGrid;
-use crate::population::{check_extent, nearest_images};
+use crate::population::check_extent;
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::walls::{self, WallBody};
 
