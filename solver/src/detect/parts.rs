@@ -17,8 +17,8 @@ use super::{joints, narrow, periodic, rank_pairs};
 use crate::activity;
 use crate::geometry::{
     CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairRequest, PairResult, Separated,
-    cylinder_cylinder, far_walls, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_mesh, polyhedron_sphere,
-    vertices_at_far_walls,
+    WallContacts, cylinder_cylinder, far_walls, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_mesh,
+    polyhedron_sphere, vertices_at_far_walls,
 };
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
@@ -435,17 +435,19 @@ fn narrow_phase_pair<'a>(
     let zero = Vec3::zeros();
     if let (PosedShape::Sphere { radius }, PosedShape::Mesh(mesh)) = (&a.shape, &b.shape) {
         match narrow::sphere_mesh(mesh, *radius, &c, &b.axes, range.alert) {
-            Ok(found) => found.into_iter().for_each(|point| {
+            WallContacts::Listed(found) => found.into_iter().for_each(|point| {
                 record(pair, Ok((CachedFeature::default(), &one_point(point))));
             }),
-            Err(gap) => record(pair, Err(Separated { n: Vec3::z(), s: gap })),
+            WallContacts::Apart { min_gap } => record(pair, Err(Separated { n: Vec3::z(), s: min_gap })),
         }
         return;
     }
     if let (PosedShape::Polyhedron(p), PosedShape::Mesh(mesh)) = (&a.shape, &b.shape) {
         match polyhedron_mesh(p, mesh, &c, &b.axes, range) {
-            Ok(found) => found.iter().for_each(|manifold| record(pair, Ok((CachedFeature::default(), manifold)))),
-            Err(gap) => record(pair, Err(Separated { n: Vec3::z(), s: gap })),
+            WallContacts::Listed(found) => {
+                found.iter().for_each(|manifold| record(pair, Ok((CachedFeature::default(), manifold))));
+            }
+            WallContacts::Apart { min_gap } => record(pair, Err(Separated { n: Vec3::z(), s: min_gap })),
         }
         return;
     }
