@@ -338,7 +338,7 @@ fn a_surface_that_is_not_convex_is_a_cluster_with_the_mass_of_the_surface() {
     let refused = datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\"), {STANDING}")).unwrap_err();
     assert_eq!(
         refused,
-        "angle.obj: surface: it is not convex; expected a convex one, or contact_shape: Hull, Pieces(...) or Files([...])"
+        "angle.obj: surface: it is not convex; expected a convex one, or contact_shape: Hull, Pieces(...), Files([...]) or Balls(...)"
     );
     // By hand: centre of the beam (1.5, 0.5, 0.5), of the block (0.5, 0.5, 1.5), weights 3 and 1.
     let centre = Vector3::new(1.25, 0.5, 0.75);

@@ -105,6 +105,21 @@ impl PlacementError {
     }
 }
 
+/// Fewer positions in a region than grains.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PositionShortage {
+    /// Number of positions that there are.
+    pub count: usize,
+}
+
+impl std::fmt::Display for PositionShortage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "only {} positions in the region", self.count)
+    }
+}
+
+impl std::error::Error for PositionShortage {}
+
 /// Sizes, shapes and positions of the grains of one (checked) group of grains, the `group`-th of the scene.
 ///
 /// Polyhedra are placed as their bounding balls, in
@@ -338,9 +353,9 @@ fn jittered_lattice(
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     let largest = largest_reach(grains);
     let closest = 2.0 * (largest + margin);
-    let (mut sites, distance) = lattice::lattice_sites(region, grains.len(), closest, random).map_err(|sites| PlacementError {
+    let (mut sites, distance) = lattice::lattice_sites(region, grains.len(), closest, random).map_err(|PositionShortage { count }| PlacementError {
         found: format!(
-            "{} grains, the largest of radius {} m, in {region}: the lattice has {sites} sites",
+            "{} grains, the largest of radius {} m, in {region}: the lattice has {count} sites",
             grains.len(),
             number_text(largest)
         ),
@@ -365,7 +380,7 @@ fn random_sequential(
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     grains.sort_by(|a, b| b.reach.total_cmp(&a.reach));
     let padded_radii: Vec<f64> = grains.iter().map(|grain| grain.reach + margin).collect();
-    let polyhedra: Option<Vec<&OrientedPolyhedron>> = grains.iter().map(|grain| grain.polyhedron.as_ref()).collect();
+    let polyhedra: Option<Vec<&OrientedPolyhedron>> = grains.iter().map(|grain| grain.shape.polyhedron()).collect();
     let largest = largest_reach(grains);
     let shape = polyhedra.map(|polyhedra| move |k: usize| GrainHulls::new(polyhedra[k], rotation, largest));
     let sequence = SequentialGrains {
@@ -374,9 +389,9 @@ fn random_sequential(
         shape: shape.as_ref().map(|shape| shape as &dyn Fn(usize) -> GrainHulls),
     };
     let kind_of_tries = if sequence.shape.is_some() { " by its shape" } else { "" };
-    let centres = sequential::place_one_by_one(region, &sequence, random).map_err(|placed| PlacementError {
+    let centres = sequential::place_one_by_one(region, &sequence, random).map_err(|PositionShortage { count }| PlacementError {
         found: format!(
-            "{placed} of {} grains (largest first) could be placed in {region} before {} tries found no free position \
+            "{count} of {} grains (largest first) could be placed in {region} before {} tries found no free position \
              for the next{kind_of_tries}",
             grains.len(),
             sequential::MAX_ATTEMPTS

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::PositionShortage;
 use super::cells::SphereGrid;
 use super::hulls::GrainHulls;
 use super::region::GrainRegion;
@@ -26,12 +27,12 @@ pub struct SequentialGrains<'a> {
 /// Grains are placed by their balls. As soon as the ball of a polyhedron finds no position, this one and those after it
 /// are placed by their shapes, in their given orientations.
 ///
-/// Errors: the number of grains that were placed before one found no position in [`MAX_ATTEMPTS`] tries.
+/// Errors: a grain found no position in [`MAX_ATTEMPTS`] tries.
 pub fn place_one_by_one(
     region: &GrainRegion,
     grains: &SequentialGrains,
     random: &mut RandomStream,
-) -> Result<Vec<Vector3<f64>>, usize> {
+) -> Result<Vec<Vector3<f64>>, PositionShortage> {
     let mut cells = SphereGrid::new(grains.radii.first().copied().unwrap_or(1.0));
     let mut centres: Vec<Vector3<f64>> = Vec::with_capacity(grains.radii.len());
     let halves = region.half_extents();
@@ -58,7 +59,7 @@ pub fn place_one_by_one(
             position = free_position(region, &mut own, radius, grains.margin, &cells, placed, random);
             placed.push(own);
         }
-        let Some(position) = position else { return Err(centres.len()) };
+        let Some(position) = position else { return Err(PositionShortage { count: centres.len() }) };
         cells.add(position, radius);
         centres.push(position);
     }
@@ -108,6 +109,6 @@ mod tests {
         };
         assert!(place(0.28).is_ok());
         // The jamming limit of random sequential placement is 0.385; the wall takes some more.
-        assert!(place(0.40).unwrap_err() < 385);
+        assert!(place(0.40).unwrap_err().count < 385);
     }
 }
