@@ -107,7 +107,7 @@ impl FreeSurface {
             return None; // a scene that repeats along the vertical has no surface
         }
         let up = if frame.cell().is_periodic() { Vec3::z() } else { against_gravity };
-        let grid = ColumnGrid::covering(&grains, &frame.cell(), up);
+        let grid = ColumnGrid::from_grains(&grains, &frame.cell(), up);
         let mut heights = grid.column_heights(&grains);
         let lowest = grains.iter().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
         let planes = bounding_planes(frame, &members);
@@ -252,7 +252,7 @@ pub fn mean_plane(
     if grains.is_empty() {
         return None;
     }
-    let grid = ColumnGrid::covering(grains, cell, *up);
+    let grid = ColumnGrid::from_grains(grains, cell, *up);
     let heights = grid.column_heights(grains);
     let mut surface_heights = heights.clone();
     let lowest = grains.iter().map(|g| height_range(g, up)[0]).fold(f64::INFINITY, f64::min);
@@ -355,7 +355,8 @@ impl ColumnGrid {
         }
     }
 
-    fn covering(grains: &[&Grain], cell: &PeriodicCell, up: Vec3) -> ColumnGrid {
+    /// Grid over all grains, along axes with a period over the cell.
+    fn from_grains(grains: &[&Grain], cell: &PeriodicCell, up: Vec3) -> ColumnGrid {
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
         let axes = horizontal_axes(&up);
         let span = |k: usize| {
