@@ -119,9 +119,10 @@ pub struct OldSurface {
 /// Numbers of columns in a ring.
 #[derive(Clone, Copy, Default)]
 struct ColumnCounts {
-    all: usize,
+    /// All columns.
+    total: usize,
     /// Columns with grains.
-    known: usize,
+    filled: usize,
 }
 
 /// Sums over the columns of a ring.
@@ -161,11 +162,11 @@ impl OldSurface {
         let mut counts = vec![ColumnCounts::default(); (reach / ring_width) as usize];
         for (distance, height) in distances.iter().zip(&heights) {
             if let Some(count) = counts.get_mut((distance / ring_width) as usize) {
-                count.all += 1;
-                count.known += usize::from(height.is_finite());
+                count.total += 1;
+                count.filled += usize::from(height.is_finite());
             }
         }
-        let ring_count = counts.iter().take_while(|count| count.known > 0 && 2 * count.known >= count.all).count();
+        let ring_count = counts.iter().take_while(|count| count.filled > 0 && 2 * count.filled >= count.total).count();
         let lowest_height =
             grains.iter().map(|grain| height_range(grain, &axis.normal)[0]).fold(f64::INFINITY, f64::min);
         let surface = OldSurface { axis, grid, heights, distances, ring_width, ring_count, lowest_height, mean_radius };

@@ -2,8 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::PositionShortage;
-use super::region::GrainRegion;
+use super::region::{GrainRegion, PositionShortage};
 use crate::random::RandomStream;
 
 /// Number of random offsets of the lattice that are tried in a curved region, besides [`SYMMETRIC_OFFSETS`].

@@ -39,7 +39,7 @@ use dense::{PackingCell, PackingError};
 use hulls::GrainHulls;
 use inside::SurfaceRegion;
 use order::z_order;
-use region::GrainRegion;
+use region::{GrainRegion, PositionShortage};
 use sequential::SequentialGrains;
 
 /// Grains at rest; positions and radii have the digits of the files.
@@ -104,21 +104,6 @@ impl PlacementError {
         }
     }
 }
-
-/// Fewer positions in a region than grains.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PositionShortage {
-    /// Number of positions that there are.
-    pub count: usize,
-}
-
-impl std::fmt::Display for PositionShortage {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "only {} positions in the region", self.count)
-    }
-}
-
-impl std::error::Error for PositionShortage {}
 
 /// Sizes, shapes and positions of the grains of one (checked) group of grains, the `group`-th of the scene.
 ///

@@ -2,10 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::PositionShortage;
 use super::cells::SphereGrid;
 use super::hulls::GrainHulls;
-use super::region::GrainRegion;
+use super::region::{GrainRegion, PositionShortage};
 use crate::random::RandomStream;
 
 /// Number of trial positions for one grain before the region counts as full. Ten times as many would bring equal spheres
