@@ -572,13 +572,13 @@ mod tests {
         scene
     }
 
-    fn of(scene: &Scene) -> Option<FreeSurface> {
+    fn surface_of(scene: &Scene) -> Option<FreeSurface> {
         let frame = scene.frame();
         FreeSurface::from_frame(&frame, &find_fragments(&frame), 6.0)
     }
 
     fn median(scene: &Scene) -> f64 {
-        of(scene).unwrap().slope_quantiles(&[0.5])[0].to_degrees()
+        surface_of(scene).unwrap().slope_quantiles(&[0.5])[0].to_degrees()
     }
 
     #[test]
@@ -717,7 +717,7 @@ mod tests {
         // The same surface in a scene with a period of 25 columns, without edges.
         (scene.snapshot.meta.parameters.xperiode, scene.snapshot.meta.parameters.yperiode) = (Some(25.0), Some(25.0));
         assert!((median(&scene) - 20.0).abs() < 0.5);
-        let surface = of(&scene).unwrap();
+        let surface = surface_of(&scene).unwrap();
         assert_eq!(surface.counts, [25, 25]);
         // Highest at the poles of the spheres, on which columns stand.
         assert!(surface.columns.iter().all(|c| (c.height - 2.0).abs() < 1e-12 && (c.x.z - 1.0).abs() < 1e-12));
@@ -727,14 +727,14 @@ mod tests {
     fn what_nothing_holds_has_no_surface() {
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);
-        assert_eq!(of(&scene), None);
+        assert_eq!(surface_of(&scene), None);
         scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -2.0];
-        assert_eq!(of(&scene), None);
+        assert_eq!(surface_of(&scene), None);
         // A grain far from the others makes wide columns, and no end of them.
         let mut scene = lattice(2, |_, _| 0.0);
         let floor = 0;
         let far = scene.grain([1e9, 0.0, 0.0], 1.0);
         scene.contact_at(far, floor, [1e9, 0.0, 0.0], Vec3::z());
-        assert!(of(&scene).is_none_or(|surface| surface.columns.len() <= 500 * 500));
+        assert!(surface_of(&scene).is_none_or(|surface| surface.columns.len() <= 500 * 500));
     }
 }
