@@ -469,8 +469,8 @@ fn numerical_face_integrals<const N: usize>(face: &[Vec3; 3], x: &[Lanes<N>; 3])
     }
 }
 
-/// Smallest excess of the distances from the ends of an edge over its length, over the length: any number below that of rounding,
-/// 1e-16, whose inverse is finite.
+/// Smallest excess of the distances from the ends of an edge over its length, over the length: any number below that of
+/// rounding, 1e-16, whose inverse is finite.
 const MIN_EDGE_EXCESS: f64 = 1e-300;
 
 /// Integrals of one face as seen from `x`, in closed form. With the signed distance h_e of the foot of x from each edge, the

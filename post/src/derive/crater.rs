@@ -176,10 +176,11 @@ impl OldSurface {
     /// Crater in the surface of the grains after the impact, which have been moved back with the target ([`BackMotion`]).
     ///
     /// With d(r) = after - before, the mean over a ring at the distance r from the axis, the crater is the range of rings
-    /// with d < -0.5 mean radii that contains the largest volume. Its edge is the distance at which d rises above that value, by linear
-    /// interpolation. The rim is the highest d up to twice the radius of the edge, if above 0.5 mean radii. The volume is
-    /// the sum of before - after over the columns within the edge. Columns without grains afterwards count down to the
-    /// lowest point of the grains before. On a curved surface diameters are chords, and depths are from the old surface.
+    /// with d < -0.5 mean radii that contains the largest volume. Its edge is the distance at which d rises above that
+    /// value, by linear interpolation. The rim is the highest d up to twice the radius of the edge, if above 0.5 mean
+    /// radii. The volume is the sum of before - after over the columns within the edge. Columns without grains afterwards
+    /// count down to the lowest point of the grains before. On a curved surface diameters are chords, and depths are from
+    /// the old surface.
     pub fn crater(&self, grains: &[Grain]) -> CraterShape {
         let after = self.grid.column_heights(&grains.iter().collect::<Vec<_>>());
         let height_change =

@@ -338,14 +338,16 @@ fn jittered_lattice(
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     let largest = largest_reach(grains);
     let closest = 2.0 * (largest + margin);
-    let (mut sites, distance) = lattice::lattice_sites(region, grains.len(), closest, random).map_err(|PositionShortage { count }| PlacementError {
+    let misfit = |PositionShortage { count }: PositionShortage| PlacementError {
         found: format!(
             "{} grains, the largest of radius {} m, in {region}: the lattice has {count} sites",
             grains.len(),
             number_text(largest)
         ),
-        expected: "fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very unequal grains",
-    })?;
+        expected: "fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very \
+                   unequal grains",
+    };
+    let (mut sites, distance) = lattice::lattice_sites(region, grains.len(), closest, random).map_err(misfit)?;
     let order = z_order(region, &sites);
     sites = order.into_iter().map(|k| sites[k]).collect();
     let move_in_ball = |(site, grain): (&Vector3<f64>, &SampledGrain)| {

@@ -62,7 +62,8 @@ struct FaceOutline<'a> {
 }
 
 impl<'a> FaceOutline<'a> {
-    /// Outline of a face of a body whose centre is at `centre`, in `storage` of [`OUTLINE_COLUMNS`] columns of `stride` numbers.
+    /// Outline of a face of a body whose centre is at `centre`, in `storage` of [`OUTLINE_COLUMNS`] columns of `stride`
+    /// numbers.
     #[inline(always)]
     fn new(
         posed: &'a PosedPolyhedron,
