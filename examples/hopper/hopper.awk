@@ -2,8 +2,9 @@
 #
 #   awk -v outlet=0.12 -f hopper.awk > hopper-0.12.obj
 #
-# The cone rises at 60 degrees from the outlet, of this diameter (m) at z = 0, to a cylinder of radius 0.2 m, which ends at z = 0.9 m. Its
-# polygons have SIDES sides and the area of the circles, so that the outlet has the area of a round one.
+# The cone rises at 60 degrees from the outlet, of this diameter (m) at z = 0, to a cylinder of radius 0.2 m, which
+# ends at z = 0.9 m. Its polygons have SIDES sides and the area of the circles, so that the outlet has the area of a round
+# one.
 #
 # Reads: nothing
 # Writes: the surface on stdout

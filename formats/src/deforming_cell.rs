@@ -15,11 +15,11 @@ use crate::ron_file::option_from_flag;
 pub enum AxisControl {
     /// Rate of the logarithmic strain, 1/s, > 0 in extension.
     Rate(f64),
-    /// Servo on the measured normal stress σ, > 0 in compression: the rate is gain (σ/value - 1), at most `max_rate`.
+    /// Servo on the measured normal stress σ, > 0 in compression: the rate is gain (σ/value - 1), at most `max_rate` in size.
     Stress {
         /// Stress that is held, Pa, > 0.
         value: f64,
-        /// Gain, 1/s, > 0: the cell closes at this rate without stress.
+        /// Gain, 1/s, > 0: the cell closes at this rate without stress, or at `max_rate` if that is smaller.
         gain: f64,
         /// Time constant of the mean of the measured stress, s; 0: the stress of the last step.
         #[serde(default)]
@@ -39,7 +39,7 @@ impl Default for AxisControl {
 impl AxisControl {
     /// Rate of the logarithmic strain with the mean stress `stress` (Pa, > 0 in compression), 1/s.
     ///
-    /// At twice the value that is held a servo opens the cell at the rate `gain`.
+    /// At twice the value that is held a servo opens the cell at the rate `gain`, or at `max_rate` if that is smaller.
     pub fn strain_rate(&self, stress: f64) -> f64 {
         match *self {
             AxisControl::Rate(rate) => rate,
@@ -58,28 +58,61 @@ impl AxisControl {
         }
     }
 
-    /// Largest rate that the control can choose, 1/s.
-    fn largest_rate(&self) -> f64 {
+    /// Reports values at `path` that no run could use in steps of `dt` (s).
+    fn check_in(&self, dt: f64, path: &str, report: &mut FaultReport) {
+        let is_positive = |x: f64| x.is_finite() && x > 0.0;
         match *self {
-            AxisControl::Rate(rate) => rate.abs(),
-            AxisControl::Stress { gain, max_rate, .. } => max_rate.unwrap_or(gain),
+            AxisControl::Rate(rate) => check_rate(rate, dt, path, report),
+            AxisControl::Stress { value, gain, average, max_rate } => {
+                let mut number = |holds: bool, name: &str, x: f64, expected: &str| {
+                    report.require_number(holds, &format!("{path}.{name}"), x, expected);
+                };
+                let stress = "a compressive stress > 0 Pa: a servo holds neither tension nor zero stress; use Rate";
+                number(is_positive(value), "value", value, stress);
+                number(is_positive(gain), "gain", gain, "a finite gain > 0 (1/s)");
+                let is_time = average.is_finite() && average >= 0.0;
+                number(is_time, "average", average, "a finite time >= 0 s for the mean of the stress");
+                if let Some(rate) = max_rate {
+                    number(is_positive(rate), "max_rate", rate, "a finite largest rate > 0 (1/s)");
+                }
+                let (name, largest) = max_rate.map_or(("gain", gain), |rate| ("max_rate", rate));
+                let slow = "a largest rate times dt of at most 0.01: a smaller dt, gain or max_rate";
+                number(is_slow(largest, dt), name, largest, slow);
+            }
         }
     }
 }
 
-/// Largest strain of the cell in a step: contacts are detected in the cell at one time of the step.
+/// Largest strain of the cell in a step. Chosen: contacts are detected in the cell at one time of the step, and an image then
+/// moves by at most a hundredth of a period from one detection to the next.
 pub const MAX_STRAIN_PER_STEP: f64 = 0.01;
+
+/// Whether a rate (1/s) deforms the cell by at most [`MAX_STRAIN_PER_STEP`] in steps of `dt` (s), or is not finite.
+fn is_slow(rate: f64, dt: f64) -> bool {
+    !rate.is_finite() || rate.abs() * dt <= MAX_STRAIN_PER_STEP
+}
+
+/// Reports a rate (1/s) at `path` that is not finite, or too large for steps of `dt` (s).
+fn check_rate(rate: f64, dt: f64, path: &str, report: &mut FaultReport) {
+    report.require_number(rate.is_finite(), path, rate, "a finite rate (1/s)");
+    report.require_number(is_slow(rate, dt), path, rate, "a rate times dt of at most 0.01: a smaller dt or rate");
+}
 
 /// Option `cell`: deformation of a cell with three periods.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CellControl {
+    /// Control of the period along x.
     pub x: AxisControl,
+    /// Control of the period along y.
     pub y: AxisControl,
+    /// Control of the period along z.
     pub z: AxisControl,
-    /// Shear rates ∂v_x/∂y, ∂v_x/∂z and ∂v_y/∂z, 1/s.
+    /// Shear rate ∂v_x/∂y, 1/s.
     pub shear_xy: f64,
+    /// Shear rate ∂v_x/∂z, 1/s.
     pub shear_xz: f64,
+    /// Shear rate ∂v_y/∂z, 1/s.
     pub shear_yz: f64,
 }
 
@@ -109,31 +142,12 @@ impl CellControl {
 
     /// Reports values that no run could use in steps of `dt` (s); `path` is that of the option.
     pub fn check_in(&self, dt: f64, path: &str, report: &mut FaultReport) {
-        let is_positive = |x: f64| x.is_finite() && x > 0.0;
-        let mut number = |holds: bool, name: &str, x: f64, expected: &str| {
-            report.require_number(holds, &format!("{path}.{name}"), x, expected);
-        };
-        let is_slow = |rate: f64| !rate.is_finite() || rate.abs() * dt <= MAX_STRAIN_PER_STEP;
-        let slow = "a rate times dt of at most 0.01: a smaller dt or rate";
         for (name, axis) in ["x", "y", "z"].into_iter().zip(self.axes()) {
-            match axis {
-                AxisControl::Rate(rate) => number(rate.is_finite(), name, rate, "a finite rate (1/s)"),
-                AxisControl::Stress { value, gain, average, max_rate } => {
-                    number(is_positive(value), name, value, "a stress > 0 Pa: the cell has no walls that pull");
-                    number(is_positive(gain), name, gain, "a finite gain > 0 (1/s)");
-                    let is_time = average.is_finite() && average >= 0.0;
-                    number(is_time, name, average, "a finite time >= 0 s for the mean of the stress");
-                    if let Some(rate) = max_rate {
-                        number(is_positive(rate), name, rate, "a finite largest rate > 0 (1/s)");
-                    }
-                }
-            }
-            number(is_slow(axis.largest_rate()), name, axis.largest_rate(), slow);
+            axis.check_in(dt, &format!("{path}.{name}"), report);
         }
         let shears = [("shear_xy", self.shear_xy), ("shear_xz", self.shear_xz), ("shear_yz", self.shear_yz)];
         for (name, rate) in shears {
-            number(rate.is_finite(), name, rate, "a finite rate (1/s)");
-            number(is_slow(rate), name, rate, slow);
+            check_rate(rate, dt, &format!("{path}.{name}"), report);
         }
     }
 }
@@ -144,10 +158,12 @@ impl CellControl {
 pub struct CellState {
     /// Periods along x, y and z, m.
     pub periods: [f64; 3],
-    /// Shears s_xy, s_xz and s_yz of [`PeriodicCell`], m. They are reduced by whole periods: such cells repeat alike.
+    /// Shears s_xy, s_xz and s_yz of [`PeriodicCell`], m. At most half a period: subtracting whole edges does not change the
+    /// lattice.
     pub shears: [f64; 3],
-    /// Rates of the periods and of the shears, m/s.
+    /// Rates of the periods, m/s.
     pub period_rates: [f64; 3],
+    /// Rates of the shears, m/s.
     pub shear_rates: [f64; 3],
     /// Periods at the start, m.
     pub start_periods: [f64; 3],
@@ -172,7 +188,7 @@ impl CellState {
         at_rest.with_gradient(&control.velocity_gradient(&[0.0; 3]))
     }
 
-    /// The cell as that of a periodic scene.
+    /// Edges of the cell, without rates.
     pub fn cell(&self) -> PeriodicCell {
         PeriodicCell { periods: self.periods.map(Some), shears: self.shears }
     }
@@ -218,7 +234,7 @@ impl CellState {
     }
 
     /// Returns the same lattice with shears of at most half of the periods: whole edges are subtracted from the edges along y
-    /// and z, and their rates from those of these edges.
+    /// and z, and from the rates likewise.
     pub fn reduced_cell(mut self) -> CellState {
         let steps = (self.shears[2] / self.periods[1]).round();
         if steps != 0.0 {
@@ -237,7 +253,7 @@ impl CellState {
         self
     }
 
-    /// Logarithmic strains ln(L/L_0) of the periods.
+    /// Logarithmic strains ln(L_k/L_k0) of the periods L_k, with L_k0 at the start.
     pub fn log_strains(&self) -> [f64; 3] {
         [0, 1, 2].map(|axis| libm::log(self.periods[axis] / self.start_periods[axis]))
     }
@@ -249,9 +265,10 @@ impl CellState {
 
     /// Whether all numbers are finite and all periods are more than 0.
     pub fn is_sound(&self) -> bool {
-        let CellState { periods, shears, period_rates, shear_rates, mean_stress, .. } = self;
-        let all = [shears, period_rates, shear_rates, mean_stress].into_iter().flatten();
-        all.chain(&self.shear_strains).all(|x| x.is_finite()) && periods.iter().all(|x| x.is_finite() && *x > 0.0)
+        let CellState { periods, shears, period_rates, shear_rates, start_periods, shear_strains, mean_stress } = self;
+        let mut all =
+            [periods, shears, period_rates, shear_rates, start_periods, shear_strains, mean_stress].into_iter();
+        all.all(|values| values.iter().all(|x| x.is_finite())) && periods.iter().chain(start_periods).all(|x| *x > 0.0)
     }
 }
 
@@ -301,5 +318,35 @@ mod tests {
         assert_eq!([0.0, 4.0, 5.0, 100.0].map(|stress| servo.strain_rate(stress)), [-1.5, 0.0, 0.5, 1.5]);
         // A quarter of the difference in a step of a third of the time constant.
         assert_eq!(servo.mean_stress(2.0, 6.0, 1.0), 3.0);
+    }
+    #[test]
+    fn faults_are_those_of_the_values() {
+        let text = "(cell: (x: Stress(value: 0.0, gain: 2.0), y: Stress(value: 1.0, gain: 0.5, max_rate: 4.0), shear_xz: 3.0))";
+        let servo = |value, gain, max_rate| AxisControl::Stress { value, gain, average: 0.0, max_rate };
+        let (x, y) = (servo(0.0, 2.0, None), servo(1.0, 0.5, Some(4.0)));
+        let mut report = FaultReport::new(std::path::Path::new("COMPUTE.RON"), text);
+        CellControl { x, y, shear_xz: 3.0, ..CellControl::default() }.check_in(0.0078125, "cell", &mut report);
+        let found: Vec<String> = report.faults.0.iter().map(ToString::to_string).collect();
+        let expected = [
+            "COMPUTE.RON:1:26: cell, x, value: 0.0; expected a compressive stress > 0 Pa: a servo holds neither tension nor \
+             zero stress; use Rate",
+            "COMPUTE.RON:1:37: cell, x, gain: 2.0; expected a largest rate times dt of at most 0.01: a smaller dt, gain or \
+             max_rate",
+            "COMPUTE.RON:1:83: cell, y, max_rate: 4.0; expected a largest rate times dt of at most 0.01: a smaller dt, gain \
+             or max_rate",
+            "COMPUTE.RON:1:99: cell, shear_xz: 3.0; expected a rate times dt of at most 0.01: a smaller dt or rate",
+        ];
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn a_state_is_sound_if_its_strains_are_defined() {
+        let cell = CellState::new([4.0, 3.0, 5.0], &CellControl::default());
+        assert!(cell.is_sound());
+        for periods in [[4.0, 0.0, 5.0], [f64::INFINITY, 3.0, 5.0], [f64::NAN, 3.0, 5.0]] {
+            assert!(
+                !CellState { periods, ..cell }.is_sound() && !CellState { start_periods: periods, ..cell }.is_sound()
+            );
+        }
     }
 }

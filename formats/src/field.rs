@@ -26,7 +26,7 @@ pub enum FieldModel {
         centre: Vec3,
         /// Point that falls in the attraction of the primary, as of a point mass, and with which these axes fall, m; `None`
         /// if the primary is at rest.
-        falling: Option<Vec3>,
+        falling_point: Option<Vec3>,
         /// Displacement of the primary from its orbit by its response to the bodies, part of `centre`, m.
         displacement: Vec3,
         /// J2 R^2, m^2: zonal harmonic and equatorial radius squared; 0 for a sphere.
@@ -45,7 +45,7 @@ pub enum FieldModel {
         rotation: Option<UnitQuaternion<f64>>,
         /// Point that falls in the attraction of the body, as of a point mass, and with which these axes fall, m; `None` of a
         /// body that is not on an orbit.
-        falling: Option<Vec3>,
+        falling_point: Option<Vec3>,
     },
     /// Axes that rotate about a point.
     RotatingAxes {
@@ -103,10 +103,10 @@ impl FieldModel {
         let motions = primary_motions(fields, shapes, gravity_constant, time, response);
         let mut shapes = shapes.0.iter();
         // Point that falls in the attraction of the next primary on an orbit: the origin, then the primary before.
-        let mut falling_point = Vec3::zeros();
+        let mut orbit_origin = Vec3::zeros();
         let model = |(field, motion): (&ExternalField, Option<(Vec3, Vec3)>)| {
             let centre = motion.map_or(Vec3::zeros(), |(position, _)| position);
-            let falling = field.orbit().is_some().then(|| std::mem::replace(&mut falling_point, centre));
+            let falling_point = field.orbit().is_some().then(|| std::mem::replace(&mut orbit_origin, centre));
             let (mass, oblateness, axis) = match field {
                 ExternalField::PointMass { mass, .. } => (mass, 0.0, Vec3::z()),
                 ExternalField::Oblate { mass, radius, j2, axis, .. } => {
@@ -117,9 +117,9 @@ impl FieldModel {
                     return FieldModel::Polyhedron {
                         strength: gravity_constant * density,
                         shape: Arc::clone(shapes.next().expect("FieldShapes::read has a shape for each polyhedron")),
-                        position: if falling.is_some() { centre } else { (*position).into() },
+                        position: if falling_point.is_some() { centre } else { (*position).into() },
                         rotation: turns.then(|| UnitQuaternion::from_scaled_axis(Vec3::from(*rate) * time)),
-                        falling,
+                        falling_point,
                     };
                 }
                 ExternalField::RotatingFrame { rate, centre } => {
@@ -127,7 +127,14 @@ impl FieldModel {
                 }
             };
             let displacement = deviation(response).0;
-            FieldModel::Primary { strength: gravity_constant * mass, centre, falling, displacement, oblateness, axis }
+            FieldModel::Primary {
+                strength: gravity_constant * mass,
+                centre,
+                falling_point,
+                displacement,
+                oblateness,
+                axis,
+            }
         };
         fields.iter().zip(motions).map(model).collect()
     }
@@ -145,7 +152,7 @@ impl FieldModel {
     /// The force is 0 at a primary's centre. A moving or turning primary does external work and has no potential.
     pub fn acceleration_and_potential(&self, x: &Vec3) -> (Vec3, f64) {
         match self {
-            &FieldModel::Primary { strength, centre, falling, displacement, oblateness, axis } => {
+            &FieldModel::Primary { strength, centre, falling_point, displacement, oblateness, axis } => {
                 let r = x - centre;
                 let distance = r.norm();
                 if distance == 0.0 {
@@ -154,8 +161,9 @@ impl FieldModel {
                 let (s, e) = (r.dot(&axis) / distance, oblateness / (distance * distance));
                 let factor = -strength / (distance * distance * distance);
                 let flattening = r * (1.5 * e * (1.0 - 5.0 * s * s)) + axis * (3.0 * e * s * distance);
-                if let Some(falling) = falling {
-                    let tide = tide(strength, &(falling - (centre - displacement)), &(x - displacement - falling));
+                if let Some(falling_point) = falling_point {
+                    let tide =
+                        tide(strength, &(falling_point - (centre - displacement)), &(x - displacement - falling_point));
                     return (tide + flattening * factor, 0.0);
                 }
                 let potential = -strength / distance * (1.0 - 0.5 * e * (3.0 * s * s - 1.0));
@@ -172,21 +180,21 @@ impl FieldModel {
     /// [`acceleration_and_potential`](Self::acceleration_and_potential) at each of the points `x`, the same numbers in less time
     /// for polyhedra.
     pub fn accelerations_and_potentials(&self, x: &[Vec3]) -> Vec<(Vec3, f64)> {
-        let FieldModel::Polyhedron { strength, shape, position, rotation, falling } = self else {
+        let FieldModel::Polyhedron { strength, shape, position, rotation, falling_point } = self else {
             return x.iter().map(|x| self.acceleration_and_potential(x)).collect();
         };
         let to_shape = |x: &Vec3| {
             let from_position = x - position;
             let point = rotation.map_or(from_position, |rotation| rotation.inverse_transform_vector(&from_position));
-            if falling.is_some() { point + shape.centre() } else { point }
+            if falling_point.is_some() { point + shape.centre() } else { point }
         };
         let points: Vec<Vec3> = x.iter().map(to_shape).collect();
         let mut values = shape.attractions_and_potentials(&points);
         for ((x, point), (attraction, potential)) in x.iter().zip(&points).zip(&mut values) {
             let to_world = |vector: Vec3| rotation.map_or(vector, |rotation| rotation * vector) * *strength;
-            *attraction = match falling {
-                Some(falling) => {
-                    tide(strength * shape.volume(), &(falling - position), &(x - falling))
+            *attraction = match falling_point {
+                Some(falling_point) => {
+                    tide(strength * shape.volume(), &(falling_point - position), &(x - falling_point))
                         + to_world(shape.attraction_of_shape(point, attraction))
                 }
                 None => to_world(*attraction),
@@ -205,8 +213,8 @@ impl FieldModel {
     /// Whether the field is that of a moving or turning primary, whose work is external work.
     pub fn is_moving(&self) -> bool {
         match self {
-            FieldModel::Primary { falling, .. } => falling.is_some(),
-            FieldModel::Polyhedron { rotation, falling, .. } => rotation.is_some() || falling.is_some(),
+            FieldModel::Primary { falling_point, .. } => falling_point.is_some(),
+            FieldModel::Polyhedron { rotation, falling_point, .. } => rotation.is_some() || falling_point.is_some(),
             FieldModel::RotatingAxes { .. } => false,
         }
     }
@@ -308,8 +316,8 @@ mod tests {
         let axis = Vec3::new(1.0, 2.0, 2.0) / 3.0;
         let displacement = Vec3::zeros();
         let fields = [
-            FieldModel::Primary { strength: 7.0, centre, falling: None, displacement, oblateness: 0.0, axis },
-            FieldModel::Primary { strength: 7.0, centre, falling: None, displacement, oblateness: 0.3, axis },
+            FieldModel::Primary { strength: 7.0, centre, falling_point: None, displacement, oblateness: 0.0, axis },
+            FieldModel::Primary { strength: 7.0, centre, falling_point: None, displacement, oblateness: 0.3, axis },
             FieldModel::RotatingAxes { rate: Vec3::new(0.3, -0.1, 0.7), centre },
         ];
         let x = Vec3::new(3.0, 1.0, -1.0);
@@ -329,10 +337,10 @@ mod tests {
     fn a_tide_is_the_difference_of_two_attractions() {
         let (centre, axis) = (Vec3::new(3.0, -4.0, 1.0), Vec3::z());
         let displacement = Vec3::zeros();
-        let primary = |falling, oblateness| FieldModel::Primary {
+        let primary = |falling_point, oblateness| FieldModel::Primary {
             strength: 7.0,
             centre,
-            falling,
+            falling_point,
             displacement,
             oblateness,
             axis,
@@ -350,7 +358,7 @@ mod tests {
         let displaced = FieldModel::Primary {
             strength: 7.0,
             centre: centre + moved,
-            falling: Some(point),
+            falling_point: Some(point),
             displacement: moved,
             oblateness: 0.0,
             axis,
@@ -358,7 +366,7 @@ mod tests {
         let at_rest = FieldModel::Primary {
             strength: 7.0,
             centre: centre + moved,
-            falling: None,
+            falling_point: None,
             displacement,
             oblateness: 0.0,
             axis,
@@ -372,7 +380,7 @@ mod tests {
         let far = FieldModel::Primary {
             strength: 4e14,
             centre: Vec3::x() * 1e8,
-            falling: Some(Vec3::zeros()),
+            falling_point: Some(Vec3::zeros()),
             displacement,
             oblateness: 0.0,
             axis,

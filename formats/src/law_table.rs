@@ -146,7 +146,7 @@ law_parameters! {
     RestitutionSpeed: "vrst", "restitution_speed", "v_e", Speed, Positive, NonNegative;
     /// Power of the ratio of speeds by which it falls.
     RestitutionExponent: "prst", "restitution_exponent", "p", Number, NonNegative, NonNegative;
-    /// Speed of sliding at which friction has fallen from the static coefficient by 63 % of the way to the dynamic one.
+    /// Speed of sliding at which friction has fallen by 63 % of the difference between its two coefficients.
     FrictionSpeed: "vfri", "friction_speed", "v_f", Speed, Positive, NonNegative;
     /// Attraction at each point of contact.
     LiquidCohesion: "cohn", "cohesion", "cohesion", Force, NonNegative, NonNegative;
@@ -620,9 +620,9 @@ macro_rules! contact_laws {
 }
 
 // A row: lines of TACT_BEHAV.DAT, `field: parameter` where the field has the name of the parameter, behind `;` one that is
-// not used; then the friction, the speed over which it falls, cohesion and rolling friction, made of the fields; memory of its own (`remembers`), the
-// internal variables in Vloc_Rloc files (`internals`), and the elastic interface, made of the fields, next to which the contact
-// acts (`interface`).
+// not used; then the friction, the speed over which it falls, cohesion and rolling friction, made of the fields; memory of
+// its own (`remembers`), the internal variables in Vloc_Rloc files (`internals`), and the elastic interface, made of the
+// fields, next to which the contact acts (`interface`).
 contact_laws! {
     computed {
         /// inelastic quasi-shock with Coulomb friction

@@ -295,7 +295,7 @@ impl Frame {
                     walls.push(wall_of_row(&bodies, row, solid));
                     ContactBody::Wall(WallId::new(walls.len() - 1))
                 } else {
-                    grains.push(grain_of_row(&bodies, row, detection_time, solid, (&cell, meta.cell.as_ref())));
+                    grains.push(grain_of_row(&bodies, row, detection_time, solid, &cell, meta.cell.as_ref()));
                     ContactBody::Grain(GrainId::new(grains.len() - 1))
                 }
             })
@@ -410,14 +410,15 @@ fn body_rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
 }
 
-/// Grain of a row of the snapshot; `detection_time`: time of contact detection relative to the snapshot, s. The image of the
-/// grain in a deforming cell moves with this.
+/// Grain of a row of the snapshot, moved into `cell`. `detection_time`: time of contact detection relative to the snapshot, s;
+/// `deforming_cell`: its gradient gives the velocity of the image relative to the grain.
 fn grain_of_row(
     bodies: &BodyArrays,
     row: usize,
     detection_time: f64,
     solid: Option<Arc<SolidShape>>,
-    (cell, deforming_cell): (&PeriodicCell, Option<&CellState>),
+    cell: &PeriodicCell,
+    deforming_cell: Option<&CellState>,
 ) -> Grain {
     let (x, v) = (Vec3::from(bodies.body_x[row]), Vec3::from(bodies.body_v[row]));
     let shift = -cell.cell_origin(&x);

@@ -20,7 +20,7 @@ fn cd_post(args: &[&str], case: &Path) -> Output {
 }
 
 /// Exit status and stderr.
-fn refused(case: &Path) -> (i32, String) {
+fn exit_and_errors(case: &Path) -> (i32, String) {
     let output = cd_post(&[], case);
     (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
 }
@@ -226,9 +226,9 @@ fn a_case_without_results_is_rejected() {
     let outbox = case.path().join("OUTBOX");
     let expected = "expected snapshot-*.npz, the results of cd-solve";
     let message = |found: &str| format!("cd-post: {}: folder: {found}; {expected}\n", outbox.display());
-    assert_eq!(refused(case.path()), (2, message("is missing")));
+    assert_eq!(exit_and_errors(case.path()), (2, message("is missing")));
     fs::create_dir(&outbox).unwrap();
-    assert_eq!(refused(case.path()), (2, message("has no snapshot")));
+    assert_eq!(exit_and_errors(case.path()), (2, message("has no snapshot")));
 }
 
 #[test]
@@ -239,7 +239,7 @@ fn a_damaged_snapshot_is_rejected_and_the_series_stays_as_it_was() {
     let damaged = snapshot::snapshot_path(&case.path().join("OUTBOX"), 1);
     let bytes = fs::read(&damaged).unwrap();
     fs::write(&damaged, &bytes[..bytes.len() / 2]).unwrap();
-    let (code, message) = refused(case.path());
+    let (code, message) = exit_and_errors(case.path());
     assert_eq!(code, 2);
     assert!(message.starts_with(&format!("cd-post: {}: snapshot: ", damaged.display())), "{message}");
     assert_eq!(fs::read(case.path().join("POSTPRO/series.csv")).unwrap(), series);
@@ -252,7 +252,7 @@ fn a_snapshot_of_another_run_is_rejected() {
     other.snapshot.bodies.body_mass[1] *= 2.0;
     let path = snapshot::snapshot_path(&case.path().join("OUTBOX"), 2);
     other.snapshot.write(&path).unwrap();
-    let (code, message) = refused(case.path());
+    let (code, message) = exit_and_errors(case.path());
     assert_eq!(code, 2);
     let expected = format!("cd-post: {}: snapshot: other bodies; expected those of ", path.display());
     assert!(message.starts_with(&expected), "{message}");
@@ -340,7 +340,7 @@ fn a_broken_state_is_rejected_row_by_row() {
     broken.write(&path).unwrap();
     let file = path.display();
     let expected = format!("cd-post: {file}: body 4, body_mass: [-1.0]; expected numbers > 0\n");
-    assert_eq!(refused(case.path()), (2, expected));
+    assert_eq!(exit_and_errors(case.path()), (2, expected));
     broken.bodies.body_v[2][1] = f64::NAN;
     broken.contacts.contact_gap[1] = f64::INFINITY;
     broken.write(&path).unwrap();
@@ -348,7 +348,7 @@ fn a_broken_state_is_rejected_row_by_row() {
         "cd-post: {file}: array body_v, row 3: [0.0, NaN, 0.0]; expected finite numbers\n\
          cd-post: {file}: array contact_gap, row 2: [inf]; expected finite numbers\n"
     );
-    assert_eq!(refused(case.path()), (2, expected));
+    assert_eq!(exit_and_errors(case.path()), (2, expected));
     assert!(!case.path().join("POSTPRO").exists());
 }
 
@@ -358,7 +358,7 @@ fn a_case_without_grains_is_done_with_a_report() {
     let mut scene = Scene::default();
     scene.plate([0.0; 3], [1.0; 3]);
     scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 0)).unwrap();
-    let (code, message) = refused(case.path());
+    let (code, message) = exit_and_errors(case.path());
     assert_eq!((code, message.as_str()), (1, "cd-post: 1 of 1 snapshots have no grains: their fields are empty\n"));
     let series = fs::read_to_string(case.path().join("POSTPRO/series.csv")).unwrap();
     assert!(series.lines().nth(1).unwrap().starts_with("0,0.0,0,,,,"));
@@ -1269,7 +1269,7 @@ fn a_folder_that_no_text_names_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let case = folder.path().join(std::ffi::OsStr::from_bytes(b"bad\xff"));
     scene(0).snapshot.write(&snapshot::snapshot_path(&case.join("OUTBOX"), 0)).unwrap();
-    let (status, printed) = refused(&case);
+    let (status, printed) = exit_and_errors(&case);
     assert!(status == 1 && printed.contains("DISPLAY: the name of the folder is not UTF-8"), "{printed}");
 }
 

@@ -13,14 +13,16 @@ const MAX_NAMED_COLOURS: usize = 3;
 /// number for each piece, clumps in one for each ball.
 pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let any_body_of_colour = |colour: &str, counts: &dyn Fn(usize) -> bool| {
-        let mut polyhedra =
-            population.grains.iter().filter_map(|grain| Some((grain.group, grain.polyhedron.as_ref()?)));
+        let mut polyhedra = population.grains.iter().filter_map(|grain| Some((grain.group, grain.shape.polyhedron()?)));
         polyhedra
             .any(|(group, polyhedron)| scene.grains[group].colour == colour && counts(polyhedron.solid.pieces.len()))
     };
     let is_polyhedral = |colour: &str| any_body_of_colour(colour, &|_| true);
     let has_clumps = |colour: &str| {
-        population.grains.iter().any(|grain| grain.clump.is_some() && scene.grains[grain.group].colour == colour)
+        population
+            .grains
+            .iter()
+            .any(|grain| grain.shape.clump().is_some() && scene.grains[grain.group].colour == colour)
     };
     let has_pieces = |colour: &str| any_body_of_colour(colour, &|pieces| pieces > 1) || has_clumps(colour);
     let is_wall = |colour: &str| population.walls.iter().any(|wall| wall.colour == colour);

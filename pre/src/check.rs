@@ -111,8 +111,9 @@ fn check_bodies_of_cell(scene: &Scene, report: &mut FaultReport) {
     let expected = "free spheres without walls in a scene whose cell deforms";
     report.require(scene.walls.is_empty(), "walls", count_text(scene.walls.len(), "wall"), expected);
     for (k, grains) in scene.grains.iter().enumerate() {
-        let is_sphere = grains.shape == GrainShape::Sphere;
-        report.require(is_sphere, &format!("grains.{k}.shape"), "not Sphere", expected);
+        let are_fragments = grains.shape == GrainShape::Sphere && !grains.are_spheres();
+        let (value, found) = if are_fragments { ("placement", "Fragments") } else { ("shape", "not Sphere") };
+        report.require(grains.are_spheres(), &format!("grains.{k}.{value}"), found, expected);
         let is_driven = grains.driven.is_some() || grains.driven_spin.is_some();
         report.require(!is_driven, &format!("grains.{k}"), "imposed motion", expected);
     }
@@ -463,7 +464,8 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
     }
 }
 
-/// Range of the error of the balls of a model: points on the surface are too sparse for less, and more is a single ball.
+/// Range of the error of the balls of a model: points on the surface are too sparse for less;
+/// with more a single ball covers most surfaces.
 const BALL_ERROR_RANGE: std::ops::RangeInclusive<f64> = 0.02..=0.5;
 
 /// Checks the balls of a clump.

@@ -73,8 +73,10 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     Ok(format!("{}wrote {}: {}\n", scene_summary(&scene, &population), datbox.display(), names.join(" ")))
 }
 
-/// Reads the scene in `text` and makes its bodies. Faults name the file `source`, or the setting for values from
-/// `settings`.
+/// Reads the scene in `text` and makes its bodies.
+///
+/// Errors: texts and values that make no scene, and bodies that cannot be placed. Faults name the file `source`, or the
+/// setting for values from `settings`.
 pub fn read_scene(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Population), Faults> {
     let mut scene: Scene = parse_with_settings(source, text, settings, "scene")?;
     let mut report = FaultReport::with_settings(source, text, settings);

@@ -109,13 +109,13 @@ pub fn check_angle(report: &mut FaultReport, path: &str, rotation: &Rotation) {
 
 /// Asks about angles of more than a full turn among the elements of the orbits of groups and primaries.
 pub fn report_orbit_doubts(grains: &[Grains], fields: &[ExternalField], report: &mut FaultReport) {
-    let of_groups = grains.iter().enumerate().filter_map(|(k, grains)| {
+    let grain_orbits = grains.iter().enumerate().filter_map(|(k, grains)| {
         let orbit = grains.orbit.as_ref()?;
         Some((format!("grains.{k}.orbit.path"), &orbit.path))
     });
-    let of_fields =
+    let field_orbits =
         fields.iter().enumerate().filter_map(|(k, field)| Some((format!("compute.fields.{k}.orbit"), field.orbit()?)));
-    for (path, orbit) in of_groups.chain(of_fields) {
+    for (path, orbit) in grain_orbits.chain(field_orbits) {
         let OrbitSpec::Elements { inclination, node, argument, .. } = *orbit else { continue };
         for (name, value) in [("inclination", inclination), ("node", node), ("argument", argument)] {
             if let Some(question) = angle(value) {

@@ -3,10 +3,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::placement::region::GrainRegion;
+use crate::shapes::OrientedShape;
 use crate::shapes::overlap::ConvexPiece;
 use crate::shapes::union::ClumpBall;
-use crate::shapes::{OrientedClump, OrientedPolyhedron};
-use crate::sphere::sphere_volume;
 use crate::walls::WallBody;
 
 /// Bodies in the order of their numbers: grains, then walls.
@@ -39,10 +38,7 @@ pub struct Grain {
     pub radius: f64,
     /// Radius of the bounding ball about the centre of mass, m.
     pub reach: f64,
-    /// Polyhedron; none for a sphere or clump.
-    pub polyhedron: Option<OrientedPolyhedron>,
-    /// Clump; none for a sphere or polyhedron.
-    pub clump: Option<OrientedClump>,
+    pub shape: OrientedShape,
     /// Mass, kg.
     pub mass: f64,
     /// Position, m.
@@ -56,44 +52,40 @@ pub struct Grain {
 impl Grain {
     /// Volume, m^3.
     pub fn volume(&self) -> f64 {
-        match (&self.polyhedron, &self.clump) {
-            (Some(polyhedron), _) => polyhedron.volume(),
-            (None, Some(clump)) => clump.volume(),
-            (None, None) => sphere_volume(self.radius),
-        }
+        self.shape.volume(self.radius)
     }
 
     /// Principal axes in the fixed frame, one a row; for a sphere, the fixed axes.
     pub fn axes(&self) -> Matrix3<f64> {
-        match (&self.polyhedron, &self.clump) {
-            (Some(polyhedron), _) => polyhedron.axes,
-            (None, Some(clump)) => clump.axes,
-            (None, None) => Matrix3::identity(),
+        match &self.shape {
+            OrientedShape::Sphere => Matrix3::identity(),
+            OrientedShape::Polyhedron(polyhedron) => polyhedron.axes,
+            OrientedShape::Clump(clump) => clump.axes,
         }
     }
 
     /// Whether the grain is a sphere.
     pub fn is_sphere(&self) -> bool {
-        self.polyhedron.is_none() && self.clump.is_none()
+        matches!(self.shape, OrientedShape::Sphere)
     }
 
     /// Balls of a sphere or clump at its position; none for a polyhedron.
     pub(crate) fn balls(&self) -> Vec<ClumpBall> {
-        match (&self.polyhedron, &self.clump) {
-            (Some(_), _) => Vec::new(),
-            (None, Some(clump)) => {
+        match &self.shape {
+            OrientedShape::Sphere => vec![ClumpBall { centre: self.position, radius: self.radius }],
+            OrientedShape::Polyhedron(_) => Vec::new(),
+            OrientedShape::Clump(clump) => {
                 let to_fixed_axes = clump.axes.transpose();
                 let placed_ball =
                     |ball: ClumpBall| ClumpBall { centre: self.position + to_fixed_axes * ball.centre, ..ball };
                 clump.balls().map(placed_ball).collect()
             }
-            (None, None) => vec![ClumpBall { centre: self.position, radius: self.radius }],
         }
     }
 
     /// Convex pieces of a polyhedron in its orientation, at its position.
     pub(crate) fn convex_pieces(&self) -> Vec<ConvexPiece> {
-        let Some(polyhedron) = &self.polyhedron else { return Vec::new() };
+        let Some(polyhedron) = self.shape.polyhedron() else { return Vec::new() };
         let to_fixed_axes = polyhedron.axes.transpose();
         let pieces = polyhedron.vertices().into_iter().zip(&polyhedron.solid.pieces);
         pieces

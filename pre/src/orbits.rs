@@ -21,6 +21,29 @@ struct AttractingMass {
     velocity: Vector3<f64>,
 }
 
+/// Primary about which no group can move.
+#[derive(Debug)]
+enum PrimaryError {
+    /// Its surface cannot be read.
+    UnreadSurface,
+    /// The fields, of this number, have no primary at rest with its number.
+    NotAtRest { fields: usize },
+}
+
+impl std::fmt::Display for PrimaryError {
+    /// The expected value, for a message.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            PrimaryError::UnreadSurface => write!(f, "a surface that can be read"),
+            PrimaryError::NotAtRest { fields } => {
+                write!(f, "the number of a primary at rest in compute.fields, from 1; {fields} fields are there")
+            }
+        }
+    }
+}
+
+impl std::error::Error for PrimaryError {}
+
 impl AttractingMass {
     /// Sum of grains, with their common centre of mass and its velocity; `None` without grains.
     fn of_grains<'a>(grains: impl Iterator<Item = &'a Grain> + Clone) -> Option<Self> {
@@ -35,8 +58,8 @@ impl AttractingMass {
         })
     }
 
-    /// Mass of a primary at rest. Errors: the expected value.
-    fn of_primary(options: &Compute, number: usize, folder: &Path) -> Result<Self, String> {
+    /// Mass of a primary at rest. Errors: no such field, or a surface that cannot be read.
+    fn of_primary(options: &Compute, number: usize, folder: &Path) -> Result<Self, PrimaryError> {
         let field = number.checked_sub(1).and_then(|index| options.fields.get(index));
         let (mass, position) = match field {
             Some(
@@ -44,17 +67,12 @@ impl AttractingMass {
                 | ExternalField::Oblate { mass, position: Some(position), .. },
             ) => (*mass, Vector3::from(*position)),
             Some(ExternalField::Polyhedron { surface, scale, density, position, orbit: None, .. }) => {
-                let read = read_surface(&folder.join(surface)).map_err(|_| "a surface that can be read".to_string())?;
+                let read = read_surface(&folder.join(surface)).map_err(|_| PrimaryError::UnreadSurface)?;
                 let properties = read.surface.mass_properties();
                 let centre = Vector3::from(properties.centre) * *scale;
                 (density * properties.volume * scale.powi(3), Vector3::from(*position) + centre)
             }
-            _ => {
-                let count = options.fields.len();
-                return Err(format!(
-                    "the number of a primary at rest in compute.fields, from 1; {count} fields are there"
-                ));
-            }
+            _ => return Err(PrimaryError::NotAtRest { fields: options.fields.len() }),
         };
         Ok(AttractingMass { mass, position, velocity: Vector3::zeros() })
     }
@@ -82,9 +100,9 @@ pub fn place_on_orbit(
                 let mass = primary.mass;
                 (primary, mass)
             }
-            Err(expected) => {
+            Err(error) => {
                 let found = format!("Primary({number})");
-                return report.add_fault(&format!("{path}.about"), found, expected);
+                return report.add_fault(&format!("{path}.about"), found, error.to_string());
             }
         },
         OrbitCentre::Colour(colour) => {
@@ -109,8 +127,8 @@ pub fn place_on_orbit(
     }
     let (relative_position, relative_velocity) = orbit.path.to_orbit(mu).position_and_velocity(0.0);
     let shift = centre.position + relative_position - own.position;
-    let turning: Vector3<f64> = options.fields.iter().map(|field| Vector3::from(field.rotation_rate())).sum();
-    let velocity = centre.velocity + relative_velocity - turning.cross(&relative_position);
+    let frame_spin: Vector3<f64> = options.fields.iter().map(|field| Vector3::from(field.rotation_rate())).sum();
+    let velocity = centre.velocity + relative_velocity - frame_spin.cross(&relative_position);
     let are_polyhedra = scene.grains[group].is_polyhedral();
     for grain in grains {
         let moved = grain.position + shift;

@@ -45,7 +45,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
         let region = grains.placement.envelope().map(|envelope| envelope.to_region(folder)).transpose();
         let region = region.map_err(|faults| report_file_faults(faults, &format!("grains.{group}.placement"), report));
         let particles = file_particles(scene, group, folder, report);
-        let (Ok(mut shapes), Ok(region), Ok((particles, particle_summary))) = (shapes, region, particles) else {
+        let (Ok(mut shapes), Ok(region), Some((particles, particle_summary))) = (shapes, region, particles) else {
             continue;
         };
         let (region, file_summary) = region.map_or((None, String::new()), |(region, summary)| (Some(region), summary));
@@ -106,22 +106,24 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
     population
 }
 
-/// Particles of the placement `File` of a group, and a note on them; faults go into the report.
+/// Particles of the placement `File` of a group, none for other placements, and a note on them; `None` after a fault, which
+/// goes into the report.
 fn file_particles(
     scene: &Scene,
     group: usize,
     folder: &Path,
     report: &mut FaultReport,
-) -> Result<(Option<ParticleState>, String), ()> {
+) -> Option<(Option<ParticleState>, String)> {
     let grains = &scene.grains[group];
-    let GrainPlacement::File { path, format, .. } = &grains.placement else { return Ok((None, String::new())) };
-    let particles = particles::read_particles(&folder.join(path), *format)
-        .map_err(|faults| report_file_faults(faults, &format!("grains.{group}.placement.path"), report))?;
+    let GrainPlacement::File { path, format, .. } = &grains.placement else { return Some((None, String::new())) };
+    let read = particles::read_particles(&folder.join(path), *format);
+    let particles =
+        read.map_err(|faults| report_file_faults(faults, &format!("grains.{group}.placement.path"), report)).ok()?;
     let has_motion = particles.velocities.is_some() || particles.spins.is_some();
     if has_motion && (grains.driven.is_some() || grains.driven_spin.is_some()) {
         let found = format!("{path} has velocities, and the motion is imposed as well");
         report.add_fault(&format!("grains.{group}.placement"), found, "a file without velocities, or free grains");
-        return Err(());
+        return None;
     }
     let mut note = [path.as_str(), particles.part.as_str()].join(" ").trim_end().to_string();
     let density = scene.materials.iter().find(|m| m.name == grains.material).map_or(1.0, |m| m.density);
@@ -129,7 +131,7 @@ fn file_particles(
         note += &format!(": masses are those of the density {density} kg/m^3; those of the file differ by up to");
         note += &format!(" {:.2} %", 100.0 * difference);
     }
-    Ok((Some(particles), note))
+    Some((Some(particles), note))
 }
 
 /// Checks hollow cylinders, which push inwards only: bodies that touch one must be inside.
@@ -201,8 +203,7 @@ fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed
             group,
             radius: sampled.radius,
             reach: sampled.reach,
-            polyhedron: sampled.polyhedron,
-            clump: sampled.clump,
+            shape: sampled.shape,
             mass: masses[k],
             position: placed.positions[k],
             velocity: rigid_velocities[k] + thermal_velocities[k],

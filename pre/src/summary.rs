@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::grain::{Grain, Population};
 use crate::scene::{Law, Scene};
-use crate::shapes::OrientedClump;
+use crate::shapes::{OrientedClump, OrientedShape};
 
 /// Prints warnings on stderr.
 pub fn print_warnings(warnings: &Faults) {
@@ -28,7 +28,7 @@ pub fn scene_summary(scene: &Scene, population: &Population) -> String {
 fn pair_law_lines(scene: &Scene, population: &Population) -> String {
     let extremes = population.grains.iter().fold([f64::INFINITY, 0.0], |extremes: [f64; 2], grain| {
         let wider = |[low, high]: [f64; 2], radius: f64| [low.min(radius), high.max(radius)];
-        match &grain.clump {
+        match grain.shape.clump() {
             Some(clump) => clump.balls().map(|ball| ball.radius).fold(extremes, wider),
             None => wider(extremes, grain.radius),
         }
@@ -65,8 +65,8 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
     let (count, min, max) = (grains.len(), radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
     let mean = radii().sum::<f64>() / count as f64;
     let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
-    let polyhedra = grains.iter().filter(|grain| grain.polyhedron.is_some()).count();
-    let clumps: Vec<&OrientedClump> = grains.iter().filter_map(|grain| grain.clump.as_ref()).collect();
+    let polyhedra = grains.iter().filter(|grain| grain.shape.polyhedron().is_some()).count();
+    let clumps: Vec<&OrientedClump> = grains.iter().filter_map(|grain| grain.shape.clump()).collect();
     let spheres = count - polyhedra - clumps.len();
     let kind = match (polyhedra, clumps.len()) {
         (0, 0) => count_text(spheres, "sphere"),
@@ -96,11 +96,12 @@ pub fn group_lines(scene: &Scene, population: &Population) -> String {
         if scene.grains[group].shape.has_axes()
             && let Some(grain) = grains.first()
         {
-            let given = if grain.clump.is_some() { "axes" } else { "vertices" };
-            let polyhedron = grain.polyhedron.as_ref().map(|shape| (shape.solid.shift, shape.solid.axes));
-            let clump = grain.clump.as_ref().map(|shape| (shape.clump.frame.shift, shape.clump.frame.axes));
-            if let Some((shift, axes)) = polyhedron.or(clump) {
-                text += &frame_change_text(&shift, &axes, given);
+            match &grain.shape {
+                OrientedShape::Sphere => {}
+                OrientedShape::Polyhedron(shape) => text += &frame_change_text(&shape.solid.shift, &shape.solid.axes),
+                OrientedShape::Clump(shape) => {
+                    text += &frame_change_text(&shape.clump.frame.shift, &shape.clump.frame.axes);
+                }
             }
         }
         if let Some(region) = region {
@@ -112,19 +113,19 @@ pub fn group_lines(scene: &Scene, population: &Population) -> String {
     text
 }
 
-/// Text about the translation and rotation of a shape, `given` by vertices or in axes, to its centre of mass and principal
-/// axes.
-fn frame_change_text(shift: &Vector3<f64>, axes: &Matrix3<f64>, given: &str) -> String {
+/// Text about the translation and rotation of a shape to its centre of mass and principal axes.
+fn frame_change_text(shift: &Vector3<f64>, axes: &Matrix3<f64>) -> String {
     let mut text = String::new();
     if *shift != Vector3::zeros() {
         let [x, y, z] = (*shift).into();
-        text += &format!(", centre of mass at ({x:.8}, {y:.8}, {z:.8}) m of the given {given}");
+        text += &format!(", centre of mass at ({x:.8}, {y:.8}, {z:.8}) m in the axes in which the shape is given");
     }
     let turn = Rotation3::from_matrix_unchecked(axes.transpose());
     if let Some((axis, angle)) = turn.axis_angle() {
         let [x, y, z] = axis.into_inner().into();
-        text +=
-            &format!(", principal axes rotated by {angle:.8} rad about ({x:.8}, {y:.8}, {z:.8}) from the given ones");
+        text += &format!(
+            ", principal axes rotated by {angle:.8} rad about ({x:.8}, {y:.8}, {z:.8}) from those in which the shape is given"
+        );
     }
     text
 }
@@ -138,7 +139,7 @@ fn ball_count_text(clumps: &[&OrientedClump]) -> String {
 
 /// Text about the number of vertices of the grains, summed over the pieces of a grain.
 fn vertex_count_text(grains: &[&Grain]) -> String {
-    let solids = grains.iter().filter_map(|grain| grain.polyhedron.as_ref()).map(|polyhedron| &polyhedron.solid.pieces);
+    let solids = grains.iter().filter_map(|grain| grain.shape.polyhedron()).map(|polyhedron| &polyhedron.solid.pieces);
     let counts = solids.map(|pieces| pieces.iter().map(|piece| piece.vertices().len()).sum::<usize>());
     let (min, max) = counts.fold((usize::MAX, 0), |(min, max), count| (min.min(count), max.max(count)));
     if min == max { format!("{min} vertices each") } else { format!("{min} to {max} vertices") }

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::grain::{Grain, Population};
 use crate::scene::{Law, Scene, SceneWall, TimeFunction};
 use crate::shapes::union::ClumpBall;
-use crate::shapes::{OrientedClump, OrientedPolyhedron};
+use crate::shapes::{OrientedClump, OrientedPolyhedron, OrientedShape};
 use crate::sphere::sphere_volume;
 use crate::walls::{FunctionTables, WallBody};
 
@@ -50,10 +50,12 @@ pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
     let record_of_grain = |grain: &Grain| {
         let group = &scene.grains[grain.group];
         let radius = grain.radius;
-        let (inertia, shapes) = match (&grain.polyhedron, &grain.clump) {
-            (Some(polyhedron), _) => (polyhedron.moments(), polyhedron_shapes(polyhedron)),
-            (None, Some(clump)) => (clump.moments(), clump_shapes(clump)),
-            (None, None) => ([0.4 * sphere_volume(radius) * radius * radius; 3], vec![ShapeRecord::Sphere { radius }]),
+        let (inertia, shapes) = match &grain.shape {
+            OrientedShape::Sphere => {
+                ([0.4 * sphere_volume(radius) * radius * radius; 3], vec![ShapeRecord::Sphere { radius }])
+            }
+            OrientedShape::Polyhedron(polyhedron) => (polyhedron.moments(), polyhedron_shapes(polyhedron)),
+            OrientedShape::Clump(clump) => (clump.moments(), clump_shapes(clump)),
         };
         Body {
             line: 0,

@@ -29,10 +29,10 @@ fn files_in(folder: &Path, text: &str) -> (Bodies, Dof, String, String) {
     let (scene, population) =
         cd_pre::read_scene(&folder.join("scene.ron"), text, &[]).unwrap_or_else(|faults| panic!("{faults}"));
     let files = write::datbox_files(&scene, &population);
-    let of = |name: &str| files.iter().find(|(known, _)| known == name).unwrap().1.clone();
-    let bodies = Bodies::parse(Path::new("BODIES.DAT"), &AsciiText::new(of("BODIES.DAT").as_bytes())).unwrap();
-    let dof = Dof::parse(Path::new("DOF.INI"), &AsciiText::new(of("DOF.INI").as_bytes())).unwrap();
-    (bodies, dof, of("TACT_BEHAV.DAT"), cd_pre::summary::scene_summary(&scene, &population))
+    let file_text = |name: &str| files.iter().find(|(known, _)| known == name).unwrap().1.clone();
+    let bodies = Bodies::parse(Path::new("BODIES.DAT"), &AsciiText::new(file_text("BODIES.DAT").as_bytes())).unwrap();
+    let dof = Dof::parse(Path::new("DOF.INI"), &AsciiText::new(file_text("DOF.INI").as_bytes())).unwrap();
+    (bodies, dof, file_text("TACT_BEHAV.DAT"), cd_pre::summary::scene_summary(&scene, &population))
 }
 
 fn files(text: &str) -> (Bodies, Dof, String, String) {
@@ -103,7 +103,9 @@ fn a_dumbbell_has_the_mass_and_inertia_of_the_union() {
     assert!(tact.contains("SPHER  BLUEx") && !tact.contains("SPHEb"), "{tact}");
     assert!(summary.contains("1 clump (2 balls each)"), "{summary}");
     assert!(
-        summary.contains("centre of mass at (2.00000000, 1.00000000, 0.30000000) m of the given axes"),
+        summary.contains(
+            "centre of mass at (2.00000000, 1.00000000, 0.30000000) m in the axes in which the shape is given"
+        ),
         "{summary}"
     );
     // cd-solve accepts the body, at this density: the mass is that of the union, not of two balls.
@@ -216,8 +218,11 @@ fn clumps_from_a_file() {
     write("one.csv", "x,y,z,r\n0,0,0,1\n");
     for (file, expected) in [
         ("none.csv", "none.csv: balls: no radii; expected a column r, m"),
-        ("inner.csv", "inner.csv: balls: ball 2 lies within ball 1; expected balls that each reach out of the others"),
-        ("one.csv", "one.csv: balls: balls 1; expected 2 to 1000"),
+        (
+            "inner.csv",
+            "inner.csv: balls: ball 2 lies within ball 1; expected no ball within another: leave out the inner one, which adds nothing",
+        ),
+        ("one.csv", "one.csv: balls: 1 ball; expected 2 to 1000 balls"),
     ] {
         assert_eq!(faults_in(folder.path(), &fields(&format!("ClumpFile(file: \"{file}\")"))), expected);
     }
@@ -259,7 +264,7 @@ fn balls_cover_a_surface_and_mass_and_inertia_are_its_own() {
             assert!((half - x.abs()).min() - r > -2e-6, "{x} {r}");
         }
         // The stated area is within the error; points of a grid on the upper face, away from its edges, too.
-        assert!(summary.contains("1.0000 of its area within the error"), "{summary}");
+        assert!(summary.contains("1.0000 of its surface within max_error"), "{summary}");
         let unit = (6.0 / PI).cbrt();
         for (i, j) in (-17..=17).flat_map(|i| (-7..=7).map(move |j| (f64::from(i), f64::from(j)))) {
             let point = Vector3::new(0.1 * i, 0.1 * j, 0.5);
@@ -303,19 +308,28 @@ fn attractions_at_each_contact_are_warned_of() {
 #[test]
 fn scenes_of_clumps_that_are_rejected() {
     let list = "placement: List(positions: [(0, 0, 0)])";
-    let of = |shape: &str| faults(&format!("shape: {shape}, {list}"));
-    assert_eq!(of("Clump([(0, 0, 0, 1)])"), "scene.ron:6:66: grains 1, shape: balls 1; expected 2 to 1000");
+    let shape_faults = |shape: &str| faults(&format!("shape: {shape}, {list}"));
     assert_eq!(
-        of("Clump([(0, 0, 0, 1), (1, NaN, 0, -1)])"),
+        shape_faults("Clump([(0, 0, 0, 1)])"),
+        "scene.ron:6:66: grains 1, shape: 1 ball; expected 2 to 1000 balls"
+    );
+    assert_eq!(
+        shape_faults("Clump([(0, 0, 0, 1), (1, NaN, 0, -1)])"),
         "scene.ron:6:91: grains 1, shape 2.2: NaN; expected a finite number (m)\n\
          scene.ron:6:99: grains 1, shape 2.4: -1; expected a radius > 0 m"
     );
-    assert!(of("Clump([(0, 0, 0, 1), (0, 0, 0, 1)])").contains("ball 1 lies within ball 2; expected balls"));
-    assert!(of("Clump([(0, 0, 0, 1), (0.5, 0, 0, 0.5)])").contains("ball 2 lies within ball 1; expected balls"));
-    assert!(of("Clump([(0, 0, 0, 1e80), (1e80, 0, 0, 1e80)])").contains("; expected at most 1e60 m"));
+    assert!(
+        shape_faults("Clump([(0, 0, 0, 1), (0, 0, 0, 1)])")
+            .contains("ball 1 lies within ball 2; expected no ball within")
+    );
+    assert!(
+        shape_faults("Clump([(0, 0, 0, 1), (0.5, 0, 0, 0.5)])")
+            .contains("ball 2 lies within ball 1; expected no ball within")
+    );
+    assert!(shape_faults("Clump([(0, 0, 0, 1e80), (1e80, 0, 0, 1e80)])").contains("; expected at most 1e60 m"));
     // Bodies so small that their mass is lost are found when the files are checked.
-    assert_ne!(of("Clump([(0, 0, 0, 1e-80), (1e-80, 0, 0, 1e-80)])"), "nothing");
-    let model = |balls: &str| of(&format!("Model(file: \"a.obj\", contact_shape: Balls({balls}))"));
+    assert_ne!(shape_faults("Clump([(0, 0, 0, 1e-80), (1e-80, 0, 0, 1e-80)])"), "nothing");
+    let model = |balls: &str| shape_faults(&format!("Model(file: \"a.obj\", contact_shape: Balls({balls}))"));
     assert!(model("max_balls: 1").contains("max_balls: 1; expected 2 to 1000"), "{}", model("max_balls: 1"));
     assert!(model("max_balls: 9, max_error: 0.01").contains("max_error: 0.01; expected 0.02 to 0.5"));
     let dense = faults(

@@ -338,7 +338,7 @@ fn a_surface_that_is_not_convex_is_a_cluster_with_the_mass_of_the_surface() {
     let refused = datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\"), {STANDING}")).unwrap_err();
     assert_eq!(
         refused,
-        "angle.obj: surface: it is not convex; expected a convex one, or contact_shape: Hull, Pieces(...) or Files([...])"
+        "angle.obj: surface: it is not convex; expected a convex one, or contact_shape: Hull, Pieces(...), Files([...]) or Balls(...)"
     );
     // By hand: centre of the beam (1.5, 0.5, 0.5), of the block (0.5, 0.5, 1.5), weights 3 and 1.
     let centre = Vector3::new(1.25, 0.5, 0.75);
@@ -390,11 +390,11 @@ fn a_surface_that_is_not_convex_is_a_cluster_with_the_mass_of_the_surface() {
         "{wrong}"
     );
     let shifted: Vec<[f64; 3]> = cuboid(block).into_iter().map(|[x, y, z]| [x + 5.0, y, z]).collect();
-    std::fs::write(folder.path().join("beside.obj"), obj(&shifted, &quads())).unwrap();
-    let files = "Files([\"beam.obj\", \"beside.obj\"])";
+    std::fs::write(folder.path().join("outside.obj"), obj(&shifted, &quads())).unwrap();
+    let files = "Files([\"beam.obj\", \"outside.obj\"])";
     let wrong =
         datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\", contact_shape: {files}), {STANDING}"));
-    let expected = "beside.obj: surface: it is outside the model; expected a piece of the model, in the same axes";
+    let expected = "outside.obj: surface: it is outside the model; expected a piece of the model, in the same axes";
     assert_eq!(wrong.unwrap_err(), expected);
 }
 
@@ -500,7 +500,7 @@ fn a_broken_monolith_moves_as_one_and_fills_its_solid() {
 }
 
 #[test]
-fn surfaces_of_attracting_bodies_are_written_beside_the_options() {
+fn surfaces_of_attracting_bodies_are_written_next_to_the_options() {
     let field = |name: &str| format!("Polyhedron(surface: \"{name}\", scale: 2.0, density: 500.0)");
     let write = |fields: &str, files: &[(&str, Vec<u8>)]| {
         let folder = folder(files);

@@ -134,7 +134,12 @@ fn given_vertices_are_moved_and_turned_with_a_message() {
     );
     std::fs::write(&path, &text).unwrap();
     let said = cd_pre::write_datbox(&path, &[], &folder.path().join("DATBOX")).unwrap();
-    assert!(said.contains("centre of mass at (10.75000000, 0.50000000, 0.25000000) m of the given vertices"), "{said}");
+    assert!(
+        said.contains(
+            "centre of mass at (10.75000000, 0.50000000, 0.25000000) m in the axes in which the shape is given"
+        ),
+        "{said}"
+    );
     assert!(said.contains("principal axes rotated by 0."), "{said}");
     assert!(said.contains("1 polyhedron (4 vertices each)"), "{said}");
     // Turned back and moved, the vertices are those that were given, less 10 along x.

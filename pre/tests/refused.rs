@@ -415,7 +415,7 @@ fn more_grains_than_there_are_numbers_for() {
     }
 }
 
-/// Refuses a text that is nested deeper than RON reads, in a scene and in a value that is set.
+/// Rejects a text that is nested deeper than RON reads, in a scene and in a value that is set.
 #[test]
 fn brackets_without_end() {
     let deep = format!("{}{}", "(".repeat(100_000), ")".repeat(100_000));

@@ -49,7 +49,7 @@ impl Study {
         assert_eq!(self.run(&[]), (Some(0), String::new()));
     }
 
-    /// Refused with lines that begin so, each without the name of the program, and nothing written.
+    /// Expects a rejection with lines that begin so, each without the name of the program, and nothing written.
     fn is_refused(&self, expected: &[&str]) {
         let before = self.files();
         let (status, said) = self.run(&[]);

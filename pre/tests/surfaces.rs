@@ -17,7 +17,7 @@ fn read_bytes(name: &str, bytes: &[u8]) -> Result<RepairedSurface, String> {
 }
 
 /// The text of a file with something replaced, which must be there.
-fn with(name: &str, old: &str, new: &str) -> Vec<u8> {
+fn edited_file(name: &str, old: &str, new: &str) -> Vec<u8> {
     let text = std::fs::read_to_string(file(name)).unwrap();
     assert!(text.contains(old), "{name}: {old}");
     text.replace(old, new).into_bytes()
@@ -70,37 +70,41 @@ fn what_does_not_change_the_surface_is_read() {
     };
     let one_line = format!("solid c\n{}", text.lines().skip(1).collect::<Vec<_>>().join(" "));
     let cases: Vec<(&str, Vec<u8>, &str)> = vec![
-        ("name.stl", with(stl, "solid c", "solid facet vertex endfacet 1 2"), "ignored 12 normals without numbers"),
-        ("nameless.stl", with("no-endsolid.stl", "solid c", "solid"), ""),
+        (
+            "name.stl",
+            edited_file(stl, "solid c", "solid facet vertex endfacet 1 2"),
+            "ignored 12 normals without numbers",
+        ),
+        ("nameless.stl", edited_file("no-endsolid.stl", "solid c", "solid"), ""),
         ("capital.stl", upper("leading-newline.stl"), ""),
-        ("tabs.stl", with("no-endsolid.stl", " ", "\t"), ""),
+        ("tabs.stl", edited_file("no-endsolid.stl", " ", "\t"), ""),
         ("windows.stl", lines("no-endsolid.stl", "\r\n"), ""),
-        ("exponents.stl", with("no-endsolid.stl", "0.5", "5.000E-001"), ""),
-        ("fortran.stl", with("no-endsolid.stl", "0.5", "0.5D+00"), ""),
-        ("normals.stl", with(stl, "nan nan nan", "-nan(ind) 1.#QNAN inf"), "ignored 12 normals without numbers"),
+        ("exponents.stl", edited_file("no-endsolid.stl", "0.5", "5.000E-001"), ""),
+        ("fortran.stl", edited_file("no-endsolid.stl", "0.5", "0.5D+00"), ""),
+        ("normals.stl", edited_file(stl, "nan nan nan", "-nan(ind) 1.#QNAN inf"), "ignored 12 normals without numbers"),
         ("solids.stl", halves.into_bytes(), "read 2 solids as one surface"),
         ("line.stl", one_line.into_bytes(), ""),
         ("dos.stl", [text.as_bytes(), b"endsolid\r\n\x1a\0"].concat(), "ignored 2 control characters"),
         ("end.stl", text.trim_end().as_bytes().to_vec(), ""),
         (
             "weight.obj",
-            with("negative.obj", "v 0.5 0.5 -0.5", "v 0.5 0.5 -0.5 2.0"),
+            edited_file("negative.obj", "v 0.5 0.5 -0.5", "v 0.5 0.5 -0.5 2.0"),
             "ignored 1 weight or colour after coordinates",
         ),
-        ("weights.obj", with("line-element.obj", "5\nv", "5 1.0\nv"), "ignored 1 line or point element"),
+        ("weights.obj", edited_file("line-element.obj", "5\nv", "5 1.0\nv"), "ignored 1 line or point element"),
         (
             "colour.obj",
-            with("line-element.obj", "l 1 2", "v 9 9 9 0.5 0.5 0.25"),
+            edited_file("line-element.obj", "l 1 2", "v 9 9 9 0.5 0.5 0.25"),
             "ignored 1 weight or colour after coordinates",
         ),
         (
             "normals.obj",
-            with("line-element.obj", "f 1 3 4 2", "vn 0 0 1\nvt 0 0\nf 1/1/1 3//1 \\\n 4/1 2"),
+            edited_file("line-element.obj", "f 1 3 4 2", "vn 0 0 1\nvt 0 0\nf 1/1/1 3//1 \\\n 4/1 2"),
             "ignored 1 line or point element",
         ),
         (
             "words.obj",
-            with("line-element.obj", "l 1 2", "o endsolid f\ng v\ns off\nusemtl a b\np 1\n# f 9 9 9"),
+            edited_file("line-element.obj", "l 1 2", "o endsolid f\ng v\ns off\nusemtl a b\np 1\n# f 9 9 9"),
             "ignored 1 line or point element",
         ),
         ("windows.obj", lines("bom.obj", "\r\n"), ""),
@@ -110,8 +114,8 @@ fn what_does_not_change_the_surface_is_read() {
             "ignored 1 control character",
         ),
         ("newline.vtk", [b"\n".to_vec(), std::fs::read(file("binary.vtk")).unwrap()].concat(), ""),
-        ("twice.obj", with("line-element.obj", "l 1 2", "f 1 3 4 2"), "dropped 2 duplicate triangles"),
-        ("tabs.vtp", with("two-pieces.vtp", " 0.5", "\n\t0.5"), ""),
+        ("twice.obj", edited_file("line-element.obj", "l 1 2", "f 1 3 4 2"), "dropped 2 duplicate triangles"),
+        ("tabs.vtp", edited_file("two-pieces.vtp", " 0.5", "\n\t0.5"), ""),
         ("xml.vtk", std::fs::read(file("two-pieces.vtp")).unwrap(), ""),
         ("old.vtp", std::fs::read(file("binary.vtk")).unwrap(), ""),
     ];
@@ -137,27 +141,31 @@ fn what_cannot_be_read_is_named() {
     let cases: Vec<(&str, Vec<u8>, &str)> = vec![
         (
             "comma.obj",
-            with("negative.obj", "v 0.5 0.5 -0.5", "v 0,5 0,5 -0,5"),
+            edited_file("negative.obj", "v 0.5 0.5 -0.5", "v 0,5 0,5 -0,5"),
             "comma.obj:4: file: '0,5', which is not a number; expected three coordinates, with decimal points",
         ),
-        ("short.obj", with("negative.obj", "v 0.5 0.5 -0.5", "v 0.5 0.5"), "a vertex of 2 numbers"),
+        ("short.obj", edited_file("negative.obj", "v 0.5 0.5 -0.5", "v 0.5 0.5"), "a vertex of 2 numbers"),
         (
             "zero.obj",
-            with("line-element.obj", "f 1 3 4 2", "f 0 3 4 2"),
+            edited_file("line-element.obj", "f 1 3 4 2", "f 0 3 4 2"),
             "zero.obj:9: file: the corner '0' with 8 vertices before it",
         ),
         (
             "beyond.obj",
-            with("line-element.obj", "f 1 3 4 2", "f 1 3 4 9"),
+            edited_file("line-element.obj", "f 1 3 4 2", "f 1 3 4 9"),
             "beyond.obj:9: file: vertex 9; expected 1 to 8",
         ),
-        ("back.obj", with("line-element.obj", "f 1 3 4 2", "f -9 3 4 2"), "the corner '-9' with 8 vertices before it"),
+        (
+            "back.obj",
+            edited_file("line-element.obj", "f 1 3 4 2", "f -9 3 4 2"),
+            "the corner '-9' with 8 vertices before it",
+        ),
         (
             "nurbs.obj",
-            with("line-element.obj", "l 1 2", "surf 0 1 0 1 1 2"),
+            edited_file("line-element.obj", "l 1 2", "surf 0 1 0 1 1 2"),
             "'surf', a statement of free-form geometry; expected polygons",
         ),
-        ("word.obj", with("line-element.obj", "l 1 2", "vertex 1 2 3"), "word.obj:15: file: the word 'vertex'"),
+        ("word.obj", edited_file("line-element.obj", "l 1 2", "vertex 1 2 3"), "word.obj:15: file: the word 'vertex'"),
         ("points.obj", b"v 0 0 0\n".to_vec(), "no polygons; expected f lines"),
         ("wide.obj", b"\xff\xfev\x00 \x00".to_vec(), "text in UTF-16"),
         ("packed.stl", b"\x1f\x8b\x08\x00".to_vec(), "compressed by gzip"),
@@ -171,12 +179,12 @@ fn what_cannot_be_read_is_named() {
         ("text.stl", std::fs::read(file("negative.obj")).unwrap(), "text that does not begin with 'solid'"),
         (
             "facet.stl",
-            with("no-endsolid.stl", "endloop", "endlop"),
+            edited_file("no-endsolid.stl", "endloop", "endlop"),
             "facet.stl:7: file: the word 'endlop'; expected vertex and three coordinates, or endloop",
         ),
         (
             "number.stl",
-            with("leading-newline.stl", "vertex -0.5 0.5", "vertex -0.5 O.5"),
+            edited_file("leading-newline.stl", "vertex -0.5 0.5", "vertex -0.5 O.5"),
             "'o.5', which is not a number",
         ),
         (
@@ -198,12 +206,12 @@ fn what_cannot_be_read_is_named() {
         ),
         (
             "grid.vtp",
-            with("two-pieces.vtp", "VTKFile type=\"PolyData\"", "VTKFile type=\"UnstructuredGrid\""),
+            edited_file("two-pieces.vtp", "VTKFile type=\"PolyData\"", "VTKFile type=\"UnstructuredGrid\""),
             "VTKFile of the type 'UnstructuredGrid'; expected PolyData",
         ),
         (
             "lz4.vtp",
-            with("two-pieces.vtp", "header_type", "compressor=\"vtkLZ4DataCompressor\" header_type"),
+            edited_file("two-pieces.vtp", "header_type", "compressor=\"vtkLZ4DataCompressor\" header_type"),
             "compressed by vtkLZ4DataCompressor; expected vtkZLibDataCompressor or none",
         ),
         (
@@ -214,10 +222,10 @@ fn what_cannot_be_read_is_named() {
         ("long.vtp", binary("appended-raw.vtp", &[192, 0, 0, 0, 0, 0, 0, 0], &[255; 8]), "bytes announced"),
         (
             "few.vtp",
-            with("two-pieces.vtp", "NumberOfPoints=\"8\"", "NumberOfPoints=\"9\""),
+            edited_file("two-pieces.vtp", "NumberOfPoints=\"8\"", "NumberOfPoints=\"9\""),
             "NumberOfPoints=\"9\", and 8 found",
         ),
-        ("tags.vtp", with("two-pieces.vtp", "</Polys>", "</Poly>"), "</Poly> where <Polys> is open"),
+        ("tags.vtp", edited_file("two-pieces.vtp", "</Polys>", "</Poly>"), "</Poly> where <Polys> is open"),
         ("torn.vtp", std::fs::read(file("two-pieces.vtp")).unwrap()[..700].to_vec(), "the end of the file within"),
     ];
     for (name, bytes, expected) in cases {
@@ -325,7 +333,11 @@ fn stl_and_obj_as_old_and_careless_programs_write_them() {
         ("old.obj", old("negative.obj"), ""),
         ("one-line.stl", one_line.clone().into_bytes(), ""),
         ("copies.stl", two_lines.into_bytes(), "dropped 12 duplicate triangles"),
-        ("normal.stl", with("no-endsolid.stl", "normal 0 0 0", "normal 0 0"), "ignored 12 normals without numbers"),
+        (
+            "normal.stl",
+            edited_file("no-endsolid.stl", "normal 0 0 0", "normal 0 0"),
+            "ignored 12 normals without numbers",
+        ),
     ] {
         let read = read_bytes(name, &bytes).unwrap_or_else(|faults| panic!("{name}: {faults}"));
         assert!((read.surface.volume() - 1.0).abs() < 1e-14, "{name}: {}", read.surface.volume());
@@ -342,31 +354,35 @@ fn the_cause_is_named_in_its_line() {
         ("marked.stl", marked, "text in UTF-16, not UTF-8 or ASCII"),
         (
             "two.stl",
-            with("no-endsolid.stl", "vertex -0.5 0.5 0.5", "vertex -0.5 0.5"),
+            edited_file("no-endsolid.stl", "vertex -0.5 0.5 0.5", "vertex -0.5 0.5"),
             "file: a vertex of 2 numbers; expected vertex and three coordinates",
         ),
         (
             "nan.obj",
-            with("negative.obj", "v 0.5 0.5 -0.5", "v nan 0.5 -0.5"),
+            edited_file("negative.obj", "v 0.5 0.5 -0.5", "v nan 0.5 -0.5"),
             "nan.obj:4: file: 'nan', which is not finite",
         ),
-        ("call.obj", with("line-element.obj", "l 1 2", "call other.obj"), "'call', which includes other files"),
+        ("call.obj", edited_file("line-element.obj", "l 1 2", "call other.obj"), "'call', which includes other files"),
         (
             "order.vtp",
-            with("two-pieces.vtp", "LittleEndian", "MiddleEndian"),
+            edited_file("two-pieces.vtp", "LittleEndian", "MiddleEndian"),
             "byte_order=\"MiddleEndian\"; expected LittleEndian or BigEndian",
         ),
-        ("head.vtp", with("two-pieces.vtp", "header_type=\"UInt", "header_type=\"Real"), "expected UInt32 or UInt64"),
+        (
+            "head.vtp",
+            edited_file("two-pieces.vtp", "header_type=\"UInt", "header_type=\"Real"),
+            "expected UInt32 or UInt64",
+        ),
         (
             "plane.vtp",
-            with("two-pieces.vtp", "NumberOfComponents=\"3\"", "NumberOfComponents=\"2\""),
+            edited_file("two-pieces.vtp", "NumberOfComponents=\"3\"", "NumberOfComponents=\"2\""),
             "NumberOfComponents=\"2\" of Points; expected 3",
         ),
     ] {
         let found = read_bytes(name, &bytes).map(|read| read.surface.volume()).unwrap_err();
         assert!(found.contains(expected), "{name}: {found}");
     }
-    let text = with("no-endsolid.stl", "vertex -0.5 0.5 0.5", "vertex -0.5 0.5");
+    let text = edited_file("no-endsolid.stl", "vertex -0.5 0.5 0.5", "vertex -0.5 0.5");
     let line = String::from_utf8_lossy(&text).lines().position(|line| line.trim() == "vertex -0.5 0.5").unwrap() + 1;
     assert!(read_bytes("a.stl", &text).unwrap_err().starts_with(&format!("a.stl:{line}: ")));
 }

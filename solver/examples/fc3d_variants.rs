@@ -32,7 +32,7 @@ struct Arguments {
     /// Only variants whose name contains this
     #[arg(long, default_value = "")]
     only: String,
-    /// Tell of those that are solved, too
+    /// Print those that are solved, too
     #[arg(long)]
     all: bool,
     /// Folder to write what is not solved to
@@ -78,7 +78,7 @@ impl Stored {
     }
 
     /// Tangents turned by a random angle at each contact.
-    fn turned(mut self, random: &mut Random) -> Self {
+    fn turn_frames(mut self, random: &mut Random) -> Self {
         let turns: Vec<(f64, f64)> = self.q.iter().map(|_| (random.next() * std::f64::consts::TAU).sin_cos()).collect();
         let left = |(sin, cos): (f64, f64), v: LocalVector| [v[0], cos * v[1] + sin * v[2], cos * v[2] - sin * v[1]];
         for (q, turn) in self.q.iter_mut().zip(&turns) {
@@ -99,7 +99,7 @@ impl Stored {
     }
 
     /// q + W x, x within the cones, of `size` times what changes q by itself.
-    fn moved(mut self, random: &mut Random, size: f64) -> Self {
+    fn move_bodies(mut self, random: &mut Random, size: f64) -> Self {
         let x: Vec<LocalVector> = self.q.iter().map(|_| std::array::from_fn(|_| random.next() - 0.5)).collect();
         let mut change = vec![[0.0; 3]; self.len()];
         for (i, j, w) in &self.blocks {
@@ -127,7 +127,7 @@ impl Stored {
     }
 
     /// The contacts `keep`, in that order; one may come several times.
-    fn of(&self, keep: &[usize]) -> Self {
+    fn subset(&self, keep: &[usize]) -> Self {
         let mut places = vec![Vec::new(); self.len()];
         keep.iter().enumerate().for_each(|(new, &old)| places[old].push(new));
         let copies = |(i, j, w): &(usize, usize, MatrixBlock)| {
@@ -168,11 +168,11 @@ fn variants(problem: &Stored, seed: u64) -> Vec<(String, Stored)> {
         add(format!("friction x {factor}"), problem.clone().with_friction(|mu| factor * mu));
     }
     add("friction 0 to 1".into(), problem.clone().with_friction(|_| random.next()));
-    add("tangents turned".into(), problem.clone().turned(&mut random));
+    add("tangents turned".into(), problem.clone().turn_frames(&mut random));
     add("units 1e6 and 1e-3".into(), problem.clone().in_units(1e6, 1e-3));
     add("units 1e-9 and 1e4".into(), problem.clone().in_units(1e-9, 1e4));
     for size in [1e-6, 1e-3, 0.1, 1.0, 10.0] {
-        add(format!("moved by {size}"), problem.clone().moved(&mut random, size));
+        add(format!("moved by {size}"), problem.clone().move_bodies(&mut random, size));
     }
     for size in [1e-3, 0.1, 1.0] {
         add(format!("gaps wider by {size}"), problem.clone().opened(&mut random, size));
@@ -180,21 +180,22 @@ fn variants(problem: &Stored, seed: u64) -> Vec<(String, Stored)> {
     for share in [0.03, 0.1, 0.3, 0.6] {
         for _ in 0..2 {
             let keep: Vec<usize> = all.iter().copied().filter(|_| random.next() > share).collect();
-            add(format!("without {share}: {} contacts", keep.len()), problem.of(&keep));
+            add(format!("without {share}: {} contacts", keep.len()), problem.subset(&keep));
         }
     }
     let twice = |share: f64, random: &mut Random| -> Vec<usize> {
         all.iter().copied().chain(all.iter().copied().filter(|_| random.next() < share)).collect()
     };
-    add("some twice".into(), problem.of(&twice(0.2, &mut random)));
-    add("all twice".into(), problem.of(&twice(2.0, &mut random)));
+    add("some twice".into(), problem.subset(&twice(0.2, &mut random)));
+    add("all twice".into(), problem.subset(&twice(2.0, &mut random)));
     let thrice: Vec<usize> = (0..n.min(200)).flat_map(|k| [k; 3]).collect();
-    add("all thrice".into(), problem.of(&thrice));
+    add("all thrice".into(), problem.subset(&thrice));
     let backwards: Vec<usize> = all.iter().rev().copied().collect();
-    add("backwards".into(), problem.of(&backwards));
+    add("backwards".into(), problem.subset(&backwards));
     add("symmetric".into(), problem.clone().symmetric());
     let keep: Vec<usize> = all.iter().copied().filter(|_| random.next() > 0.2).collect();
-    let mixed = problem.of(&keep).with_friction(|mu| 2.0 * mu).moved(&mut random, 0.3).turned(&mut random);
+    let mixed =
+        problem.subset(&keep).with_friction(|mu| 2.0 * mu).move_bodies(&mut random, 0.3).turn_frames(&mut random);
     add("fewer, rougher, moved".into(), mixed);
     add("q rounded to 1e-9".into(), problem.clone().rounded(&mut random, 1e-9));
     list

@@ -228,15 +228,21 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     summarise_run(case, scene, &state, &statistics)
 }
 
-/// Text about a deforming cell that has become too small for its bodies: they would touch several images. None as long as each
-/// period is more than twice the diameter of the largest body.
+/// Text about a deforming cell that has become too small for its bodies: they would touch or attract several images. None as
+/// long as each period is more than twice the diameter of the largest body plus the range of its attraction.
 fn small_cell_text(scene: &Scene, state: &State) -> Option<String> {
     let cell = state.cell.as_ref()?;
     let shortest = cell.periods.into_iter().fold(f64::INFINITY, f64::min);
     let largest = scene.free.iter().map(|body| scene.bodies[body.index()].radius).fold(0.0, f64::max);
-    (shortest <= 4.0 * largest).then(|| {
-        let [shortest, diameter] = [shortest, 2.0 * largest].map(rounded_number);
-        format!("the cell has become {shortest} m short; expected more than twice the largest diameter {diameter} m")
+    let range = scene.laws.iter().map(|law| law.interaction_range(largest)).fold(0.0, f64::max);
+    let reach = 2.0 * largest + range;
+    (shortest <= 2.0 * reach).then(|| {
+        let with_range = if range > 0.0 { " plus the range of attraction" } else { "" };
+        let [shortest, reach] = [shortest, reach].map(rounded_number);
+        format!(
+            "the shortest period has become {shortest} m, not more than twice the largest diameter{with_range}, \
+             {reach} m; use a larger cell or less strain"
+        )
     })
 }
 

@@ -45,12 +45,12 @@ pub struct Case(TempDir);
 
 impl Case {
     /// Writes the DATBOX of the text of a scene with cd-pre.
-    pub fn of(scene: &str) -> Case {
-        Case::with(scene, Path::new("no such folder"))
+    pub fn from_scene(scene: &str) -> Case {
+        Case::with_surfaces(scene, Path::new("no such folder"))
     }
 
     /// Writes the DATBOX of the text of a scene that names surfaces (`.obj`) of `folder`: they are copied next to it.
-    pub fn with(scene: &str, folder: &Path) -> Case {
+    pub fn with_surfaces(scene: &str, folder: &Path) -> Case {
         let case = Case::empty();
         let surfaces = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
         for path in surfaces.filter(|path| path.extension().is_some_and(|ending| ending == "obj")) {
@@ -58,7 +58,7 @@ impl Case {
         }
         let file = case.path().join("scene.ron");
         fs::write(&file, scene).unwrap();
-        assert_eq!(pre(&file, case.path()), 0, "cd-pre refused\n{scene}");
+        assert_eq!(pre(&file, case.path()), 0, "cd-pre rejected\n{scene}");
         case
     }
 

@@ -11,7 +11,7 @@ const GRAVITATION: f64 = 6.6743e-11;
 fn pressure_is_that_of_the_virial_and_near_the_homogeneous_sphere() {
     for (number, seed) in [(100, 2), (200, 2)] {
         let scene = cloud(number, 0.4, seed, "dt: 4.0, end_time: 10000.0, output_every: 500");
-        let case = Case::of(&scene).solved(&[]);
+        let case = Case::from_scene(&scene).solved(&[]);
         let series = case.series();
         let last = |name: &str| *series[name].last().unwrap();
         let (pressure, virial) = (last("pressure"), last("pressure_virial"));
@@ -50,7 +50,7 @@ fn frictionless_spheres_at_rest_are_isostatic() {
     for seed in [3, 2] {
         let number = 30;
         let scene = cloud(number, 0.0, seed, "dt: 8.0, steps: 12000, tol: 1.0e-8, quench: 0.03, output_every: 2000");
-        let case = Case::of(&scene).solved(&[]);
+        let case = Case::from_scene(&scene).solved(&[]);
         let series = case.series();
         let isostatic = (3 * number - 6) as f64;
         assert_eq!(series["n_contacts"].last(), Some(&isostatic), "seed {seed}: {:?}", series["n_contacts"]);
@@ -84,7 +84,7 @@ fn what_fields_pull_is_in_the_virial_and_the_energy() {
             ),
         )"#
     );
-    let series = Case::of(&scene).solved(&[]).series();
+    let series = Case::from_scene(&scene).solved(&[]).series();
     let last = |name: &str| *series[name].last().unwrap();
     // Radii and densities are written with eight digits.
     let near = |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-7, "{found:e} {expected:e}");

@@ -60,16 +60,16 @@ fn energy(state: &Snapshot) -> f64 {
 /// A clump without symmetry keeps energy and angular momentum; one that spins about a principal axis keeps its spin.
 #[test]
 fn spinning_clumps_keep_energy_and_angular_momentum() {
-    let of = |shape: &str, spin: &str| {
+    let spun_clump = |shape: &str, spin: &str| {
         let grains = format!(
             r#"grains: [(material: "ROCKx", colour: "BLUEx", {shape}, {UPRIGHT}, spin: {spin},
                 placement: List(positions: [(0.0, 0.0, 0.0)]))], compute: (dt: 1e-2, end_time: 20.0, output_every: 1000)"#
         );
-        Case::of(&scene(0.0, &grains)).solved(&["--threads", "1"])
+        Case::from_scene(&scene(0.0, &grains)).solved(&["--threads", "1"])
     };
     let skew =
         "shape: Clump([(0.0, 0.0, 0.0, 0.5), (0.6, 0.1, 0.0, 0.4), (0.0, 0.5, 0.3, 0.3), (-0.3, 0.0, -0.5, 0.25)])";
-    let case = of(skew, "(0.3, 2.0, 0.5)");
+    let case = spun_clump(skew, "(0.3, 2.0, 0.5)");
     let (start, end) = (case.snapshot(0), case.last_snapshot());
     // Rounding of 2000 steps.
     assert!((energy(&end) / energy(&start) - 1.0).abs() < 1e-12);
@@ -77,7 +77,7 @@ fn spinning_clumps_keep_energy_and_angular_momentum() {
     assert_eq!(momentum(&start), momentum(&end));
     assert_ne!(start.bodies.body_w[0], end.bodies.body_w[0]);
     // The axes of the square are principal, the third one with the largest moment.
-    let case = of(SQUARE, "(0.0, 0.0, 2.0)");
+    let case = spun_clump(SQUARE, "(0.0, 0.0, 2.0)");
     let inertia = case.snapshot(0).bodies.body_inertia[0];
     assert!(inertia[2] > 1.1 * inertia[0] && (inertia[0] / inertia[1] - 1.0).abs() < 1e-7, "{inertia:?}");
     let w = case.last_snapshot().bodies.body_w_world[0];
@@ -94,7 +94,7 @@ fn observables_count_bodies_and_the_volume_of_the_union() {
         walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0.0, 0.0, -0.5), half_lengths: (5.0, 5.0, 0.5))],
         compute: (dt: 1e-3, steps: 100, output_every: 50, tol: 1e-12, max_sweeps: 20000)"#
     );
-    let case = Case::of(&scene(-9.81, &parts)).solved(&["--threads", "1"]);
+    let case = Case::from_scene(&scene(-9.81, &parts)).solved(&["--threads", "1"]);
     let end = case.last_snapshot();
     let volume = square_volume();
     for body in 0..2 {
@@ -111,7 +111,7 @@ fn observables_count_bodies_and_the_volume_of_the_union() {
     // The lower one touches the other and the floor, the upper one the other.
     assert_eq!(last("Z"), 1.5);
     assert!(case.path().join("DISPLAY").is_dir());
-    // The last state goes on in another case, as the same bodies, under a third one that touches them.
+    // The last state is continued in another case, as the same bodies, under a third one that touches them.
     let next = Case::empty();
     let changes = |z: f64| {
         format!(

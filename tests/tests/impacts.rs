@@ -37,7 +37,7 @@ fn impact(case: &Path, flags: &[&str]) -> i32 {
 
 /// Columns of beta.csv of a scene.
 fn betas(scene: &str) -> Columns {
-    let case = Case::of(scene).solved(&["--threads", "1"]);
+    let case = Case::from_scene(scene).solved(&["--threads", "1"]);
     assert!(impact(case.path(), &[]) <= 1);
     csv(&case.path().join("POSTPRO/impact/beta.csv")).unwrap()
 }
@@ -90,7 +90,7 @@ fn all_momentum_is_in_the_target_or_carried_away() {
     let shot = "sizes: Single(1.0), placement: List(positions: [(0.5, 0.0, 12.0)]), velocity: (0.1, 0.0, -3.0)";
     let parts = "compute: (dt: 0.02, end_time: 12.0, self_gravity: true, output_every: 100)";
     let law = "IQS_CLB(friction: 0.4)";
-    let case = Case::of(&scene(law, target, shot, parts)).solved(&["--threads", "1"]);
+    let case = Case::from_scene(&scene(law, target, shot, parts)).solved(&["--threads", "1"]);
     assert_eq!(impact(case.path(), &["--threads", "1"]), 0);
     let folder = case.path().join("POSTPRO/impact");
     let read = || -> Vec<Vec<u8>> {

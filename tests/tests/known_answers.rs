@@ -55,7 +55,7 @@ fn parts(grain: &str, walls: &str, compute: &str) -> String {
 }
 
 fn solved(scene: &str) -> Case {
-    Case::of(scene).solved(&["--threads", "1"])
+    Case::from_scene(scene).solved(&["--threads", "1"])
 }
 
 /// The last state of a scene.
@@ -363,7 +363,7 @@ fn the_inertia_of_an_l_is_that_of_its_surface() {
         r#"shape: Model(file: "l.obj", contact_shape: Pieces(max_pieces: 8)), grain_orientation: Same((axis: (0, 0, 1), angle: 0.0))"#,
     );
     let text = scene(DOWN, "IQS_CLB(friction: 0.5)", &parts(&grain, FLOOR, "dt: 1e-3, steps: 1"));
-    let state = Case::with(&text, folder.path()).solved(&["--threads", "1"]).snapshot(0);
+    let state = Case::with_surfaces(&text, folder.path()).solved(&["--threads", "1"]).snapshot(0);
     assert_near(state.bodies.body_mass[0], 3.0 * DENSITY, 1e-6 * DENSITY);
     let mut inertia = state.bodies.body_inertia[0].map(|i| i / DENSITY);
     inertia.sort_by(f64::total_cmp);

@@ -1,5 +1,6 @@
-//! Names and comments of the code as CONTRIBUTING.md requires: counted over all crates, tests left out.
+//! Names and comments of the code as CONTRIBUTING.md requires: counted over all crates, some of them also in tests.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -14,14 +15,20 @@ const ONE_WORD_FUNCTIONS: f64 = 0.30;
 /// Prepositions, adverbs, participles and adjectives that do not name the value of a function or closure.
 const NAMELESS_WORDS: &str = "\
     about above across added after again against all along alone apart around at before behind below beside \
-    between beyond borne bounded broken by centred chosen concatenated crossed current down due equal every \
-    evaluated far farther farthest finer finite first fitted for found from held idle imposed in inside joined known \
-    last listed lower lowest measured moved moving named near next numbered of on other others out over own present \
-    reduced renamed replaced rotated scaled selected shifted sorted stored swapped through to toward towards turned \
-    unquoted unscaled until with within";
+    between beyond borne bounded broken by centred chosen closing concatenated covering crossed current down due equal \
+    every evaluated far farther farthest finer finite first fitted for found from held idle imposed in innermost inside \
+    joined known last listed lower lowest measured moved moving named near next numbered of on other others out outward \
+    over own preconditioned present radial reduced refused renamed replaced reversed riding rotated scaled selected \
+    shifted sorted stored swapped through to toward towards turned unproven unquoted unscaled until weighted whole with \
+    within";
 
-/// Words of these that name arguments and fields well, in a pair or a range: `own` and `other`, `from` and `to`.
-const ARGUMENT_WORDS: &str = "current every first found from last lower next other others out own present to";
+/// Words of these that name arguments and fields well, in a pair or a range: `own` and `other`, `from` and `to`, `whole` and
+/// `part`, `hidden` and `covering`.
+const ARGUMENT_WORDS: &str = "\
+    covering current every first found from last lower next other others out outward own present radial to whole";
+
+/// Words of these by which functions of tests, and methods of iterators and of random numbers in them, are named.
+const TEST_WORDS: &str = "at below between equal last near next";
 
 /// Words that CONTRIBUTING.md retires and that have no other use here; `place`, `way` and `quench` have.
 const RETIRED_WORDS: [&str; 18] = [
@@ -70,10 +77,26 @@ fn sources() -> Vec<(PathBuf, String)> {
 
 /// Source files of a crate, with their texts.
 fn crate_sources(name: &str) -> Vec<(PathBuf, String)> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let mut files = Vec::new();
-    source_files(&root.join(name).join("src"), &mut files);
+    let files = folder_sources(&format!("{name}/src"));
     assert!(files.len() > 20);
+    files
+}
+
+/// Source files of the tests, benchmarks and examples of all crates, with their texts, without this file.
+fn test_sources() -> Vec<(PathBuf, String)> {
+    let folders = CRATES.iter().flat_map(|name| ["tests", "benches", "examples"].map(|part| format!("{name}/{part}")));
+    let files =
+        folders.chain(["tests/src", "tests/tests"].map(String::from)).flat_map(|folder| folder_sources(&folder));
+    files.filter(|(file, _)| !file.ends_with("naming.rs")).collect()
+}
+
+/// Source files in a folder of the repository, with their texts; none if there is no such folder.
+fn folder_sources(folder: &str) -> Vec<(PathBuf, String)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder);
+    let mut files = Vec::new();
+    if folder.is_dir() {
+        source_files(&folder, &mut files);
+    }
     files.into_iter().map(|file| (file.clone(), fs::read_to_string(file).unwrap())).collect()
 }
 
@@ -109,16 +132,25 @@ fn prose(line: &str) -> Vec<String> {
     comment.into_iter().chain(strings).map(without_code).collect()
 }
 
-/// Whether a text has the name of a variable where a word belongs, as renaming tools leave it: `sweeps in new_text of`.
-fn has_name_as_word(text: &str) -> bool {
+/// Whether a text has the name of a variable where a word belongs, as renaming tools leave it: `sweeps in new_text of`, or
+/// one of the variables of its file, `variables`, between two words.
+fn has_name_as_word(text: &str, variables: &BTreeSet<&str>) -> bool {
     let words: Vec<&str> = text.split_whitespace().collect();
     // Symbols with an index, as x_i, have parts of one letter.
     let is_part = |part: &str| part.len() > 1 && part.bytes().all(|b| b.is_ascii_lowercase());
     let is_name = |word: &str| word.contains('_') && word.split('_').all(is_part);
     let is_word = |word: &str| word.bytes().all(|b| b.is_ascii_alphabetic());
-    words
-        .windows(3)
-        .any(|three| is_word(three[0]) && is_name(three[1]) && ["of", "at", "the", "all", "most"].contains(&three[2]))
+    let precedes_word = |name: &str, next: &str| {
+        ["of", "at", "the", "all", "most"].contains(&next) || variables.contains(name) && is_word(next)
+    };
+    words.windows(3).any(|three| is_word(three[0]) && is_name(three[1]) && precedes_word(three[1], three[2]))
+}
+
+/// Names that a text of code binds by `let`, alone or in a tuple.
+fn variable_names(code: &str) -> BTreeSet<&str> {
+    let bound = code.lines().filter_map(|line| line.trim_start().strip_prefix("let ")?.split_once(" ="));
+    let names = bound.flat_map(|(names, _)| names.split(|c: char| !c.is_alphanumeric() && c != '_'));
+    names.filter(|name| name.contains('_')).collect()
 }
 
 /// Names of the closures of all crates.
@@ -266,6 +298,15 @@ fn functions_and_closures_are_named_by_their_values() {
     let is_other = |name: &String| OTHER_NAMES.contains(&name.as_str());
     let nameless: Vec<&String> = functions.iter().filter(|name| is_nameless(name) && !is_other(name)).collect();
     assert!(nameless.is_empty(), "{nameless:?} of {} functions", functions.len());
+    // Functions of tests, also of those within the sources.
+    let is_test_word = |name: &String| TEST_WORDS.split_whitespace().any(|word| word == name);
+    for (file, text) in sources().into_iter().chain(test_sources()) {
+        let lines: Vec<String> = text.lines().map(str::to_string).collect();
+        let functions = defined_names(&lines, &["fn"]);
+        let is_fault = |name: &&String| is_nameless(name) && !is_other(name) && !is_test_word(name);
+        let nameless: Vec<&String> = functions.iter().filter(is_fault).collect();
+        assert!(nameless.is_empty(), "{}: {nameless:?}", file.display());
+    }
 }
 
 #[test]
@@ -290,7 +331,7 @@ fn comments_and_messages_have_no_retired_words() {
     assert_eq!(retired_word("/// Reads the files beside the scene"), Some("beside"));
     assert_eq!(retired_word("/// Goes on, asked-for values"), Some("asked for"));
     assert_eq!(retired_word("/// Memory besides the bond; a roommate"), None);
-    for (file, text) in sources() {
+    for (file, text) in sources().into_iter().chain(test_sources()) {
         for (number, line) in (1..).zip(text.lines()) {
             let word = prose(line).iter().find_map(|text| retired_word(text));
             assert!(word.is_none(), "{}:{number}: {word:?}: {line}", file.display());
@@ -300,12 +341,19 @@ fn comments_and_messages_have_no_retired_words() {
 
 #[test]
 fn comments_and_messages_have_words_not_names_of_variables() {
-    assert!(has_name_as_word(&prose("    // Every subset from_frame at most four")[0]));
-    assert!(has_name_as_word(&prose(r#"    format!("sweeps in contact_text of {solver}")"#)[0]));
-    assert!(!has_name_as_word(&prose("/// Value of `output_every` of the run")[0]));
-    for (file, text) in sources() {
+    let variables = variable_names("    let (mean_changes, size) = sizes();");
+    let is_left = |line: &str| has_name_as_word(&prose(line)[0], &variables);
+    assert!(is_left("    // Every subset from_frame at most four"));
+    assert!(is_left("    // The edge is where d mean_changes beyond that value"));
+    assert!(is_left(r#"    format!("sweeps in contact_text of {solver}")"#));
+    assert!(!is_left("/// Value of `output_every` of the run"));
+    for (file, text) in sources().into_iter().chain(test_sources()) {
+        // Messages name options, which are variables, too.
+        let (variables, none) = (variable_names(&text), BTreeSet::new());
         for (number, line) in (1..).zip(text.lines()) {
-            assert!(!prose(line).iter().any(|text| has_name_as_word(text)), "{}:{number}: {line}", file.display());
+            let known = if line.trim_start().starts_with("//") { &variables } else { &none };
+            let is_left = prose(line).iter().any(|text| has_name_as_word(text, known));
+            assert!(!is_left, "{}:{number}: {line}", file.display());
         }
     }
 }

@@ -13,7 +13,7 @@ use cd_tests::columns::vtp;
 
 /// Forty rocks in the thick of their collisions at the end; snapshots 0, 50, ... 300.
 fn collapse() -> Case {
-    Case::of(&cloud(40, 0.4, 1, "dt: 8.0, steps: 300, output_every: 50, text: true"))
+    Case::from_scene(&cloud(40, 0.4, 1, "dt: 8.0, steps: 300, output_every: 50, text: true"))
 }
 
 /// Rocks that stick, an event before and one after the middle, a driven plate: all that a restart must carry.
@@ -70,7 +70,7 @@ fn threads_never_change_a_byte() {
 
 #[test]
 fn a_run_that_stops_and_continues_equals_the_unbroken_one() {
-    for case in [collapse(), Case::of(BUSY)] {
+    for case in [collapse(), Case::from_scene(BUSY)] {
         let broken = case.twin();
         let unbroken = case.solved(&[]);
         let last = list_snapshots(&unbroken.outbox()).unwrap().pop().unwrap().0;
@@ -90,7 +90,7 @@ fn a_run_that_stops_and_continues_equals_the_unbroken_one() {
 
 #[test]
 fn a_stop_between_two_snapshots_changes_nothing_that_follows() {
-    let case = Case::of(BUSY);
+    let case = Case::from_scene(BUSY);
     let broken = case.twin().solved(&["--steps", "123"]);
     let unbroken = case.solved(&[]);
     assert_eq!(broken.solve(&["--resume"]), 0);
@@ -117,7 +117,7 @@ fn process(case: &Case, flag: &str) -> Command {
 
 #[test]
 fn a_killed_run_continues_to_the_same_bytes() {
-    let case = Case::of(&cloud(40, 0.4, 1, "dt: 8.0, steps: 400, output_every: 7"));
+    let case = Case::from_scene(&cloud(40, 0.4, 1, "dt: 8.0, steps: 400, output_every: 7"));
     let killed = case.twin();
     let unbroken = case.solved(&[]);
     let mut process = process(&killed, "--force").stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
@@ -138,7 +138,7 @@ fn a_killed_run_continues_to_the_same_bytes() {
 
 #[test]
 fn results_are_not_overwritten_unasked() {
-    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10")).solved(&[]);
+    let case = Case::from_scene(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10")).solved(&[]);
     let before = case.results();
     assert_eq!(case.solve(&[]), 2);
     assert_eq!(case.solve(&["--steps", "40"]), 2);
@@ -152,7 +152,7 @@ fn results_are_not_overwritten_unasked() {
     assert_eq!(names, ["notes.txt", "snapshot-000000.npz", "snapshot-000005.npz", "steps.csv"]);
     assert_eq!(case.steps()["step"], [1.0, 2.0, 3.0, 4.0, 5.0]);
 
-    // Refused input leaves the results of before.
+    // Rejected input leaves the results of before.
     fs::write(case.datbox("TACT_BEHAV.DAT"), "$behav\n").unwrap();
     assert_eq!(case.solve(&["--force"]), 2);
     assert_eq!(files(&case.outbox()), names);
@@ -160,7 +160,7 @@ fn results_are_not_overwritten_unasked() {
 
 #[test]
 fn one_run_of_a_case_at_a_time() {
-    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 2"));
+    let case = Case::from_scene(&cloud(12, 0.4, 1, "dt: 8.0, steps: 2"));
     fs::create_dir(case.outbox()).unwrap();
     // As by a run that is at work; its DATBOX is written anew meanwhile.
     let folder = fs::File::open(case.outbox()).unwrap();
@@ -175,7 +175,7 @@ fn one_run_of_a_case_at_a_time() {
 
 #[test]
 fn errors_that_a_killed_run_has_not_written_are_written() {
-    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10")).solved(&[]);
+    let case = Case::from_scene(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10")).solved(&[]);
     let file = case.path().join("ERRORS.csv");
     let lines = |text: String| {
         text.lines().map(|line| line.split(',').take(3).map(String::from).collect::<Vec<_>>()).collect::<Vec<_>>()
@@ -189,7 +189,7 @@ fn errors_that_a_killed_run_has_not_written_are_written() {
 #[test]
 fn text_files_are_numbered_on() {
     let scene = "dt: 8.0, steps: 8, output_every: 1, text: true";
-    let case = Case::of(&cloud(12, 0.4, 1, scene)).solved(&["--steps", "4"]);
+    let case = Case::from_scene(&cloud(12, 0.4, 1, scene)).solved(&["--steps", "4"]);
     assert_eq!(case.solve(&["--resume", "--steps", "8", "--output-every", "2"]), 0);
     let step = |k: u64| Dof::read(&case.outbox().join(format!("DOF.OUT.{k}"))).unwrap().step;
     assert_eq!((1..=6).map(step).collect::<Vec<_>>(), [1, 2, 3, 4, 6, 8]);
@@ -205,7 +205,7 @@ fn text_files_are_numbered_on() {
 fn an_event_that_has_happened_does_not_come_again_in_shorter_steps() {
     // Due in the step from 16 s on, which is a little early.
     let event = "events: [(time: 16.004, action: AddVelocity((1.0, 0.0, 0.0)))]";
-    let case = Case::of(&cloud(12, 0.4, 1, &format!("dt: 8.0, {event}"))).solved(&["--steps", "3"]);
+    let case = Case::from_scene(&cloud(12, 0.4, 1, &format!("dt: 8.0, {event}"))).solved(&["--steps", "3"]);
     assert_eq!(case.solve(&["--resume", "--dt", "0.1", "--steps", "10"]), 0);
     let bodies = case.last_snapshot().bodies;
     let along: f64 = bodies.body_v.iter().zip(&bodies.body_mass).map(|(v, m)| v[0] * m).sum();
@@ -215,7 +215,7 @@ fn an_event_that_has_happened_does_not_come_again_in_shorter_steps() {
 
 #[test]
 fn a_run_that_began_before_its_datbox_does_not_go_on() {
-    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10")).solved(&[]);
+    let case = Case::from_scene(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10")).solved(&[]);
     for name in ["DOF.INI", "Vloc_Rloc.INI"] {
         let text = fs::read_to_string(case.datbox(name)).unwrap();
         let begin = text.lines().find(|line| line.starts_with("$steps")).unwrap();
@@ -251,7 +251,7 @@ fn a_plan_reports_and_writes_nothing() {
 
 #[test]
 fn deep_overlaps_at_the_start_are_reported() {
-    let case = Case::of(&cloud(2, 0.4, 1, "dt: 1.0, steps: 2, output_every: 1")).solved(&[]);
+    let case = Case::from_scene(&cloud(2, 0.4, 1, "dt: 1.0, steps: 2, output_every: 1")).solved(&[]);
     let message = |case: &Case| {
         let output = process(case, "--force").output().unwrap();
         String::from_utf8([output.stdout, output.stderr].concat()).unwrap()
@@ -274,7 +274,7 @@ fn deep_overlaps_at_the_start_are_reported() {
 
 #[test]
 fn a_flag_wins_over_its_option() {
-    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10, tol: 1.0e-4, theta: 0.6"));
+    let case = Case::from_scene(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10, tol: 1.0e-4, theta: 0.6"));
     let case = case.solved(&[]);
     let meta = case.last_snapshot().meta;
     assert_eq!((meta.step, meta.h, meta.parameters.tol, meta.parameters.theta), (20, 8.0, 1e-4, 0.6));
@@ -306,7 +306,7 @@ fn a_flag_wins_over_its_option() {
 
 #[test]
 fn a_datbox_without_options_runs_from_flags_and_defaults() {
-    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0"));
+    let case = Case::from_scene(&cloud(12, 0.4, 1, "dt: 8.0"));
     let with_options = case.twin();
     fs::remove_file(case.datbox("COMPUTE.RON")).unwrap();
     let case = case.solved(&["--dt=8", "--steps=20", "--output-every=10", "--self-gravity"]);
@@ -331,12 +331,12 @@ fn what_cannot_be_read_is_rejected() {
     assert_eq!(empty.solve(&[]), 2);
     assert_eq!(post(empty.path(), &[]), 2);
     for name in ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT", "COMPUTE.RON", "DOF.INI"] {
-        let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 5"));
+        let case = Case::from_scene(&cloud(12, 0.4, 1, "dt: 8.0, steps: 5"));
         fs::write(case.datbox(name), "$behav\n nothing of the kind\n").unwrap();
         assert_eq!(case.solve(&[]), 2, "{name}");
         assert!(!case.outbox().exists(), "{name}");
     }
-    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 5")).solved(&[]);
+    let case = Case::from_scene(&cloud(12, 0.4, 1, "dt: 8.0, steps: 5")).solved(&[]);
     let (_, last) = list_snapshots(&case.outbox()).unwrap().pop().unwrap();
     let bytes = fs::read(&last).unwrap();
     fs::write(&last, &bytes[..bytes.len() / 2]).unwrap();
@@ -389,7 +389,7 @@ fn text_files_are_a_start_for_a_nearby_run() {
 
 #[test]
 fn events_happen_once_and_at_their_time() {
-    let case = Case::of(BUSY).solved(&[]);
+    let case = Case::from_scene(BUSY).solved(&[]);
     // Those of 300 s and 700 s before the snapshots of 320 s and 800 s, that of 320 s in the step which begins there.
     let done = |step| case.snapshot(step).meta.parameters.events_done;
     assert_eq!([0, 40, 80, 120, 160, 200, 240].map(done), [0, 0, 1, 2, 2, 3, 3]);
@@ -404,7 +404,7 @@ fn events_happen_once_and_at_their_time() {
 /// What cd-post writes, read back without VTK; `vtk_readback.py` does it with VTK.
 #[test]
 fn paraview_files_hold_the_snapshots() {
-    let case = Case::of(BUSY).solved(&[]);
+    let case = Case::from_scene(BUSY).solved(&[]);
     assert_eq!(post(case.path(), &["--every", "3"]), 0);
     let display = case.path().join("DISPLAY");
     let pvd = fs::read_to_string(display.join("grains.pvd")).unwrap();
@@ -448,7 +448,7 @@ fn a_cluster_has_mass_and_inertia_of_its_surface() {
         )],
         compute: (dt: 0.01, steps: 1),
     )"#;
-    let bodies = Case::with(scene, surfaces_of_an_l().path()).solved(&[]).last_snapshot().bodies;
+    let bodies = Case::with_surfaces(scene, surfaces_of_an_l().path()).solved(&[]).last_snapshot().bodies;
     // 3 m^3, where the pieces have 4. The L is three cubes of 1 m, two of them next to one at its corner: about y
     // 3 (1/6) + 2 (1/9 + 4/9) + (1/9 + 1/9) m^5. Twelve digits of the file.
     assert!((bodies.body_mass[0] - 3000.0).abs() < 1e-7, "{}", bodies.body_mass[0]);

@@ -60,7 +60,7 @@ fn needles_plates_and_skew_bodies_of_all_sizes() {
 #[test]
 fn a_needle_a_million_times_longer_than_wide_runs() {
     let needle = "Vertices([(0, 0, 0), (1000000, 0, 0), (0, 1, 0), (0, 0, 1)])";
-    let case = Case::of(&scene(needle, ALONE)).solved(&["--threads", "1"]);
+    let case = Case::from_scene(&scene(needle, ALONE)).solved(&["--threads", "1"]);
     // A fourth of the long side from its thick end.
     assert!((case.last_snapshot().bodies.body_mass[0] / (2700.0 * 1e6 / 6.0) - 1.0).abs() < 1e-6);
 }
@@ -165,7 +165,7 @@ fn whatever_cd_pre_accepts_cd_solve_reads() {
     assert!(count > 75, "{count} of 150 scenes accepted");
 }
 
-/// A missing file is named with the place in the scene that asks for it.
+/// A missing file is named with the location in the scene that names it.
 #[test]
 fn a_missing_model_is_named_with_its_place_in_the_scene() {
     let case = Case::empty();

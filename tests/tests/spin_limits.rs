@@ -44,7 +44,7 @@ fn force(share: f64, limit: f64, law: &str) -> Option<f64> {
         spin += added;
     }
     let steps = spins.len() * SETTLE;
-    let case = Case::of(&format!(
+    let case = Case::from_scene(&format!(
         r#"(
             materials: [(name: "ROCKx", density: {DENSITY:?})],
             laws: [(name: "law00", kind: {law})],

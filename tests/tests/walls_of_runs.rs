@@ -8,7 +8,7 @@ use cd_tests::case::{Case, from_outbox};
 
 /// Grains that have settled in a box with a lid; `shape` and `tol` of the run.
 fn filled(shape: &str, tol: &str) -> Case {
-    Case::of(&format!(
+    Case::from_scene(&format!(
         r#"(
         seed: 3,
         gravity: (0.0, 0.0, -9.81),
@@ -25,7 +25,7 @@ fn filled(shape: &str, tol: &str) -> Case {
 }
 
 /// The case made from the last snapshot of another, and its number of bodies.
-fn next(from: &Case, changes: &str) -> (Case, usize) {
+fn next_case(from: &Case, changes: &str) -> (Case, usize) {
     let case = Case::empty();
     assert_eq!(from_outbox(from.path(), case.path(), changes), 0, "{changes}");
     let count = Bodies::read(&case.datbox("BODIES.DAT")).unwrap().0.len();
@@ -33,7 +33,7 @@ fn next(from: &Case, changes: &str) -> (Case, usize) {
 }
 
 /// The message with which a change is rejected.
-fn refused(from: &Case, changes: &str) -> String {
+fn rejection(from: &Case, changes: &str) -> String {
     let case = Case::empty();
     let file = case.path().join("changes.ron");
     fs::write(&file, changes).unwrap();
@@ -69,32 +69,37 @@ fn walls_come_and_go_one_by_one() {
         [("Sphere", "1e-2"), ("Random(vertices: (8, 12), ratios: (1.0, 0.8, 0.7), angularity: 0.2)", "1e-3")]
     {
         let run = filled(shape, tol);
-        let (open, count) = next(&run, "(bodies: [(walls_except: [Wall(6)])])");
+        let (open, count) = next_case(&run, "(bodies: [(walls_except: [Wall(6)])])");
         assert_eq!(count, 35, "{shape}: the lid alone is gone");
         let open = open.solved(&["--steps", "20", "--threads", "1"]);
-        let (closed, count) = next(&open, &format!("(walls: [{}])", plate(&run, 6, 0.0)));
+        let (closed, count) = next_case(&open, &format!("(walls: [{}])", plate(&run, 6, 0.0)));
         assert_eq!(count, 36, "{shape}: the lid is back");
         closed.solved(&["--steps", "2", "--threads", "1"]);
         // Floor and lid are kept by number, the sides put back where they were, against what leans on them.
         let sides: Vec<String> = (2..6).map(|wall| plate(&run, wall, 0.0)).collect();
         let kept =
             format!("bodies: [(walls: false, walls_except: [Body(31), Wall(6)])], walls: [{}]", sides.join(", "));
-        assert_eq!(next(&run, &format!("({kept})")).1, 36, "{shape}");
+        assert_eq!(next_case(&run, &format!("({kept})")).1, 36, "{shape}");
         // All of them, and the floor in its own place again.
         let all: Vec<String> = (1..7).map(|wall| plate(&run, wall, 0.0)).collect();
-        assert_eq!(next(&run, &format!("(bodies: [(walls: false)], walls: [{}])", all.join(", "))).1, 36, "{shape}");
-        assert_eq!(next(&run, "(bodies: [(walls_except: [Colour(\"WALLx\")])])").1, 30, "{shape}");
+        assert_eq!(
+            next_case(&run, &format!("(bodies: [(walls: false)], walls: [{}])", all.join(", "))).1,
+            36,
+            "{shape}"
+        );
+        assert_eq!(next_case(&run, "(bodies: [(walls_except: [Colour(\"WALLx\")])])").1, 30, "{shape}");
         // Into a larger box; into one that is too small.
         let boxed = |lengths: &str, z: f64| {
             format!(
                 "(bodies: [(walls: false)], walls: [Box(material: \"ROCKx\", colour: \"WALLx\", centre: (0, 0, {z}), lengths: {lengths}, half_thickness: 0.05)])"
             )
         };
-        next(&run, &boxed("(3, 3, 3)", 0.45)).0.solved(&["--steps", "2", "--threads", "1"]);
-        let found = refused(&run, &boxed("(0.95, 1, 2)", 0.0));
+        next_case(&run, &boxed("(3, 3, 3)", 0.45)).0.solved(&["--steps", "2", "--threads", "1"]);
+        let found = rejection(&run, &boxed("(0.95, 1, 2)", 0.0));
         assert!(found.contains("overlap by") && found.contains("of the changes)"), "{found}");
         // A floor 1 mm higher is deeper than what the run had left.
-        let found = refused(&run, &format!("(bodies: [(walls_except: [Wall(1)])], walls: [{}])", plate(&run, 1, 1e-2)));
+        let found =
+            rejection(&run, &format!("(bodies: [(walls_except: [Wall(1)])], walls: [{}])", plate(&run, 1, 1e-2)));
         assert!(found.contains("that the run had left") && found.contains("wall 1 of the changes"), "{found}");
     }
 }
@@ -105,7 +110,7 @@ fn walls_that_are_not_there_are_named() {
     for (which, found) in
         [("Wall(7)", "Wall(7)"), ("Body(3)", "Body(3)"), ("Colour(\"LIDxx\")", "Colour(\\\"LIDxx\\\")")]
     {
-        let text = refused(&run, &format!("(bodies: [(walls_except: [{which}])])"));
+        let text = rejection(&run, &format!("(bodies: [(walls_except: [{which}])])"));
         let expected = "expected one of 6 bodies with imposed motion, numbers 31 to 36, colours WALLx";
         assert!(text.contains(expected) && text.contains(&found.replace('\\', "")), "{text}");
     }
@@ -115,7 +120,7 @@ fn walls_that_are_not_there_are_named() {
 #[test]
 fn two_runs_are_mixed_by_their_shapes() {
     let cube = |x: f64| {
-        Case::of(&format!(
+        Case::from_scene(&format!(
             r#"(
             materials: [(name: "ROCKx", density: 2700.0)],
             laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
@@ -129,23 +134,23 @@ fn two_runs_are_mixed_by_their_shapes() {
     };
     let (left, right) = (cube(0.0), cube(1.01));
     let other = |case: &Path, more: &str| format!("(bodies: [(), (case: {:?}{more})])", case.display().to_string());
-    assert_eq!(next(&left, &other(right.path(), "")).1, 2);
-    let found = refused(&left, &other(right.path(), ", centre: (0.9, 0, 0)"));
+    assert_eq!(next_case(&left, &other(right.path(), "")).1, 2);
+    let found = rejection(&left, &other(right.path(), ", centre: (0.9, 0, 0)"));
     assert!(found.contains("overlap by 1.000e-1 m"), "{found}");
     let ball = |x: f64| {
         format!(
             "(grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.5), placement: List(positions: [({x:?}, 0, 0)]))])"
         )
     };
-    assert_eq!(next(&left, &ball(1.0)).1, 2);
-    assert!(refused(&left, &ball(0.99)).contains("overlap by 1.000e-2 m"));
+    assert_eq!(next_case(&left, &ball(1.0)).1, 2);
+    assert!(rejection(&left, &ball(0.99)).contains("overlap by 1.000e-2 m"));
 }
 
 /// Held bricks in a floor plate: neither can move, so the plate can be put back; a free brick may not overlap it.
 #[test]
 fn a_floor_is_put_back_among_held_bricks() {
     let bricks = |driven: &str| {
-        Case::of(&format!(
+        Case::from_scene(&format!(
             r#"(
             materials: [(name: "ROCKx", density: 2700.0)],
             laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
@@ -161,8 +166,8 @@ fn a_floor_is_put_back_among_held_bricks() {
     let floor =
         "(walls: [Plate(material: \"ROCKx\", colour: \"BLUEx\", centre: (0, 0, 0), half_lengths: (3, 3, 0.1))])";
     let held = bricks("driven: (Constant(0), Constant(0), Constant(0)),");
-    assert_eq!(next(&held, floor).1, 3);
-    assert!(refused(&bricks(""), floor).contains("overlap by 6.000e-1 m"));
+    assert_eq!(next_case(&held, floor).1, 3);
+    assert!(rejection(&bricks(""), floor).contains("overlap by 6.000e-1 m"));
 }
 
 /// A hollow cylinder is closed and pushes inwards alone: grains outside of it are rejected as in a scene, whoever comes later.
@@ -174,18 +179,18 @@ fn grains_outside_of_a_hollow_cylinder_are_rejected() {
             "Cylinder(material: \"ROCKx\", colour: \"{colour}\", centre: ({x}, 0, 0), half_height: 2, radius: 1.2, hollow: true)"
         )
     };
-    let found = refused(&run, &format!("(bodies: [(walls: false)], walls: [{}])", drum(3.0, "WALLx")));
+    let found = rejection(&run, &format!("(bodies: [(walls: false)], walls: [{}])", drum(3.0, "WALLx")));
     let expected = "is outside of wall 1, a hollow cylinder; expected bodies that can touch it inside: it is closed and has \
                     contacts on its inside only";
     assert!(found.contains("body 1: body 1 ") && found.contains(expected), "{found}");
     // Around them all, and where none meets it.
-    let (around, _) = next(&run, &format!("(bodies: [(walls: false)], walls: [{}])", drum(0.0, "WALLx")));
+    let (around, _) = next_case(&run, &format!("(bodies: [(walls: false)], walls: [{}])", drum(0.0, "WALLx")));
     let apart = "contacts: [(between: (\"BLUEx\", \"DRUMx\"), law: None)]";
-    next(&run, &format!("(bodies: [(walls: false)], walls: [{}], {apart})", drum(9.0, "DRUMx")));
+    next_case(&run, &format!("(bodies: [(walls: false)], walls: [{}], {apart})", drum(9.0, "DRUMx")));
     // The drum of a run, and a grain that is added.
     let around = around.solved(&["--steps", "1", "--threads", "1"]);
     let grain = "grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.1), placement: List(positions: [(4, 0, 0)]))]";
-    let found = refused(&around, &format!("({grain})"));
+    let found = rejection(&around, &format!("({grain})"));
     assert!(found.contains("body 32 is outside of body 31, a hollow cylinder"), "{found}");
 }
 

@@ -116,12 +116,12 @@ pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, SplitErr
 
 /// Convex pieces of a POLYR: one that is convex, or cannot be split, is its own piece.
 pub fn convex_surfaces(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<ConvexPiece> {
-    let whole = || vec![ConvexPiece { vertices: vertices.to_vec(), triangles: triangles.to_vec() }];
+    let whole_piece = || vec![ConvexPiece { vertices: vertices.to_vec(), triangles: triangles.to_vec() }];
     if ConvexMesh::from_contactor(vertices, triangles).is_ok() {
-        return whole();
+        return whole_piece();
     }
     let pieces = Surface::new(vertices, triangles).ok().and_then(|surface| split_into_convex(&surface).ok());
-    pieces.unwrap_or_else(whole)
+    pieces.unwrap_or_else(whole_piece)
 }
 
 /// Half space n·x <= offset.

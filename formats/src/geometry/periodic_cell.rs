@@ -44,8 +44,9 @@ impl PeriodicCell {
         }
     }
 
-    /// Sum of whole edges such that the components of the rest of `d` are at most half of the periods, m. It is the sum
-    /// nearest to `d` if some sum is that near.
+    /// Sum of whole edges such that the components of the rest of `d` are at most half of the periods, m. In a cell with right
+    /// angles it is the sum nearest to `d`; in a sheared one it is if the nearest is closer to `d` than half of the smallest
+    /// period.
     #[inline]
     pub fn nearest_shift(&self, d: &Vector3<f64>) -> Vector3<f64> {
         // Pairs of every scene pass here.

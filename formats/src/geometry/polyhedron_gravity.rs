@@ -35,7 +35,7 @@ const MAX_NODE_RATIO: f64 = 0.2;
 const MAX_NUMERICAL_RATIO: f64 = 0.35;
 
 /// Squared distance of numerically integrated faces over that of expanded nodes.
-const NUMERICAL_REACH: f64 = (MAX_NODE_RATIO / MAX_NUMERICAL_RATIO) * (MAX_NODE_RATIO / MAX_NUMERICAL_RATIO);
+const SQUARED_REACH_RATIO: f64 = (MAX_NODE_RATIO / MAX_NUMERICAL_RATIO) * (MAX_NODE_RATIO / MAX_NUMERICAL_RATIO);
 
 /// Points that are computed at a time: two or one vectors of the instruction set.
 const LANES: usize = 8;
@@ -43,7 +43,7 @@ const LANES: usize = 8;
 /// One number for each of `N` points.
 type Lanes<const N: usize> = [f64; N];
 
-/// Choice among `N` points: all bits of a number are 1 or 0. Selecting by bits is what compilers make vectors of.
+/// Choice among `N` points: all bits of a number are 1 or 0. Compilers vectorise selection by bits.
 type Mask<const N: usize> = [u64; N];
 
 /// Face number of nodes with several faces.
@@ -205,24 +205,24 @@ impl PolyhedronGravity {
         let size = libm::cbrt(self.volume);
         let reach_factors = distances.map(|distance| distance.max(size) / size);
         // Index of the node at which each point continues.
-        let mut resumes: [u64; N] = is_far.map(|far| if far { u64::MAX } else { 0 });
+        let mut resume_nodes: [u64; N] = is_far.map(|far| if far { u64::MAX } else { 0 });
         let mut k = 0;
         while let Some(node) = self.nodes.get(k) {
             let from_centre: [Lanes<N>; 3] = std::array::from_fn(|axis| x[axis].map(|x| x - node.centre[axis]));
             let squares = squared_norms(&from_centre);
-            let is_here: Mask<N> = std::array::from_fn(|l| mask(resumes[l] <= k as u64));
-            let sees = |reach: f64, l: usize| is_here[l] & mask(squares[l] > reach * reach_factors[l]);
-            let expands: Mask<N> = std::array::from_fn(|l| sees(node.squared_reach, l));
-            if is_any(&expands) {
-                sum.add(&self.moments[k].integrals(&from_centre, &squares), &expands);
+            let is_here: Mask<N> = std::array::from_fn(|l| mask(resume_nodes[l] <= k as u64));
+            let is_beyond = |reach: f64, l: usize| is_here[l] & mask(squares[l] > reach * reach_factors[l]);
+            let is_expanded: Mask<N> = std::array::from_fn(|l| is_beyond(node.squared_reach, l));
+            if is_any(&is_expanded) {
+                sum.add(&self.moments[k].integrals(&from_centre, &squares), &is_expanded);
                 for l in 0..N {
-                    resumes[l] = (resumes[l] & !expands[l]) | (u64::from(node.next) & expands[l]);
+                    resume_nodes[l] = (resume_nodes[l] & !is_expanded[l]) | (u64::from(node.next) & is_expanded[l]);
                 }
             }
             if let Some(face) = self.faces.get(node.face as usize) {
-                let rest: Mask<N> = std::array::from_fn(|l| is_here[l] & !expands[l]);
+                let rest: Mask<N> = std::array::from_fn(|l| is_here[l] & !is_expanded[l]);
                 let is_distant: Mask<N> =
-                    std::array::from_fn(|l| rest[l] & sees(node.squared_reach * NUMERICAL_REACH, l));
+                    std::array::from_fn(|l| rest[l] & is_beyond(node.squared_reach * SQUARED_REACH_RATIO, l));
                 if is_any(&is_distant) {
                     sum.add(&numerical_face_integrals(face, &x), &is_distant);
                 }
@@ -230,7 +230,7 @@ impl PolyhedronGravity {
                     sum.add_to_lane(lane, &face_integrals(face, &points[lane]));
                 }
             }
-            let next = resumes.iter().fold(u64::MAX, |next, resume| next.min(*resume));
+            let next = resume_nodes.iter().fold(u64::MAX, |next, resume| next.min(*resume));
             k = if next > k as u64 { next as usize } else { k + 1 };
         }
         std::array::from_fn(|l| {
@@ -262,7 +262,7 @@ impl PolyhedronGravity {
         (j_d * 3.0 - d * (7.5 * along - 1.5 * trace)) / (cube * square)
     }
 
-    /// Part of an [`attraction`](Self::attraction_and_potential) at the point `x` that is not that of a point mass in the
+    /// Part of an [`attraction`](Self::attraction_and_potential) at the point `x` less that of a point mass in the
     /// centre of mass, m per G times density; far from the body it keeps its digits.
     pub fn attraction_of_shape(&self, x: &Vec3, attraction: &Vec3) -> Vec3 {
         let d = x - self.centre;
@@ -469,9 +469,9 @@ fn numerical_face_integrals<const N: usize>(face: &[Vec3; 3], x: &[Lanes<N>; 3])
     }
 }
 
-/// Least difference of the distances from the ends of an edge to its length, over the length: any number below that of rounding,
-/// 1e-16, whose inverse is finite.
-const LEAST_GAP: f64 = 1e-300;
+/// Smallest excess of the distances from the ends of an edge over its length, over the length: any number below that of
+/// rounding, 1e-16, whose inverse is finite.
+const MIN_EDGE_EXCESS: f64 = 1e-300;
 
 /// Integrals of one face as seen from `x`, in closed form. With the signed distance h_e of the foot of x from each edge, the
 /// distances r of its ends, its length l, the height z of the plane and the solid angle w:
@@ -490,7 +490,7 @@ fn face_integrals(face: &[Vec3; 3], x: &Vec3) -> LayerIntegrals<1> {
         let (length, ends) = (edge.norm(), start.norm() + end.norm());
         let distance = edge.cross(&normal).dot(start) / length;
         // On the edge itself the distance is 0 and the logarithm infinite; their product is 0.
-        let gap = (ends - length).max(LEAST_GAP * length);
+        let gap = (ends - length).max(MIN_EDGE_EXCESS * length);
         integral += distance * libm::log((ends + length) / gap);
     }
     LayerIntegrals { normal: <[f64; 3]>::from(normal * integral).map(|n| [n]), height: [height * integral] }

@@ -383,7 +383,8 @@ impl WallMesh {
                 all.into_iter().all(|vertex| is_behind(position(vertex) - position(vertices[k])))
             }
         };
-        is_local_maximum && self.outward(triangle, region, &at_feature).is_none_or(|outward| outward.dot(n) >= 0.0)
+        is_local_maximum
+            && self.outward_direction(triangle, region, &at_feature).is_none_or(|outward| outward.dot(n) >= 0.0)
     }
 
     /// Whether each edge belongs to two triangles or more.
@@ -501,7 +502,7 @@ impl WallMesh {
 
     /// Direction out of the surface at a region of a triangle, of any length; `None` if both sides push, and at the rim.
     /// `at_feature`: the triangles there.
-    fn outward(&self, triangle: u32, region: TriangleRegion, at_feature: &[u32]) -> Option<Vec3> {
+    fn outward_direction(&self, triangle: u32, region: TriangleRegion, at_feature: &[u32]) -> Option<Vec3> {
         if self.sides == MeshSides::Both {
             return None;
         }
@@ -514,8 +515,8 @@ impl WallMesh {
             // Normals weighted by the angles at the corner: J. A. Baerentzen, H. Aanaes, Signed distance computation using
             // the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243-253.
             TriangleRegion::Corner(k) => {
-                let weighted = |&other: &u32| self.normals[other as usize] * self.angle_at(other, vertices[k]);
-                Some(at_feature.iter().map(weighted).sum())
+                let weighted_normal = |&other: &u32| self.normals[other as usize] * self.angle_at(other, vertices[k]);
+                Some(at_feature.iter().map(weighted_normal).sum())
             }
         }
     }
@@ -537,7 +538,7 @@ impl WallMesh {
             return true;
         }
         let at_feature = self.triangles_at(found.triangle, found.region);
-        let outward = self.outward(found.triangle, found.region, &at_feature);
+        let outward = self.outward_direction(found.triangle, found.region, &at_feature);
         outward.is_none_or(|outward| outward.dot(&(point - found.point)) >= 0.0)
     }
 

@@ -39,9 +39,10 @@ impl<'a> ErrorSite<'a> {
     pub fn new(text: &str, nodes: &'a [ValueNode], error: &SpannedError) -> Self {
         let (raw, offset) = byte_offsets(text, error.span.start.line, error.span.start.col);
         let value =
-            innermost(nodes, |node| node.span.start <= offset && offset < node.span.end.max(node.span.start + 1));
-        let named_value =
-            innermost(nodes, |node| node.name.as_ref().is_some_and(|name| name.start <= offset && offset < name.end));
+            shortest_value(nodes, |node| node.span.start <= offset && offset < node.span.end.max(node.span.start + 1));
+        let named_value = shortest_value(nodes, |node| {
+            node.name.as_ref().is_some_and(|name| name.start <= offset && offset < name.end)
+        });
         ErrorSite { raw, offset, value, named_value }
     }
 
@@ -54,7 +55,7 @@ impl<'a> ErrorSite<'a> {
 }
 
 /// Shortest of the values for which `holds`.
-fn innermost(nodes: &[ValueNode], holds: impl Fn(&ValueNode) -> bool) -> Option<&ValueNode> {
+fn shortest_value(nodes: &[ValueNode], holds: impl Fn(&ValueNode) -> bool) -> Option<&ValueNode> {
     nodes.iter().filter(|node| holds(node)).min_by_key(|node| node.span.len())
 }
 
@@ -210,7 +211,7 @@ impl FaultyText<'_> {
     fn bare_variant<T: DeserializeOwned>(&self) -> Option<TextFault> {
         let ends_here =
             |node: &ValueNode| node.span.end == self.site.raw && self.source_of(node).starts_with(char::is_alphabetic);
-        let node = innermost(self.nodes, ends_here).filter(|node| !self.source_of(node).contains('('))?;
+        let node = shortest_value(self.nodes, ends_here).filter(|node| !self.source_of(node).contains('('))?;
         let kind = self.text_of(node);
         let fields = match probe_error::<T>(self.text, node, &format!("{kind}({UNKNOWN_NAME}: 0)")) {
             Some(Error::NoSuchStructField { expected, .. }) => format!("{kind}(...) with {}", field_list(expected)),
@@ -266,7 +267,8 @@ impl FaultyText<'_> {
     /// Bracket around the site, and its fault if it holds too many values.
     fn surrounding_list(&self) -> Option<(&ValueNode, String)> {
         let ErrorSite { raw, value, .. } = self.site;
-        let around = innermost(self.nodes, |node| node.span.start < raw && raw < node.span.end && Some(node) != value);
+        let around =
+            shortest_value(self.nodes, |node| node.span.start < raw && raw < node.span.end && Some(node) != value);
         around.map(|list| (list, format!("too many values in {}", self.text_of(list))))
     }
 

@@ -78,13 +78,13 @@ impl<'a> AsciiText<'a> {
     }
 
     /// The whole text as one part.
-    fn whole(&self) -> TextPart<'_> {
+    fn whole_text(&self) -> TextPart<'_> {
         TextPart { text: &self.0, lines_before: 0, records_before: 0 }
     }
 
     /// All lines with their numbers.
     pub fn lines(&self) -> impl Iterator<Item = TextLine<'_>> {
-        self.whole().lines()
+        self.whole_text().lines()
     }
 }
 
@@ -226,7 +226,7 @@ pub struct LineScanner<'a> {
 impl<'a> LineScanner<'a> {
     /// Scanner at the first line of `text`; `path` is for messages.
     pub fn new(path: &'a Path, text: &'a AsciiText<'_>) -> Self {
-        LineScanner::from_part(path, text.whole())
+        LineScanner::from_part(path, text.whole_text())
     }
 
     /// Scanner at the first line of a part of a text.

@@ -219,7 +219,7 @@ mod tests {
         }
         let none = numbers(0, None);
         assert_eq!(none.parts("numbr", &mut TextCounts::default()).len(), 1);
-        assert_eq!(none.whole().text, "! head\n");
+        assert_eq!(none.whole_text().text, "! head\n");
     }
 
     #[test]

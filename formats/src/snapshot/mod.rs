@@ -258,7 +258,7 @@ mod adaptive_fields {
         adaptive.map(fields).serialize(serializer)
     }
 
-    /// Reads the option with the names of fields that snapshots have.
+    /// Reads the option with the names of fields that snapshots have. Errors: other or missing fields, as derived readers.
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Adaptive>, D::Error> {
         let adaptive =
             |AdaptiveFields { most, travel, penetration }| Adaptive { max_multiple: most, travel, penetration };

@@ -219,7 +219,7 @@ fn signs_agree_with_the_bodies_motion() {
     let radius = [1.0, 0.8];
     // Velocity of both surfaces at the contact: v + omega x (arm), omega given along the body's axes.
     let surface = |k: usize, sign: f64| -> [f64; 3] {
-        let BodyMotion { v, omega } = BodyMotion::of(&dof, k);
+        let BodyMotion { v, omega } = BodyMotion::from_dof(&dof, k);
         let arm = contact.frame[0].map(|n| sign * radius[k] * n);
         let turn = cross(omega, arm);
         [0, 1, 2].map(|c| v[c] + turn[c])
@@ -241,7 +241,7 @@ struct BodyMotion {
 }
 
 impl BodyMotion {
-    fn of(dof: &Dof, k: usize) -> Self {
+    fn from_dof(dof: &Dof, k: usize) -> Self {
         let body = &dof.bodies[k];
         let [v1, v2, v3, w1, w2, w3] = body.velocity;
         let omega = [0, 1, 2].map(|c| w1 * body.axes[0][c] + w2 * body.axes[1][c] + w3 * body.axes[2][c]);

@@ -767,7 +767,7 @@ mod tests {
     }
 
     /// A run of two bodies with one row in its series, at the time at which it ends, s.
-    fn measured(time: f64, pressure: f64, x: f64) -> MeasuredRun {
+    fn measured_run(time: f64, pressure: f64, x: f64) -> MeasuredRun {
         MeasuredRun {
             case: "run".into(),
             name: "run".into(),
@@ -784,9 +784,9 @@ mod tests {
 
     #[test]
     fn errors_are_relative_to_the_finest() {
-        let finest = measured(1.0, 1.0, 0.0);
+        let finest = measured_run(1.0, 1.0, 0.0);
         let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
-        let found = exact.compare_run(&measured(1.0, 1.02, 0.2)).unwrap();
+        let found = exact.compare_run(&measured_run(1.0, 1.02, 0.2)).unwrap();
         // Rounding of a few operations.
         let row = &found.row;
         for (value, expected) in [
@@ -800,7 +800,7 @@ mod tests {
         }
         // For a bed its own solid fraction and pressure count.
         let bed = |nu: f64, pressure: f64| {
-            let mut run = measured(1.0, 1.0, 0.0);
+            let mut run = measured_run(1.0, 1.0, 0.0);
             let observables = &mut run.observed[0].observables;
             (observables.bed_nu, observables.bed_pressure) = (nu, pressure);
             run
@@ -818,7 +818,7 @@ mod tests {
             interval,
             observables: observables(z, pressure),
         };
-        let of = |rows: &[SnapshotMeans]| MeasuredRun { observed: rows.to_vec(), ..measured(3.0, 1.0, 0.0) };
+        let of = |rows: &[SnapshotMeans]| MeasuredRun { observed: rows.to_vec(), ..measured_run(3.0, 1.0, 0.0) };
         // The first has no pressure, the second follows another interval; of the rest pressures of 3 against 2.
         let finest = of(&[at(1.0, 1.0, 4.0, f64::NAN), at(2.0, 1.0, 4.0, 9.0), at(3.0, 1.0, 4.0, 2.0)]);
         let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
@@ -839,7 +839,7 @@ mod tests {
 
     #[test]
     fn late_in_a_run_times_are_the_nearest() {
-        let mut run = measured(1e7, 1.0, 0.0);
+        let mut run = measured_run(1e7, 1.0, 0.0);
         let row = run.observed[0];
         run.observed.extend((1..4).map(|k| {
             let mut row = row;
@@ -854,10 +854,10 @@ mod tests {
 
     #[test]
     fn what_is_not_shared_is_no_agreement() {
-        let finest = measured(2.0, 1.0, 0.0);
+        let finest = measured_run(2.0, 1.0, 0.0);
         let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
         // The run ends earlier but contains the time that counts; its other values are undefined.
-        let mut short = measured(1.0, 1.0, 0.0);
+        let mut short = measured_run(1.0, 1.0, 0.0);
         let undefined =
             Observables { nu: f64::NAN, semi_axes: [f64::NAN; 3], energy: f64::NAN, ..observables(f64::NAN, f64::NAN) };
         short.observed.push(SnapshotMeans { time: 2.0, interval: 0.5, observables: undefined });
@@ -867,7 +867,7 @@ mod tests {
             error_figure(&[found], "").curves.into_iter().find(|curve| curve.marks == CurveMarks::Expected).unwrap();
         assert!(front.points.is_empty());
         // Another time and another number of bodies.
-        let mut other = measured(1.0, 1.0, 0.0);
+        let mut other = measured_run(1.0, 1.0, 0.0);
         other.end.x.pop();
         let faults = exact.compare_run(&other).unwrap_err().to_string();
         let expected = "run/OUTBOX: bodies: 1 are free; expected 2, as in run\n\

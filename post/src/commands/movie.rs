@@ -67,16 +67,28 @@ fn parse_pair(text: &str) -> Option<[f64; 2]> {
     Some([number(first)?, number(second)?])
 }
 
-/// Reads two ascending numbers.
-fn parse_range(text: &str) -> Result<[f64; 2], String> {
-    let range = parse_pair(text).filter(|[low, high]| low < high);
-    range.ok_or("expected two numbers LOW,HIGH, the second above the first".into())
+/// Value of a flag that is not read: the expected value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct FlagValueError(&'static str);
+
+impl std::fmt::Display for FlagValueError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "expected {}", self.0)
+    }
 }
 
-/// Reads two angles.
-fn parse_angles(text: &str) -> Result<[f64; 2], String> {
+impl std::error::Error for FlagValueError {}
+
+/// Reads two ascending numbers. Errors: other text.
+fn parse_range(text: &str) -> Result<[f64; 2], FlagValueError> {
+    let range = parse_pair(text).filter(|[low, high]| low < high);
+    range.ok_or(FlagValueError("two numbers LOW,HIGH, the second above the first"))
+}
+
+/// Reads two angles. Errors: other text.
+fn parse_angles(text: &str) -> Result<[f64; 2], FlagValueError> {
     let angles = parse_pair(text).filter(|[_, elevation]| elevation.abs() <= 90.0);
-    angles.ok_or("expected two numbers AZIMUTH,ELEVATION in degrees, the second from -90 to 90".into())
+    angles.ok_or(FlagValueError("two numbers AZIMUTH,ELEVATION in degrees, the second from -90 to 90"))
 }
 
 /// Format of the film.

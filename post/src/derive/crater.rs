@@ -116,6 +116,26 @@ pub struct OldSurface {
     mean_radius: f64,
 }
 
+/// Numbers of columns in a ring.
+#[derive(Clone, Copy, Default)]
+struct ColumnCounts {
+    /// All columns.
+    total: usize,
+    /// Columns with grains.
+    filled: usize,
+}
+
+/// Sums over the columns of a ring.
+#[derive(Clone, Copy, Default)]
+struct RingSums {
+    /// Number of columns.
+    count: f64,
+    /// Heights before, above the level of the axis, m.
+    old_height: f64,
+    /// Changes of the heights, m.
+    change: f64,
+}
+
 impl OldSurface {
     /// Returns the surface of the grains of a target before the impact, in rings a mean radius wide, or two columns if that is
     /// more, up to `reach` (m) from the axis or up to the first ring with grains under less than half of its columns. None
@@ -139,14 +159,14 @@ impl OldSurface {
             .collect();
         // Columns of a wide grid are wider than half a mean radius.
         let ring_width = mean_radius.max(2.0 * grid.column_area().sqrt());
-        let mut counts = vec![[0usize; 2]; (reach / ring_width) as usize];
+        let mut counts = vec![ColumnCounts::default(); (reach / ring_width) as usize];
         for (distance, height) in distances.iter().zip(&heights) {
             if let Some(count) = counts.get_mut((distance / ring_width) as usize) {
-                count[0] += 1;
-                count[1] += usize::from(height.is_finite());
+                count.total += 1;
+                count.filled += usize::from(height.is_finite());
             }
         }
-        let ring_count = counts.iter().take_while(|[all, known]| *known > 0 && 2 * known >= *all).count();
+        let ring_count = counts.iter().take_while(|count| count.filled > 0 && 2 * count.filled >= count.total).count();
         let lowest_height =
             grains.iter().map(|grain| height_range(grain, &axis.normal)[0]).fold(f64::INFINITY, f64::min);
         let surface = OldSurface { axis, grid, heights, distances, ring_width, ring_count, lowest_height, mean_radius };
@@ -156,30 +176,33 @@ impl OldSurface {
     /// Crater in the surface of the grains after the impact, which have been moved back with the target ([`BackMotion`]).
     ///
     /// With d(r) = after - before, the mean over a ring at the distance r from the axis, the crater is the range of rings
-    /// with d < -0.5 mean radii that contains the largest volume. Its edge is where d mean_changes beyond that value, by linear
-    /// interpolation. The rim is the highest d up to twice the radius of the edge, if above 0.5 mean radii. The volume is
-    /// the sum of before - after over the columns within the edge. Columns without grains afterwards count down to the
-    /// lowest point of the grains before. On a curved surface diameters are chords, and depths are from the old surface.
+    /// with d < -0.5 mean radii that contains the largest volume. Its edge is the distance at which d rises above that
+    /// value, by linear interpolation. The rim is the highest d up to twice the radius of the edge, if above 0.5 mean
+    /// radii. The volume is the sum of before - after over the columns within the edge. Columns without grains afterwards
+    /// count down to the lowest point of the grains before. On a curved surface diameters are chords, and depths are from
+    /// the old surface.
     pub fn crater(&self, grains: &[Grain]) -> CraterShape {
         let after = self.grid.column_heights(&grains.iter().collect::<Vec<_>>());
         let height_change =
             |k: usize| if after[k].is_finite() { after[k] } else { self.lowest_height } - self.heights[k];
-        let (mut sums, level) = (vec![[0.0; 3]; self.ring_count], self.axis.point.dot(&self.axis.normal));
+        let (mut sums, level) = (vec![RingSums::default(); self.ring_count], self.axis.point.dot(&self.axis.normal));
         for (k, height) in self.heights.iter().enumerate().filter(|(_, height)| height.is_finite()) {
             if let Some(sum) = sums.get_mut((self.distances[k] / self.ring_width) as usize) {
-                *sum = [sum[0] + 1.0, sum[1] + height - level, sum[2] + height_change(k)];
+                sum.count += 1.0;
+                sum.old_height = sum.old_height + height - level;
+                sum.change += height_change(k);
             }
         }
-        let ring = |(k, [count, before, change]): (usize, &[f64; 3])| {
-            let before = before / count;
+        let ring = |(k, sum): (usize, &RingSums)| {
+            let old_height = sum.old_height / sum.count;
             CraterRing {
                 radius: (k as f64 + 0.5) * self.ring_width,
-                old_height: before,
-                new_height: before + change / count,
+                old_height,
+                new_height: old_height + sum.change / sum.count,
             }
         };
         let rings: Vec<CraterRing> = sums.iter().enumerate().map(ring).collect();
-        let mean_changes: Vec<f64> = sums.iter().map(|[count, _, change]| change / count).collect();
+        let mean_changes: Vec<f64> = sums.iter().map(|sum| sum.change / sum.count).collect();
         let size = self.crater_size(&rings, &mean_changes, height_change);
         CraterShape { rings, size }
     }

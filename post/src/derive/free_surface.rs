@@ -107,7 +107,7 @@ impl FreeSurface {
             return None; // a scene that repeats along the vertical has no surface
         }
         let up = if frame.cell().is_periodic() { Vec3::z() } else { against_gravity };
-        let grid = ColumnGrid::covering(&grains, &frame.cell(), up);
+        let grid = ColumnGrid::from_grains(&grains, &frame.cell(), up);
         let mut heights = grid.column_heights(&grains);
         let lowest = grains.iter().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
         let planes = bounding_planes(frame, &members);
@@ -252,7 +252,7 @@ pub fn mean_plane(
     if grains.is_empty() {
         return None;
     }
-    let grid = ColumnGrid::covering(grains, cell, *up);
+    let grid = ColumnGrid::from_grains(grains, cell, *up);
     let heights = grid.column_heights(grains);
     let mut surface_heights = heights.clone();
     let lowest = grains.iter().map(|g| height_range(g, up)[0]).fold(f64::INFINITY, f64::min);
@@ -355,7 +355,8 @@ impl ColumnGrid {
         }
     }
 
-    fn covering(grains: &[&Grain], cell: &PeriodicCell, up: Vec3) -> ColumnGrid {
+    /// Grid over all grains, along axes with a period over the cell.
+    fn from_grains(grains: &[&Grain], cell: &PeriodicCell, up: Vec3) -> ColumnGrid {
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
         let axes = horizontal_axes(&up);
         let span = |k: usize| {
@@ -571,13 +572,13 @@ mod tests {
         scene
     }
 
-    fn of(scene: &Scene) -> Option<FreeSurface> {
+    fn surface_of(scene: &Scene) -> Option<FreeSurface> {
         let frame = scene.frame();
         FreeSurface::from_frame(&frame, &find_fragments(&frame), 6.0)
     }
 
     fn median(scene: &Scene) -> f64 {
-        of(scene).unwrap().slope_quantiles(&[0.5])[0].to_degrees()
+        surface_of(scene).unwrap().slope_quantiles(&[0.5])[0].to_degrees()
     }
 
     #[test]
@@ -716,7 +717,7 @@ mod tests {
         // The same surface in a scene with a period of 25 columns, without edges.
         (scene.snapshot.meta.parameters.xperiode, scene.snapshot.meta.parameters.yperiode) = (Some(25.0), Some(25.0));
         assert!((median(&scene) - 20.0).abs() < 0.5);
-        let surface = of(&scene).unwrap();
+        let surface = surface_of(&scene).unwrap();
         assert_eq!(surface.counts, [25, 25]);
         // Highest at the poles of the spheres, on which columns stand.
         assert!(surface.columns.iter().all(|c| (c.height - 2.0).abs() < 1e-12 && (c.x.z - 1.0).abs() < 1e-12));
@@ -726,14 +727,14 @@ mod tests {
     fn what_nothing_holds_has_no_surface() {
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);
-        assert_eq!(of(&scene), None);
+        assert_eq!(surface_of(&scene), None);
         scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -2.0];
-        assert_eq!(of(&scene), None);
+        assert_eq!(surface_of(&scene), None);
         // A grain far from the others makes wide columns, and no end of them.
         let mut scene = lattice(2, |_, _| 0.0);
         let floor = 0;
         let far = scene.grain([1e9, 0.0, 0.0], 1.0);
         scene.contact_at(far, floor, [1e9, 0.0, 0.0], Vec3::z());
-        assert!(of(&scene).is_none_or(|surface| surface.columns.len() <= 500 * 500));
+        assert!(surface_of(&scene).is_none_or(|surface| surface.columns.len() <= 500 * 500));
     }
 }

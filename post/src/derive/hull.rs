@@ -215,7 +215,7 @@ mod tests {
         assert!((found / expected - 1.0).abs() <= tolerance, "{found} is not {expected}");
     }
 
-    fn at(points: &[[f64; 3]], radius: f64) -> Vec<(Vec3, f64)> {
+    fn hull_at(points: &[[f64; 3]], radius: f64) -> Vec<(Vec3, f64)> {
         points.iter().map(|p| (Vec3::from(*p), radius)).collect()
     }
 
@@ -224,18 +224,18 @@ mod tests {
         let ball = 4.0 / 3.0 * PI * 8.0;
         let tiny = 1e-7; // the ratio of the displacement of points to the radius, some times
         assert!(hull_volume(&[]).is_nan());
-        assert_close(hull_volume(&at(&[[1e3, -2.0, 0.5]], 2.0)), ball, tiny);
+        assert_close(hull_volume(&hull_at(&[[1e3, -2.0, 0.5]], 2.0)), ball, tiny);
         // A capsule; the same of a row with others between.
-        assert_close(hull_volume(&at(&[[0.0; 3], [4.0, 0.0, 0.0]], 2.0)), ball + 4.0 * PI * 4.0, tiny);
+        assert_close(hull_volume(&hull_at(&[[0.0; 3], [4.0, 0.0, 0.0]], 2.0)), ball + 4.0 * PI * 4.0, tiny);
         let row: Vec<[f64; 3]> = (0..9).map(|k| [k as f64, 2.0 * k as f64, -2.0 * k as f64]).collect();
-        assert_close(hull_volume(&at(&row, 2.0)), ball + 4.0 * PI * 24.0, tiny);
+        assert_close(hull_volume(&hull_at(&row, 2.0)), ball + 4.0 * PI * 24.0, tiny);
         // A plane: two faces 2 r apart, half a cylinder along the rim.
         let square: Vec<[f64; 3]> = (0..25).map(|k| [f64::from(k % 5), f64::from(k / 5), 0.0]).collect();
-        assert_close(hull_volume(&at(&square, 2.0)), ball + 16.0 * 4.0 + 0.5 * PI * 4.0 * 16.0, tiny);
+        assert_close(hull_volume(&hull_at(&square, 2.0)), ball + 16.0 * 4.0 + 0.5 * PI * 4.0 * 16.0, tiny);
         let triangle = [[0.0; 3], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]];
-        assert_close(hull_volume(&at(&triangle, 2.0)), ball + 6.0 * 4.0 + 0.5 * PI * 4.0 * 12.0, tiny);
+        assert_close(hull_volume(&hull_at(&triangle, 2.0)), ball + 6.0 * 4.0 + 0.5 * PI * 4.0 * 12.0, tiny);
         // All points at the same position.
-        assert_close(hull_volume(&at(&[[1.0; 3]; 5], 2.0)), ball, tiny);
+        assert_close(hull_volume(&hull_at(&[[1.0; 3]; 5], 2.0)), ball, tiny);
     }
 
     #[test]
@@ -245,10 +245,14 @@ mod tests {
                 (0..216).map(|k| [k % 6, k / 6 % 6, k / 36].map(|x| scale * f64::from(x))).collect();
             let (a, r) = (5.0 * scale, 0.5 * scale);
             let expected = a.powi(3) + 6.0 * a * a * r + 3.0 * PI * a * r * r + 4.0 / 3.0 * PI * r.powi(3);
-            assert_close(hull_volume(&at(&lattice, r)), expected, 1e-7);
+            assert_close(hull_volume(&hull_at(&lattice, r)), expected, 1e-7);
         }
         // Points alone, as vertices of polyhedra are.
-        assert_close(hull_volume(&at(&[[0.0; 3], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 5.0]], 0.0)), 5.0, 1e-7);
+        assert_close(
+            hull_volume(&hull_at(&[[0.0; 3], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 5.0]], 0.0)),
+            5.0,
+            1e-7,
+        );
     }
 
     #[test]

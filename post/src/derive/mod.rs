@@ -84,9 +84,12 @@ impl SeriesValue for f64 {
     }
 }
 
-/// Defines [`Row`] with its columns: name, type, unit and meaning of each, in the order of the file.
+/// Defines [`Row`] with its columns: name, type, unit and meaning of each, in the order of the file. `if deforming_cell`: the
+/// file has the column only if the scene has such a cell.
 macro_rules! columns {
-    ($($name:ident: $type:ty, $unit:literal, $help:literal;)+) => {
+    (@needs_cell) => { false };
+    (@needs_cell deforming_cell) => { true };
+    ($($name:ident: $type:ty, $unit:literal, $help:literal $(if $condition:ident)?;)+) => {
         /// One row of `series.csv`: the observables of one snapshot.
         #[allow(non_snake_case)] // the symbols of the method are the names of the columns
         #[derive(Debug, Clone, PartialEq, Default)]
@@ -96,6 +99,9 @@ macro_rules! columns {
             /// Name, unit and meaning of each column, in the order of the file.
             pub const COLUMNS: &'static [(&'static str, &'static str, &'static str)] =
                 &[$((stringify!($name), $unit, $help),)+];
+
+            /// Whether the file has each column of [`Row::COLUMNS`] only if the scene has a deforming cell.
+            pub const NEEDS_CELL: &'static [bool] = &[$(columns!(@needs_cell $($condition)?),)+];
 
             /// The fields of the line, in the order of [`Row::COLUMNS`].
             pub fn texts(&self) -> Vec<String> {
@@ -201,18 +207,18 @@ columns! {
     pressure_sphere: f64, "Pa", "pressure of the contacts between grains in the smallest enclosing ball of all grains";
     Z_all: f64, "1", "mean number of neighbours that a grain touches with force, of all grains";
     n_pulling: u64, "1", "pairs of bodies that only pull at a distance";
-    cell_x: f64, "m", "length of a deforming cell along x";
-    cell_y: f64, "m", "length of a deforming cell along y";
-    cell_z: f64, "m", "length of a deforming cell along z";
-    cell_xy: f64, "m", "shear of a deforming cell: x of its edge along y";
-    cell_xz: f64, "m", "shear of a deforming cell: x of its edge along z";
-    cell_yz: f64, "m", "shear of a deforming cell: y of its edge along z";
-    strain_x: f64, "1", "logarithmic strain of a deforming cell along x since the start";
-    strain_y: f64, "1", "logarithmic strain of a deforming cell along y since the start";
-    strain_z: f64, "1", "logarithmic strain of a deforming cell along z since the start";
-    strain_xy: f64, "1", "shear strain xy of a deforming cell since the start";
-    strain_xz: f64, "1", "shear strain xz of a deforming cell since the start";
-    strain_yz: f64, "1", "shear strain yz of a deforming cell since the start";
+    cell_x: f64, "m", "length of a deforming cell along x" if deforming_cell;
+    cell_y: f64, "m", "length of a deforming cell along y" if deforming_cell;
+    cell_z: f64, "m", "length of a deforming cell along z" if deforming_cell;
+    cell_xy: f64, "m", "shear of a deforming cell: x of its edge along y" if deforming_cell;
+    cell_xz: f64, "m", "shear of a deforming cell: x of its edge along z" if deforming_cell;
+    cell_yz: f64, "m", "shear of a deforming cell: y of its edge along z" if deforming_cell;
+    strain_x: f64, "1", "logarithmic strain of a deforming cell along x since the start" if deforming_cell;
+    strain_y: f64, "1", "logarithmic strain of a deforming cell along y since the start" if deforming_cell;
+    strain_z: f64, "1", "logarithmic strain of a deforming cell along z since the start" if deforming_cell;
+    strain_xy: f64, "1", "shear strain xy of a deforming cell since the start" if deforming_cell;
+    strain_xz: f64, "1", "shear strain xz of a deforming cell since the start" if deforming_cell;
+    strain_yz: f64, "1", "shear strain yz of a deforming cell since the start" if deforming_cell;
 }
 
 /// User's choices about the observables.

@@ -427,7 +427,7 @@ mod tests {
     }
 
     /// The surface of the largest remnant of a scene.
-    fn of(scene: &Scene, constant: f64) -> Vec<SurfaceFacet> {
+    fn facets_of(scene: &Scene, constant: f64) -> Vec<SurfaceFacet> {
         let frame = scene.frame();
         let largest = &find_fragments(&frame)[0];
         aggregate_surface(&frame, &largest.grains, &largest.sums, constant, DirectionGrid::STANDARD, 3.0)
@@ -439,9 +439,9 @@ mod tests {
         let grain = scene.grain([0.0, 0.0, 1.0], 1.0);
         let floor = scene.plate([0.0, 0.0, -0.5], [9.0, 9.0, 0.5]);
         scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -2.0];
-        assert!(of(&scene, 0.0).iter().all(|f| f.gravity == Vec3::zeros() && f.slope.is_nan()));
+        assert!(facets_of(&scene, 0.0).iter().all(|f| f.gravity == Vec3::zeros() && f.slope.is_nan()));
         scene.contact_at(grain, floor, [0.0; 3], Vec3::z());
-        for facet in of(&scene, 0.0) {
+        for facet in facets_of(&scene, 0.0) {
             assert_eq!(facet.gravity, Vec3::new(0.0, 0.0, -2.0));
             let expected = std::f64::consts::FRAC_PI_2 - facet.latitude; // from the pole
             assert!((facet.slope - expected).abs() < 1e-7, "{facet:?}"); // the cosine of 1e-7 is 1 to rounding
@@ -449,7 +449,7 @@ mod tests {
         // At rest in a frame that rotates about the middle of a turntable 10 m away: w^2 r.
         let rate = [0.0, 0.0, 0.3];
         scene.snapshot.meta.parameters.fields = vec![ExternalField::RotatingFrame { rate, centre: [-10.0, 0.0, 0.0] }];
-        for facet in of(&scene, 0.0) {
+        for facet in facets_of(&scene, 0.0) {
             let expected = Vec3::new(0.09 * (facet.x.x + 10.0), 0.09 * facet.x.y, -2.0);
             assert!((facet.gravity - expected).norm() < 1e-14, "{facet:?}");
         }
@@ -473,7 +473,7 @@ mod tests {
             scene.grain([0.0; 3], 1.0);
             pull(&mut scene);
             let own = scene.snapshot.bodies.body_mass[0];
-            for facet in of(&scene, constant) {
+            for facet in facets_of(&scene, constant) {
                 // G M / d^3 (2 x, -y, -z), to the next order in x / d.
                 let tide = mass / f64::powi(distance, 3) * Vec3::new(2.0 * facet.x.x, -facet.x.y, -facet.x.z);
                 let found = facet.gravity + own * facet.x;

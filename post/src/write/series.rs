@@ -2,26 +2,19 @@
 
 use crate::derive::{Row, SeriesValue};
 
-/// First column of those that the file has only if the scene has a deforming cell; they are the last ones.
-const FIRST_CELL_COLUMN: &str = "cell_x";
-
 /// Text of the file: names of [`Row::COLUMNS`], then the fields of each row. Columns of a deforming cell are left out if the
 /// scene has none.
 ///
 /// Numbers are the shortest decimals that read back as the same f64; an undefined value is an
 /// empty field, never `NaN`.
 pub fn series_text(rows: &[Row]) -> String {
-    let mut header: Vec<&str> = Row::COLUMNS.iter().map(|(name, _, _)| *name).collect();
-    if rows.iter().all(|row| row.cell_x.is_nan()) {
-        header.truncate(header.iter().position(|name| *name == FIRST_CELL_COLUMN).unwrap_or(header.len()));
-    }
-    let mut text = header.join(",");
-    text.push('\n');
-    for row in rows {
-        text += &row.texts()[..header.len()].join(",");
-        text.push('\n');
-    }
-    text
+    let has_cell = rows.iter().any(|row| !row.cell_x.is_nan());
+    let line = |fields: Vec<String>| {
+        let fields = fields.into_iter().zip(Row::NEEDS_CELL).filter(|(_, needs_cell)| has_cell || !**needs_cell);
+        fields.map(|(field, _)| field).collect::<Vec<_>>().join(",") + "\n"
+    };
+    let header = line(Row::COLUMNS.iter().map(|(name, _, _)| name.to_string()).collect());
+    header + &rows.iter().map(|row| line(row.texts())).collect::<String>()
 }
 
 /// Name, unit and meaning of a column.
@@ -87,9 +80,10 @@ mod tests {
         assert_eq!(lines.len(), 3);
         for (line, row) in lines[1..].iter().zip([full, empty]) {
             let fields: Vec<&str> = line.split(',').collect();
-            // Without a deforming cell there are no columns of it.
+            // Without a deforming cell there are no columns of it: three lengths, three shears and their strains.
             assert_eq!(fields.len(), Row::COLUMNS.len() - 12);
-            for (field, number) in fields.iter().zip(row.numbers()) {
+            let numbers = row.numbers().into_iter().zip(Row::NEEDS_CELL).filter(|(_, needs_cell)| !**needs_cell);
+            for (field, (number, _)) in fields.iter().zip(numbers) {
                 match field.parse::<f64>() {
                     Ok(read) => assert_eq!(read, number),
                     Err(_) => assert!(field.is_empty() && number.is_nan(), "{field} {number}"),

@@ -3,10 +3,10 @@
 //! The format is version 2.0 of VTKHDF, `PolyData` with `Steps`, one part at each time. Each array has the rows of all times
 //! in a row; offsets in `Steps` say where those of a time begin.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use cd_formats::atomic::GrowingFile;
-use cd_formats::error::Faults;
+use cd_formats::error::{Fault, Faults};
 use vtkio::model::{Attribute, DataArray, IOBuffer, PolyDataPiece, VertexNumbers};
 
 use crate::write::hdf5::{self, ArrayType, AttributeValue, GrowingArray, HdfGroup, SUPERBLOCK_BYTES};
@@ -16,6 +16,7 @@ const CELL_CATEGORIES: [&str; 4] = ["Vertices", "Lines", "Polygons", "Strips"];
 
 /// File that gets the data of one time after the other.
 pub struct VtkhdfFile {
+    path: PathBuf,
     file: GrowingFile,
     times: Vec<f64>,
     points: GrowingArray,
@@ -70,6 +71,7 @@ impl VtkhdfFile {
     /// Starts a file, which appears at `path` when it is finished.
     pub fn create(path: &Path) -> Result<VtkhdfFile, Faults> {
         Ok(VtkhdfFile {
+            path: path.to_path_buf(),
             file: GrowingFile::create(path, SUPERBLOCK_BYTES)?,
             times: Vec::new(),
             points: GrowingArray::new(ArrayType::F64, Some(3)),
@@ -79,10 +81,15 @@ impl VtkhdfFile {
         })
     }
 
-    /// Appends the data at `time`, s. Its arrays must have the names and types of the first time.
+    /// Appends the data at `time`, s. Arrays of one name must have one type at all times.
+    ///
+    /// Errors: arrays with other names than at the first time, or a file that cannot be written.
     pub fn append(&mut self, time: f64, piece: PolyDataPiece) -> Result<(), Faults> {
-        let file = &mut self.file;
         let first = self.times.is_empty();
+        if !first {
+            self.expect_same_arrays(time, &piece)?;
+        }
+        let file = &mut self.file;
         self.times.push(time);
         self.point_counts.push((piece.points.len() / 3) as i64);
         self.points.append(file, &number_bytes(&piece.points).1)?;
@@ -97,8 +104,25 @@ impl VtkhdfFile {
                     let components = Some(u64::from(elem.num_comp())).filter(|count| *count > 1);
                     arrays.push((name.clone(), GrowingArray::new(number_type, components)));
                 }
-                assert_eq!(arrays[k].0, name, "the arrays of a kind are the same at all times");
                 arrays[k].1.append(file, &bytes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that a piece has the arrays of the first time: walls get slopes when gravity begins in the run, for example.
+    fn expect_same_arrays(&self, time: f64, piece: &PolyDataPiece) -> Result<(), Faults> {
+        for (arrays, data) in self.attributes.iter().zip([&piece.data.point, &piece.data.cell]) {
+            let names = data.iter().filter_map(|attribute| match attribute {
+                Attribute::DataArray(array) => Some(array.name.as_str()),
+                Attribute::Field { .. } => None,
+            });
+            let (found, known): (Vec<&str>, Vec<&str>) =
+                (names.collect(), arrays.iter().map(|(name, _)| name.as_str()).collect());
+            if found != known {
+                let found = format!("{} at {time} s", found.join(", "));
+                let expected = format!("expected {} as at the first time; or use --vtk-format vtp", known.join(", "));
+                return Err(Fault::new(&self.path, None, "arrays", found, expected).into());
             }
         }
         Ok(())
@@ -246,6 +270,22 @@ mod tests {
         let lines = root.group("Lines").unwrap();
         assert_eq!(integers(&lines, "Offsets"), [0, 0, 2, 4, 0, 2]);
         assert_eq!(integers(&lines, "Connectivity"), [0, 1, 0, 1, 0, 1]);
+    }
+
+    #[test]
+    fn arrays_that_change_are_faults() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut file = VtkhdfFile::create(&folder.path().join("a")).unwrap();
+        let piece = || display_piece(&frame(0), &find_fragments(&frame(0)), "walls").unwrap();
+        let mut other = piece();
+        other.data.cell.push(crate::write::display::scalar_attribute("face_slope", vec![0.0; 6]));
+        file.append(0.0, piece()).unwrap();
+        let message = file.append(0.5, other).unwrap_err().to_string();
+        assert!(
+            message.contains("arrays: id, force, moment, face_slope at 0.5 s; expected id, force, moment"),
+            "{message}"
+        );
+        file.append(0.5, piece()).unwrap();
     }
 
     #[test]

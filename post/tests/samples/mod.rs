@@ -135,7 +135,7 @@ impl Scene {
         self.snapshot.memory = Some(MemoryArrays { contact_bonded: bonded.to_vec(), contact_bond_gap, contact_moment });
     }
 
-    /// Tells what contacts have done since a time, s: rows of the bodies, and the sum of impulses times branches, J s.
+    /// Sets the effect of contacts since a time, s: rows of the bodies, and the sum of impulses times branches, J s.
     pub fn since(&mut self, start: f64, pairs: &[([u32; 2], f64)]) {
         self.snapshot.meta.interval_start = Some(start);
         let (interval_body, interval_virial) = pairs.iter().copied().unzip();

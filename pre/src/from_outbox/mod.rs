@@ -311,8 +311,9 @@ fn part_summary(part: &SourcePart) -> String {
     )
 }
 
-/// Reads the changes in `text` and checks all that needs no run. Faults name the file `source`, or the setting for values
-/// from `settings`.
+/// Reads the changes in `text` and checks all that needs no run.
+///
+/// Errors: texts and values that are no changes. Faults name the file `source`, or the setting for values from `settings`.
 pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<Changes, Faults> {
     let changes: Changes = parse_with_settings(source, text, settings, "changes")?;
     let mut report = FaultReport::with_settings(source, text, settings);

@@ -281,7 +281,7 @@ impl<'a> PlacedBodies<'a> {
                 PosedBody::from_body(&part.records[row], &part_pose(part, row))
             }
             Some(number) => match self.new.grains.get(number) {
-                Some(grain) if grain.polyhedron.is_some() => {
+                Some(grain) if grain.shape.polyhedron().is_some() => {
                     PosedBody { pieces: grain.convex_pieces(), ..PosedBody::default() }
                 }
                 Some(grain) => {

@@ -80,6 +80,17 @@ pub enum PackingError {
     NoPoint,
 }
 
+impl std::fmt::Display for PackingError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            PackingError::Jammed { volume_ratio } => write!(f, "the spheres jam at {volume_ratio:.4} of their volume"),
+            PackingError::NoPoint => write!(f, "no random point lies in the region: it is too thin"),
+        }
+    }
+}
+
+impl std::error::Error for PackingError {}
+
 /// Centres of spheres of `radii`, m, without overlap and completely in the cell.
 ///
 /// Errors: spheres that jam, a region that is too thin.

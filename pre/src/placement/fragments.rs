@@ -317,7 +317,7 @@ mod tests {
     use super::*;
     use crate::random::StreamPurpose;
 
-    fn broken(region: &GrainRegion, number: usize, relaxation: usize, seed: u64) -> (Surface, Vec<Surface>) {
+    fn broken_solid(region: &GrainRegion, number: usize, relaxation: usize, seed: u64) -> (Surface, Vec<Surface>) {
         let solid = region_polyhedron(region, number).unwrap();
         let fragments =
             voronoi_fragments(&solid, number, relaxation, &mut RandomStream::new(seed, 0, StreamPurpose::Positions))
@@ -335,7 +335,7 @@ mod tests {
         ];
         for (k, region) in regions.iter().enumerate() {
             for (number, relaxation) in [(1, 0), (2, 0), (50, 0), (300, 0), (60, 5)] {
-                let (solid, fragments) = broken(region, number, relaxation, k as u64);
+                let (solid, fragments) = broken_solid(region, number, relaxation, k as u64);
                 assert_eq!(fragments.len(), number);
                 let sum: f64 = fragments.iter().map(Surface::volume).sum();
                 // Round-off of a few hundred sums of some hundred terms.
@@ -368,7 +368,7 @@ mod tests {
 
     #[test]
     fn a_needle_breaks_too() {
-        let (solid, fragments) = broken(&GrainRegion::Ellipsoid([1000.0, 1.0, 1.0]), 5, 0, 1);
+        let (solid, fragments) = broken_solid(&GrainRegion::Ellipsoid([1000.0, 1.0, 1.0]), 5, 0, 1);
         let sum: f64 = fragments.iter().map(Surface::volume).sum();
         assert!((sum / solid.volume() - 1.0).abs() < 1e-9, "{sum} {}", solid.volume());
     }
@@ -376,7 +376,7 @@ mod tests {
     #[test]
     fn relaxed_fragments_are_more_alike() {
         let spread = |relaxation| {
-            let (solid, fragments) = broken(&GrainRegion::Ball(1.0), 100, relaxation, 4);
+            let (solid, fragments) = broken_solid(&GrainRegion::Ball(1.0), 100, relaxation, 4);
             let mean = solid.volume() / 100.0;
             (fragments.iter().map(|f| (f.volume() / mean - 1.0).powi(2)).sum::<f64>() / 100.0).sqrt()
         };

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::region::GrainRegion;
+use super::region::{GrainRegion, PositionShortage};
 use crate::random::RandomStream;
 
 /// Number of random offsets of the lattice that are tried in a curved region, besides [`SYMMETRIC_OFFSETS`].
@@ -17,13 +17,13 @@ const SYMMETRIC_OFFSETS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5
 /// The balls of diameter d about the sites touch at most and lie in the region: a grain within its site's ball overlaps
 /// no other. If more than `number` sites fit, some are left out at random.
 ///
-/// Errors: the number of sites at the distance `closest`, if they are too few.
+/// Errors: the sites at the distance `closest` are too few.
 pub fn lattice_sites(
     region: &GrainRegion,
     number: usize,
     closest: f64,
     random: &mut RandomStream,
-) -> Result<(Vec<Vector3<f64>>, f64), usize> {
+) -> Result<(Vec<Vector3<f64>>, f64), PositionShortage> {
     let mut offsets: Vec<[f64; 3]> = SYMMETRIC_OFFSETS.to_vec();
     match region {
         GrainRegion::Box(_) => offsets.truncate(1), // lies against the box's corner
@@ -47,7 +47,7 @@ pub fn lattice_sites(
         distance = low;
         best = Some(offset);
     }
-    let offset = best.ok_or(largest_count)?;
+    let offset = best.ok_or(PositionShortage { count: largest_count })?;
     let mut sites = FccLattice { region, d: distance, offset }.lattice_sites(usize::MAX);
     random.shuffle(&mut sites);
     sites.truncate(number);
@@ -170,7 +170,7 @@ mod tests {
 
     #[test]
     fn errors_give_the_number_of_sites() {
-        assert_eq!(lattice_sites(&GrainRegion::Ball(0.9), 1, 2.0, &mut random()), Err(0));
-        assert_eq!(lattice_sites(&GrainRegion::Ball(1.5), 5, 2.0, &mut random()), Err(1));
+        assert_eq!(lattice_sites(&GrainRegion::Ball(0.9), 1, 2.0, &mut random()), Err(PositionShortage { count: 0 }));
+        assert_eq!(lattice_sites(&GrainRegion::Ball(1.5), 5, 2.0, &mut random()), Err(PositionShortage { count: 1 }));
     }
 }

@@ -41,7 +41,7 @@ use dense::{PackingCell, PackingError};
 use hulls::GrainHulls;
 use inside::SurfaceRegion;
 use order::z_order;
-use region::GrainRegion;
+use region::{GrainRegion, PositionShortage};
 use sequential::SequentialGrains;
 
 /// Grains at rest; positions and radii have the digits of the files.
@@ -340,8 +340,7 @@ fn grain_at(sampled: &SampledGrain, position: Vector3<f64>) -> Grain {
         group: 0,
         radius: sampled.radius,
         reach: sampled.reach,
-        polyhedron: sampled.polyhedron.clone(),
-        clump: sampled.clump.clone(),
+        shape: sampled.shape.clone(),
         mass: sampled.volume(),
         position,
         velocity: Vector3::zeros(),
@@ -364,14 +363,16 @@ fn jittered_lattice(
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     let largest = largest_reach(grains);
     let closest = 2.0 * (largest + margin);
-    let (mut sites, distance) = lattice::lattice_sites(region, grains.len(), closest, random).map_err(|sites| PlacementError {
+    let misfit = |PositionShortage { count }: PositionShortage| PlacementError {
         found: format!(
-            "{} grains, the largest of radius {} m, in {region}: the lattice has {sites} sites",
+            "{} grains, the largest of radius {} m, in {region}: the lattice has {count} sites",
             grains.len(),
             number_text(largest)
         ),
-        expected: "fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very unequal grains",
-    })?;
+        expected: "fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very \
+                   unequal grains",
+    };
+    let (mut sites, distance) = lattice::lattice_sites(region, grains.len(), closest, random).map_err(misfit)?;
     let order = z_order(region, &sites);
     sites = order.into_iter().map(|k| sites[k]).collect();
     let move_in_ball = |(site, grain): (&Vector3<f64>, &SampledGrain)| {
@@ -393,7 +394,7 @@ fn random_sequential(
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     grains.sort_by(|a, b| b.reach.total_cmp(&a.reach));
     let padded_radii: Vec<f64> = grains.iter().map(|grain| grain.reach + margin).collect();
-    let polyhedra: Option<Vec<&OrientedPolyhedron>> = grains.iter().map(|grain| grain.polyhedron.as_ref()).collect();
+    let polyhedra: Option<Vec<&OrientedPolyhedron>> = grains.iter().map(|grain| grain.shape.polyhedron()).collect();
     let largest = largest_reach(grains);
     let shape = polyhedra.map(|polyhedra| move |k: usize| GrainHulls::new(polyhedra[k], rotation, largest));
     let sequence = SequentialGrains {
@@ -403,9 +404,9 @@ fn random_sequential(
         is_clear: &|k, position| is_clear(&grains[k], position),
     };
     let kind_of_tries = if sequence.shape.is_some() { " by its shape" } else { "" };
-    let centres = sequential::place_one_by_one(region, &sequence, random).map_err(|placed| PlacementError {
+    let centres = sequential::place_one_by_one(region, &sequence, random).map_err(|PositionShortage { count }| PlacementError {
         found: format!(
-            "{placed} of {} grains (largest first) could be placed in {region} before {} tries found no free position \
+            "{count} of {} grains (largest first) could be placed in {region} before {} tries found no free position \
              for the next{kind_of_tries}",
             grains.len(),
             sequential::MAX_ATTEMPTS

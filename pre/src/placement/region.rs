@@ -69,6 +69,21 @@ impl Envelope {
     }
 }
 
+/// Fewer positions in a region than grains.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PositionShortage {
+    /// Number of positions that there are.
+    pub count: usize,
+}
+
+impl std::fmt::Display for PositionShortage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "only {} positions in the region", self.count)
+    }
+}
+
+impl std::error::Error for PositionShortage {}
+
 impl GrainRegion {
     /// Volume, m^3.
     pub fn volume(&self) -> f64 {

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::cells::SphereGrid;
 use super::hulls::GrainHulls;
-use super::region::GrainRegion;
+use super::region::{GrainRegion, PositionShortage};
 use crate::random::RandomStream;
 
 /// Number of trial positions for one grain before the region counts as full. Ten times as many would bring equal spheres
@@ -28,12 +28,12 @@ pub struct SequentialGrains<'a> {
 /// Grains are placed by their balls. As soon as the ball of a polyhedron finds no position, this one and those after it
 /// are placed by their shapes, in their given orientations.
 ///
-/// Errors: the number of grains that were placed before one found no position in [`MAX_ATTEMPTS`] tries.
+/// Errors: a grain found no position in [`MAX_ATTEMPTS`] tries.
 pub fn place_one_by_one(
     region: &GrainRegion,
     grains: &SequentialGrains,
     random: &mut RandomStream,
-) -> Result<Vec<Vector3<f64>>, usize> {
+) -> Result<Vec<Vector3<f64>>, PositionShortage> {
     let mut cells = SphereGrid::new(grains.radii.first().copied().unwrap_or(1.0));
     let mut centres: Vec<Vector3<f64>> = Vec::with_capacity(grains.radii.len());
     let halves = region.half_extents();
@@ -63,7 +63,7 @@ pub fn place_one_by_one(
             position = free_position(region, &mut own, (radius, grains.margin), &cells, placed, &is_clear, random);
             placed.push(own);
         }
-        let Some(position) = position else { return Err(centres.len()) };
+        let Some(position) = position else { return Err(PositionShortage { count: centres.len() }) };
         cells.add(position, radius);
         centres.push(position);
     }
@@ -113,6 +113,6 @@ mod tests {
         };
         assert!(place(0.28).is_ok());
         // The jamming limit of random sequential placement is 0.385; the wall takes some more.
-        assert!(place(0.40).unwrap_err() < 385);
+        assert!(place(0.40).unwrap_err().count < 385);
     }
 }

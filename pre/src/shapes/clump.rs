@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cd_formats::error::{Fault, Faults};
+use cd_formats::names::count_text;
 use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,18 +15,28 @@ use crate::scene::ModelScale;
 use crate::shapes::principal::CentredFrame;
 use crate::shapes::union::{ClumpBall, union_properties};
 
-/// Largest number of balls of a clump. Each pair of balls that is near is compared in each step.
+/// Largest number of balls of a clump. Chosen: the balls of two clumps that are near are compared pair by pair in each step,
+/// a million times at this number.
 pub const MAX_CLUMP_BALLS: usize = 1000;
 
-/// Largest distance of a point of a clump from the origin of its axes, m: its moments, up to the fifth power, are numbers.
+/// Largest distance of a point of a clump from the origin of its axes, m, so that its moments, up to the fifth power of it,
+/// do not overflow.
 const MAX_CLUMP_EXTENT: f64 = 1e60;
 
-/// Reason why balls make no clump, for a message.
+/// Balls that make no clump: what was found and what is expected.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BallsError {
     pub found: String,
     pub expected: String,
 }
+
+impl std::fmt::Display for BallsError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}; expected {}", self.found, self.expected)
+    }
+}
+
+impl std::error::Error for BallsError {}
 
 /// Clump of density 1 in its principal axes about its centre of mass.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,11 +112,14 @@ impl OrientedClump {
     }
 }
 
-/// Checks that balls make a clump: two at least, of which none lies within another, and whose moments are numbers.
+/// Checks that balls make a clump.
+///
+/// Errors: fewer than two balls or more than [`MAX_CLUMP_BALLS`], one that lies within another, or balls so far from the
+/// origin that moments overflow.
 pub fn check_balls(balls: &[ClumpBall]) -> Result<(), BallsError> {
     if !(2..=MAX_CLUMP_BALLS).contains(&balls.len()) {
-        let (found, expected) = (format!("balls {}", balls.len()), format!("2 to {MAX_CLUMP_BALLS}"));
-        return Err(BallsError { found, expected });
+        let expected = format!("2 to {MAX_CLUMP_BALLS} balls");
+        return Err(BallsError { found: count_text(balls.len(), "ball"), expected });
     }
     let extent = balls.iter().map(|ball| ball.centre.norm() + ball.radius).fold(0.0, f64::max);
     if extent > MAX_CLUMP_EXTENT {
@@ -118,7 +132,8 @@ pub fn check_balls(balls: &[ClumpBall]) -> Result<(), BallsError> {
     for (k, inner) in balls.iter().enumerate() {
         if let Some(outer) = balls.iter().enumerate().position(|(j, outer)| j != k && is_within(inner, outer)) {
             let found = format!("ball {} lies within ball {}", k + 1, outer + 1);
-            return Err(BallsError { found, expected: "balls that each reach out of the others".to_string() });
+            let expected = "no ball within another: leave out the inner one, which adds nothing".to_string();
+            return Err(BallsError { found, expected });
         }
     }
     Ok(())

@@ -2,8 +2,8 @@
 //!
 //! From points spread evenly on the surface, the largest ball that touches the surface there from inside is found by shrinking
 //! it until no other point of the surface lies in it (J. Ma, S. W. Bae & S. Choi, Vis. Comput. 28 (2012) 7-19). A ball covers
-//! the points that are nearer to it than the permitted error. The next ball is each time the one that covers the most points
-//! that are not yet covered: the greedy solution of the set cover of the surface (C.-Q. Li, W.-J. Xu & Q.-S. Meng, Powder
+//! the points that are nearer to it than the permitted error. The next ball is always the one that covers the most points that
+//! are not yet covered: the greedy solution of the set cover of the surface (C.-Q. Li, W.-J. Xu & Q.-S. Meng, Powder
 //! Technol. 286 (2015) 478-487).
 
 use cd_formats::surface::Surface;
@@ -26,8 +26,8 @@ pub struct SurfaceBalls {
     pub largest_distance: f64,
 }
 
-/// Numbers of points on the surface, fewest and most. The cost is quadratic: 6000 points make 36 million distances.
-const POINT_COUNTS: [f64; 2] = [500.0, 6000.0];
+/// Numbers of points on the surface. The cost is quadratic: 6000 points make 36 million distances.
+const POINT_COUNTS: std::ops::RangeInclusive<f64> = 500.0..=6000.0;
 
 /// Number of points on the area of a square whose side is the permitted error.
 const POINTS_PER_SQUARE: f64 = 4.0;
@@ -107,7 +107,7 @@ pub fn inscribed_balls(surface: &Surface, max_balls: usize, max_error: f64) -> O
     })
 }
 
-/// Points on the triangles of a surface, each for an equal share of its area: the more, the smaller `max_error` is.
+/// Points on the triangles of a surface, each for an equal share of its area; a smaller `max_error` needs more.
 fn even_surface_points(vertices: &[Vector3<f64>], triangles: &[[u32; 3]], max_error: f64) -> Vec<SurfacePoint> {
     let corners = |t: &[u32; 3]| t.map(|k| vertices[k as usize]);
     let doubled_area = |t: &[u32; 3]| {
@@ -115,7 +115,7 @@ fn even_surface_points(vertices: &[Vector3<f64>], triangles: &[[u32; 3]], max_er
         (b - a).cross(&(c - a)).norm()
     };
     let total: f64 = 0.5 * triangles.iter().map(doubled_area).sum::<f64>();
-    let count = (POINTS_PER_SQUARE * total / (max_error * max_error)).clamp(POINT_COUNTS[0], POINT_COUNTS[1]);
+    let count = (POINTS_PER_SQUARE * total / (max_error * max_error)).clamp(*POINT_COUNTS.start(), *POINT_COUNTS.end());
     let share = total / libm::floor(count);
     let mut points = Vec::new();
     let mut area_before = 0.0;

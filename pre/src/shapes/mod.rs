@@ -38,6 +38,35 @@ use model::ModelSolid;
 pub use principal::{CentredFrame, OrientedPolyhedron, PrincipalSolid};
 use union::ClumpBall;
 
+/// Shape of a grain in its orientation.
+#[derive(Debug, Clone, PartialEq)]
+pub enum OrientedShape {
+    Sphere,
+    Polyhedron(OrientedPolyhedron),
+    Clump(OrientedClump),
+}
+
+impl OrientedShape {
+    /// Volume, m^3; `radius`: that of a sphere, m.
+    pub fn volume(&self, radius: f64) -> f64 {
+        match self {
+            OrientedShape::Sphere => sphere_volume(radius),
+            OrientedShape::Polyhedron(polyhedron) => polyhedron.volume(),
+            OrientedShape::Clump(clump) => clump.volume(),
+        }
+    }
+
+    /// Polyhedron; none for other shapes.
+    pub fn polyhedron(&self) -> Option<&OrientedPolyhedron> {
+        if let OrientedShape::Polyhedron(polyhedron) = self { Some(polyhedron) } else { None }
+    }
+
+    /// Clump; none for other shapes.
+    pub fn clump(&self) -> Option<&OrientedClump> {
+        if let OrientedShape::Clump(clump) = self { Some(clump) } else { None }
+    }
+}
+
 /// Grain without a position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SampledGrain {
@@ -45,26 +74,19 @@ pub struct SampledGrain {
     pub radius: f64,
     /// Radius of the smallest ball about the centre of mass that contains the grain, m.
     pub reach: f64,
-    /// Polyhedron; none for a sphere or clump.
-    pub polyhedron: Option<OrientedPolyhedron>,
-    /// Clump; none for a sphere or polyhedron.
-    pub clump: Option<OrientedClump>,
+    pub shape: OrientedShape,
 }
 
 impl SampledGrain {
     /// Sphere of `radius`, m, rounded to the digits of the files.
     pub fn from_radius(radius: f64) -> SampledGrain {
         let radius = round_8_digits(radius);
-        SampledGrain { radius, reach: radius, polyhedron: None, clump: None }
+        SampledGrain { radius, reach: radius, shape: OrientedShape::Sphere }
     }
 
     /// Volume, m^3.
     pub fn volume(&self) -> f64 {
-        match (&self.polyhedron, &self.clump) {
-            (Some(polyhedron), _) => polyhedron.volume(),
-            (None, Some(clump)) => clump.volume(),
-            (None, None) => sphere_volume(self.radius),
-        }
+        self.shape.volume(self.radius)
     }
 
     /// Grain with the shape of a polyhedron.
@@ -72,13 +94,13 @@ impl SampledGrain {
         let vertices = polyhedron.vertices();
         let reach = vertices.iter().flatten().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
         let radius = round_14_columns(polyhedron.scale * polyhedron.solid.equivalent_radius());
-        SampledGrain { radius, reach, polyhedron: Some(polyhedron), clump: None }
+        SampledGrain { radius, reach, shape: OrientedShape::Polyhedron(polyhedron) }
     }
 
     /// Grain with the shape of a clump.
     pub fn from_clump(clump: OrientedClump) -> SampledGrain {
         let radius = round_8_digits(clump.scale * clump.clump.equivalent_radius());
-        SampledGrain { radius, reach: clump.reach(), polyhedron: None, clump: Some(clump) }
+        SampledGrain { radius, reach: clump.reach(), shape: OrientedShape::Clump(clump) }
     }
 }
 
@@ -186,7 +208,7 @@ impl GrainSampler {
         let shape = match &self.source {
             ShapeSource::Sphere => {
                 let radius = size.unwrap_or(1.0);
-                return Ok(SampledGrain { radius, reach: radius, polyhedron: None, clump: None });
+                return Ok(SampledGrain { radius, reach: radius, shape: OrientedShape::Sphere });
             }
             ShapeSource::Same(solid, _) => NextShape::Polyhedron(solid.clone()),
             ShapeSource::Rocks(rocks) => NextShape::Polyhedron(Arc::new(rocks.draw_rock(&mut self.random)?)),

@@ -31,6 +31,10 @@ const VOXEL_RESOLUTION: u32 = 64;
 /// Smallest ratio of the volume of a piece to that of the whole; smaller pieces are left out as slivers.
 const MIN_PIECE_VOLUME: f64 = 1e-6;
 
+/// Advice about a surface of which no body can be made.
+const LARGER_SURFACE: &str =
+    "expected a surface that encloses a volume, large enough to be represented: check its scale";
+
 /// Reads the surface of a file and scales it. Errors: the errors of [`read::read_surface`].
 pub fn read_surface(folder: &Path, file: &str, scale: ModelScale) -> Result<RepairedSurface, Faults> {
     let path = folder.join(file);
@@ -70,7 +74,7 @@ fn scale_surface(path: &Path, surface: &Surface, factor: f64) -> Result<Surface,
     let vertices: Vec<[f64; 3]> = surface.vertices().iter().map(|v| v.map(|x| factor * x)).collect();
     Surface::new(&vertices, surface.triangles()).map_err(|_| {
         let found = format!("scaled by {factor:e} it has no finite volume");
-        Fault::new(path, None, "surface", found, "expected a size whose volume is a number").into()
+        Fault::new(path, None, "surface", found, "expected a size with a finite volume").into()
     })
 }
 
@@ -98,7 +102,7 @@ pub fn model_solid(
     let mut summary = repair_summary(file, &whole, &read);
     let solid = match contact_shape {
         ContactSurface::Surface => {
-            let expected = "expected a convex one, or contact_shape: Hull, Pieces(...) or Files([...])";
+            let expected = "expected a convex one, or contact_shape: Hull, Pieces(...), Files([...]) or Balls(...)";
             let (surface, note) = convex_surface(&whole)
                 .ok_or_else(|| model_fault("surface", "it is not convex".to_string(), expected))?;
             summary += &note;
@@ -106,19 +110,15 @@ pub fn model_solid(
         }
         ContactSurface::Hull => {
             let hull = hull::convex_hull(whole.vertices());
-            let hull = hull.map_err(|misfit| model_fault("hull", misfit.to_string(), "expected a body"))?;
+            let hull = hull.map_err(|misfit| model_fault("hull", misfit.to_string(), LARGER_SURFACE))?;
             summary += &format!(", hull of {:.4} times its volume", hull.volume() / whole.volume());
             PrincipalSolid::from_convex(&hull)
         }
         &ContactSurface::Pieces { max_pieces, concavity, max_vertices } => {
             let pieces = decompose_convex(&whole, max_pieces, concavity, max_vertices);
-            let pieces = pieces.map_err(|misfit| model_fault("pieces", misfit.to_string(), "expected a body"))?;
+            let pieces = pieces.map_err(|misfit| model_fault("pieces", misfit.to_string(), LARGER_SURFACE))?;
             if pieces.is_empty() {
-                return Err(model_fault(
-                    "pieces",
-                    "none was found".to_string(),
-                    "expected a body that has convex pieces",
-                ));
+                return Err(model_fault("pieces", "none was found".to_string(), LARGER_SURFACE));
             }
             summary += &coverage_text(&whole, &pieces);
             PrincipalSolid::new(&whole, &pieces)
@@ -140,26 +140,28 @@ pub fn model_solid(
         }
         &ContactSurface::Balls { max_balls, max_error } => {
             let chosen = inscribed_balls(&whole, max_balls, max_error)
-                .ok_or_else(|| model_fault("balls", "none was found".to_string(), "expected a body"))?;
-            clump::check_balls(&chosen.balls).map_err(|BallsError { found, .. }| {
-                let expected = "expected several balls: a smaller max_error, or Sphere as the shape";
-                model_fault("balls", found, expected)
+                .ok_or_else(|| model_fault("balls", "none was found".to_string(), LARGER_SURFACE))?;
+            clump::check_balls(&chosen.balls).map_err(|BallsError { found, expected }| {
+                let advice = match chosen.balls.len() {
+                    0 | 1 => "expected several balls: a smaller max_error, or Sphere as the shape".to_string(),
+                    _ => format!("expected {expected}"),
+                };
+                model_fault("balls", found, &advice)
             })?;
             summary += &balls_text(&whole, &chosen);
             let clump = PrincipalClump::new(&chosen.balls, &whole.mass_properties());
             return Ok((ModelSolid::Clump(clump), summary));
         }
     };
-    let solid = solid.map_err(|misfit| {
-        model_fault("surface", misfit.to_string(), "expected a surface large enough to be represented")
-    })?;
+    let solid = solid.map_err(|misfit| model_fault("surface", misfit.to_string(), LARGER_SURFACE))?;
     Ok((ModelSolid::Polyhedron(solid), summary))
 }
 
 /// Text about balls that represent a surface: their number, volume and distances.
 fn balls_text(whole: &Surface, found: &SurfaceBalls) -> String {
     format!(
-        ", {} balls, together {:.4} of its volume, {:.4} of its area within the error, up to {:.3e} m from it",
+        ", {} balls: union {:.4} of its volume; {:.4} of its surface within max_error, farthest point of the surface {:.3e} m \
+         from the balls",
         found.balls.len(),
         union_properties(&found.balls).volume / whole.volume(),
         found.covered_share,

@@ -32,23 +32,37 @@ impl From<&[f64; 4]> for ClumpBall {
 /// balls. The integral by the better rule is closer by orders: volumes of turned clumps of 30 balls agree to 1e-14.
 const MAX_RULE_DIFFERENCE: f64 = 1e-12;
 
-/// Largest number of times that an interval is halved: what is not smooth is then in 1e-9 of it.
+/// Largest number of times that an interval is halved: a kink then lies in 1e-9 of the interval.
 const MAX_HALVINGS: u32 = 30;
 
-/// Distance on the unit sphere up to which a point counts as exposed in a cap: a point too many costs an interval.
+/// Distance on the unit sphere up to which a point counts as exposed in a cap: a superfluous point costs one more
+/// interval.
 const EXPOSURE_TOLERANCE: f64 = 1e-9;
 
-/// Nodes of Kronrod's rule of 15 points on (-1, 1) from 0 up, its weights, and those of Gauss's rule of 7 points, which has
-/// every other node.
-const KRONROD_POINTS: [(f64, f64, f64); 8] = [
-    (0.0, 0.209_482_141_084_727_82, 0.417_959_183_673_469_4),
-    (0.207_784_955_007_898_48, 0.204_432_940_075_298_9, 0.0),
-    (0.405_845_151_377_397_2, 0.190_350_578_064_785_42, 0.381_830_050_505_118_9),
-    (0.586_087_235_467_691_1, 0.169_004_726_639_267_9, 0.0),
-    (0.741_531_185_599_394_3, 0.140_653_259_715_525_92, 0.279_705_391_489_276_64),
-    (0.864_864_423_359_769_1, 0.104_790_010_322_250_17, 0.0),
-    (0.949_107_912_342_758_5, 0.063_092_092_629_978_54, 0.129_484_966_168_869_7),
-    (0.991_455_371_120_812_6, 0.022_935_322_010_529_224, 0.0),
+/// Node of Kronrod's rule on (-1, 1).
+struct KronrodPoint {
+    node: f64,
+    weight: f64,
+    /// Weight in Gauss's rule, 0 if that lacks the node.
+    gauss_weight: f64,
+}
+
+impl KronrodPoint {
+    const fn new(node: f64, weight: f64, gauss_weight: f64) -> KronrodPoint {
+        KronrodPoint { node, weight, gauss_weight }
+    }
+}
+
+/// Nodes of Kronrod's rule of 15 points from 0 up; Gauss's rule of 7 points has every other node.
+const KRONROD_POINTS: [KronrodPoint; 8] = [
+    KronrodPoint::new(0.0, 0.209_482_141_084_727_82, 0.417_959_183_673_469_4),
+    KronrodPoint::new(0.207_784_955_007_898_48, 0.204_432_940_075_298_9, 0.0),
+    KronrodPoint::new(0.405_845_151_377_397_2, 0.190_350_578_064_785_42, 0.381_830_050_505_118_9),
+    KronrodPoint::new(0.586_087_235_467_691_1, 0.169_004_726_639_267_9, 0.0),
+    KronrodPoint::new(0.741_531_185_599_394_3, 0.140_653_259_715_525_92, 0.279_705_391_489_276_64),
+    KronrodPoint::new(0.864_864_423_359_769_1, 0.104_790_010_322_250_17, 0.0),
+    KronrodPoint::new(0.949_107_912_342_758_5, 0.063_092_092_629_978_54, 0.129_484_966_168_869_7),
+    KronrodPoint::new(0.991_455_371_120_812_6, 0.022_935_322_010_529_224, 0.0),
 ];
 
 /// Points on a circle by which trigonometric polynomials of degree 3 are known.
@@ -117,8 +131,9 @@ impl ExposedSphere {
         ExposedSphere { ball: *ball, caps: others.filter_map(cap).collect() }
     }
 
-    /// Contribution of the exposed part to the moments of the union, by rules that differ by at most `allowed` on each interval.
-    fn moments(&self, allowed: f64) -> VolumeMoments {
+    /// Contribution of the exposed part to the moments of the union, by rules that differ by at most `max_difference` on each
+    /// interval.
+    fn moments(&self, max_difference: f64) -> VolumeMoments {
         let mut sum = VolumeMoments::default();
         if self.caps.iter().any(|cap| cap.cosine <= -1.0) {
             return sum;
@@ -132,13 +147,13 @@ impl ExposedSphere {
         }
         ends.sort_by(f64::total_cmp);
         for pair in ends.windows(2).filter(|pair| pair[0] < pair[1]) {
-            self.add_interval(&mut sum, [pair[0], pair[1]], [0.0, 1.0], allowed, MAX_HALVINGS);
+            self.add_interval(&mut sum, [pair[0], pair[1]], [0.0, 1.0], max_difference, MAX_HALVINGS);
         }
         sum
     }
 
     /// Unit vectors to the exposed points at which the circles of two caps cross, from
-    /// n = α a + β b ± γ a × b with n·a = cos a and n·b = cos b.
+    /// n = α a + β b ± γ a × b with n·a = c_a and n·b = c_b, the cosines of the caps.
     fn triple_points(&self) -> Vec<Vector3<f64>> {
         let is_exposed = |normal: &Vector3<f64>| {
             self.caps.iter().all(|cap| normal.dot(&cap.direction) <= cap.cosine + EXPOSURE_TOLERANCE)
@@ -164,25 +179,32 @@ impl ExposedSphere {
 
     /// Adds the integral over the latitudes with the sines z = a + (b - a) (1 - cos πt)/2 of t in `range`, with the `ends` a
     /// and b. As a function of t the integrand is smooth where z ends at a cap.
-    fn add_interval(&self, sum: &mut VolumeMoments, ends: [f64; 2], range: [f64; 2], allowed: f64, halvings_left: u32) {
+    fn add_interval(
+        &self,
+        sum: &mut VolumeMoments,
+        ends: [f64; 2],
+        range: [f64; 2],
+        max_difference: f64,
+        halvings_left: u32,
+    ) {
         let [low, high] = ends;
         let (middle, half) = (0.5 * (range[0] + range[1]), 0.5 * (range[1] - range[0]));
         let (mut kronrod, mut difference) = (VolumeMoments::default(), VolumeMoments::default());
-        for (node, kronrod_weight, gauss_weight) in KRONROD_POINTS {
+        for KronrodPoint { node, weight, gauss_weight } in KRONROD_POINTS {
             for sign in if node == 0.0 { &[1.0][..] } else { &[1.0, -1.0] } {
                 let (sin, cos) = libm::sincos(PI * (middle + sign * half * node));
                 let z = low + 0.5 * (high - low) * (1.0 - cos);
                 let step = half * 0.5 * PI * (high - low) * sin;
                 let moments = self.latitude_moments(z.clamp(-1.0, 1.0));
-                add_moments(&mut kronrod, &moments, kronrod_weight * step);
-                add_moments(&mut difference, &moments, (kronrod_weight - gauss_weight) * step);
+                add_moments(&mut kronrod, &moments, weight * step);
+                add_moments(&mut difference, &moments, (weight - gauss_weight) * step);
             }
         }
-        if halvings_left == 0 || difference.iter().all(|term| term.abs() <= allowed) {
+        if halvings_left == 0 || difference.iter().all(|term| term.abs() <= max_difference) {
             return add_moments(sum, &kronrod, 1.0);
         }
-        self.add_interval(sum, ends, [range[0], middle], allowed, halvings_left - 1);
-        self.add_interval(sum, ends, [middle, range[1]], allowed, halvings_left - 1);
+        self.add_interval(sum, ends, [range[0], middle], max_difference, halvings_left - 1);
+        self.add_interval(sum, ends, [middle, range[1]], max_difference, halvings_left - 1);
     }
 
     /// Integrand of the moments over the exposed arcs of the latitude with the sine `z`.

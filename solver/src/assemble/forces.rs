@@ -91,7 +91,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         reaction_work: 0.0,
     };
     // `field`: external field at the body, if it is known.
-    let effect_on = |k: usize, i: BodyId, field: Option<FieldValue>| {
+    let field_effect = |k: usize, i: BodyId, field: Option<FieldValue>| {
         let i = i.index();
         let (mass, x) = (scene.bodies[i].mass, q_c.x[i]);
         let field = field.unwrap_or_else(|| external_field(&outside, state.gravity, &x));
@@ -109,8 +109,9 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     for first in (0..scene.free.len()).step_by(BODIES_AT_ONCE) {
         let bodies = &scene.free[first..scene.free.len().min(first + BODIES_AT_ONCE)];
         let fields = polyhedron_fields(&outside, state.gravity, &q_c.x, bodies);
-        let effects_on = bodies.par_iter().enumerate().with_min_len(PAR_MIN_LEN);
-        effects_on.map(|(k, &i)| effect_on(first + k, i, fields.get(k).copied())).collect_into_vec(&mut effects);
+        let numbered_bodies = bodies.par_iter().enumerate().with_min_len(PAR_MIN_LEN);
+        let effect = |(k, &i): (usize, &BodyId)| field_effect(first + k, i, fields.get(k).copied());
+        numbered_bodies.map(effect).collect_into_vec(&mut effects);
         // Sums in the order of the bodies.
         for (&body, effect) in bodies.iter().zip(&effects) {
             let i = body.index();
@@ -228,8 +229,8 @@ fn external_field(outside: &[FieldModel], gravity: Vec3, x: &Vec3) -> FieldValue
     value
 }
 
-/// [`external_field`] at each of the bodies, if one of the fields is that of a polyhedron, of which many points at once take
-/// less time; else nothing.
+/// [`external_field`] at each of the bodies. Empty unless a field is that of a polyhedron, for which many points at a time are
+/// faster.
 fn polyhedron_fields(outside: &[FieldModel], gravity: Vec3, x: &[Vec3], bodies: &[BodyId]) -> Vec<FieldValue> {
     if !outside.iter().any(FieldModel::is_polyhedron) {
         return Vec::new();

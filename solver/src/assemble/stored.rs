@@ -28,20 +28,21 @@ pub fn stored_problem(contact_problem: &ContactProblem, contacts: &[Contact]) ->
         contact_problem.rows[k].bodies.iter().filter(is_movable).for_each(|&body| on_body[body.index()].push(i));
     }
     let mut problem = StoredProblem::default();
-    for (i, &here) in rows.iter().enumerate() {
-        let row = &contact_problem.rows[here];
-        let frame = &contacts[here].frame();
-        problem.rows.push((ContactId::new(here), *frame));
-        problem.mu.push(row.friction);
-        problem.q.push(to_local(frame, &contact_problem.shifted_velocity(here, &contact_problem.bodies)).into());
-        let mut neighbours: Vec<usize> = row.bodies.iter().flat_map(|&body| &on_body[body.index()]).copied().collect();
+    for (i, &row) in rows.iter().enumerate() {
+        let constraint = &contact_problem.rows[row];
+        let frame = &contacts[row].frame();
+        problem.rows.push((ContactId::new(row), *frame));
+        problem.mu.push(constraint.friction);
+        problem.q.push(to_local(frame, &contact_problem.shifted_velocity(row, &contact_problem.bodies)).into());
+        let mut neighbours: Vec<usize> =
+            constraint.bodies.iter().flat_map(|&body| &on_body[body.index()]).copied().collect();
         neighbours.sort_unstable();
         neighbours.dedup();
         for j in neighbours {
             let other = &contacts[rows[j]].frame();
             // Column k: response at contact i to a unit impulse along axis k of contact j.
             let columns =
-                [0, 1, 2].map(|k| to_local(frame, &velocity_response(contact_problem, here, rows[j], &other[k])));
+                [0, 1, 2].map(|k| to_local(frame, &velocity_response(contact_problem, row, rows[j], &other[k])));
             if columns.iter().any(|column| column.norm_squared() > 0.0) {
                 problem.blocks.push((i, j, [0, 1, 2].map(|a| [0, 1, 2].map(|k| columns[k][a]))));
             }
@@ -50,19 +51,19 @@ pub fn stored_problem(contact_problem: &ContactProblem, contacts: &[Contact]) ->
     problem
 }
 
-/// Change of velocity at row `here` by the impulse `r` at row `there`, world frame, m/s.
-fn velocity_response(contact_problem: &ContactProblem, here: usize, there: usize, r: &Vec3) -> Vec3 {
+/// Change of velocity at `row` by the impulse `r` at `other_row`, world frame, m/s.
+fn velocity_response(contact_problem: &ContactProblem, row: usize, other_row: usize, r: &Vec3) -> Vec3 {
     let sides = [(0, 1.0), (1, -1.0)];
-    let body = |row: usize, side: usize| contact_problem.rows[row].bodies[side];
+    let body_of = |row: usize, side: usize| contact_problem.rows[row].bodies[side];
     let mut change = Vec3::zeros();
     for (side, sign) in sides {
-        let moved = body(here, side);
-        for (pushed_side, pushed_sign) in sides.into_iter().filter(|(other, _)| body(there, *other) == moved) {
+        let body = body_of(row, side);
+        for (pushed_side, pushed_sign) in sides.into_iter().filter(|(other, _)| body_of(other_row, *other) == body) {
             let impulse = r * pushed_sign;
-            let angular_impulse = contact_problem.angular_impulse(there, pushed_side, &impulse);
-            let spin = contact_problem.angular_velocity_change(moved, &angular_impulse);
-            change += (contact_problem.velocity_change(moved, &impulse)
-                + contact_problem.turning_velocity(here, side, &spin))
+            let angular_impulse = contact_problem.angular_impulse(other_row, pushed_side, &impulse);
+            let spin = contact_problem.angular_velocity_change(body, &angular_impulse);
+            change += (contact_problem.velocity_change(body, &impulse)
+                + contact_problem.turning_velocity(row, side, &spin))
                 * sign;
         }
     }

@@ -1,9 +1,8 @@
 //! The gap, normal and point of one pair.
 
 use cd_formats::wall_mesh::{MeshContact, WallMesh};
-use smallvec::SmallVec;
 
-use crate::geometry::{CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_RIM, CYLINDER_SIDE};
+use crate::geometry::{CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_RIM, CYLINDER_SIDE, WallContacts};
 use crate::math::{Quat, Vec3};
 
 /// Feature of a plate: the face along its third axis.
@@ -107,26 +106,26 @@ pub fn sphere_cylinder(
 }
 
 /// Contacts of a sphere (candidate) about the origin with the surface of a wall at `wall`, m, with this orientation, up to
-/// the gap `range`, m. Errors: a lower bound of the gap, m, greater than `range`, of a sphere that has none.
+/// the gap `range`, m.
 pub fn sphere_mesh(
     mesh: &WallMesh,
     radius: f64,
     wall: &Vec3,
     orientation: &Quat,
     range: f64,
-) -> Result<SmallVec<[ContactGeometry; 2]>, f64> {
+) -> WallContacts<ContactGeometry> {
     let centre = orientation.inverse_transform_vector(&-wall);
     let found = mesh.ball_contacts(&centre, radius, range);
     if found.is_empty() {
         // A sphere that moves by less than its radius is not searched again. Behind a surface it may be nearer.
         let bound = mesh.distance_bound(&centre, 2.0 * radius + range) - radius;
-        return if bound > range { Err(bound) } else { Ok(SmallVec::new()) };
+        return WallContacts::without_contacts(bound, range);
     }
     let geometry = |contact: &MeshContact| {
         let (normal, gap) = (orientation * contact.normal, contact.distance - radius);
         ContactGeometry { gap, normal, point: -normal * (radius + 0.5 * gap), feature: contact.feature }
     };
-    Ok(found.iter().map(geometry).collect())
+    WallContacts::Listed(found.iter().map(geometry).collect())
 }
 
 #[cfg(test)]

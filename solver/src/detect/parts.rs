@@ -10,15 +10,15 @@ use cd_formats::compute::NarrowPhase;
 use cd_formats::geometry::periodic_cell::PeriodicCell;
 
 use super::neighbours::BoundingBalls;
-use super::posed::{CandidatePair, PairMotion, PosedContactor, PosedShape, posed_contactors};
+use super::posed::{CandidatePair, PairSettings, PosedContactor, PosedShape, posed_contactors};
 use super::swept::SweptBall;
 use super::travel::TravelBounds;
 use super::{joints, narrow, periodic, rank_pairs};
 use crate::activity;
 use crate::geometry::{
     CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairRequest, PairResult, Separated,
-    cylinder_cylinder, far_walls, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_mesh, polyhedron_sphere,
-    vertices_at_far_walls,
+    WallContacts, cylinder_cylinder, far_walls, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_mesh,
+    polyhedron_sphere, vertices_at_far_walls,
 };
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
@@ -105,7 +105,7 @@ pub fn listed_contacts(
     cache: &mut DetectionCache,
 ) -> Vec<Contact> {
     let mut contactors = posed_contactors(scene, q_c, bounds);
-    let motion = PairMotion { nearby: bounds.nearby, cell: &q_c.cell };
+    let settings = PairSettings { nearby_gap_ratio: bounds.nearby, cell: &q_c.cell };
     cache.rebuild_if_stale(scene, &mut contactors, &q_c.cell, &q_c.order);
     let DetectionCache { pairs, memories, separations, .. } = cache;
     let narrow = match narrow {
@@ -123,11 +123,11 @@ pub fn listed_contacts(
     let scratch =
         || NarrowPhaseScratch { polyhedra: PairBatch::new(width), prefetcher: Prefetcher::new(&contactors, width) };
     let mut found: Vec<ListedContacts> = chunks
-        .map_init(scratch, |scratch, chunk| narrow_phase_chunk(scene, &contactors, motion, narrow, scratch, chunk))
+        .map_init(scratch, |scratch, chunk| narrow_phase_chunk(scene, &contactors, settings, narrow, scratch, chunk))
         .collect();
     if own_pairs.is_some() {
         let by_rank = rank_pairs::gather_contacts(found.iter().flat_map(|listed| &listed.contacts), memories);
-        found = by_rank.into_iter().map(|contacts| ListedContacts::from_contacts(contacts, motion)).collect();
+        found = by_rank.into_iter().map(|contacts| ListedContacts::from_contacts(contacts, settings)).collect();
     }
     let mut contacts = contacts_by_key(&found, scene.bodies.len(), width);
     let inner = joints::remove_inner_edges(scene, q_c, bounds, &contactors, &mut contacts);
@@ -166,7 +166,7 @@ pub fn swept_contacts(
         narrow_phase_chunk(
             scene,
             &contactors,
-            PairMotion { nearby: bounds.nearby, cell: &q_c.cell },
+            PairSettings { nearby_gap_ratio: bounds.nearby, cell: &q_c.cell },
             narrow,
             &mut scratch,
             PairChunk { pairs, memories, separations },
@@ -200,31 +200,32 @@ struct NarrowPhaseScratch<'a> {
 fn narrow_phase_chunk<'a>(
     scene: &Scene,
     contactors: &'a [PosedContactor<'a>],
-    motion: PairMotion<'a>,
+    settings: PairSettings<'a>,
     narrow: NarrowPhaseMode,
     scratch: &mut NarrowPhaseScratch<'a>,
     chunk: PairChunk,
 ) -> ListedContacts<'a> {
     let PairChunk { pairs, memories, separations } = chunk;
     if activity::is_stopped() {
-        return ListedContacts::new(0, motion);
+        return ListedContacts::new(0, settings);
     }
     let (mut near, mut count) = ([0; PAIRS_PER_TASK], 0);
     for (k, separation) in separations.iter().enumerate() {
         near[count] = k;
         count += usize::from(
-            separation.valid_travel <= CandidatePair::listing_reach(scene, contactors, motion.nearby, &pairs[k]),
+            separation.valid_travel
+                <= CandidatePair::listing_reach(scene, contactors, settings.nearby_gap_ratio, &pairs[k]),
         );
     }
     let near = &near[..count];
     let NarrowPhaseScratch { polyhedra, prefetcher } = scratch;
     near.iter().take(PREFETCH_DISTANCE).for_each(|&k| prefetcher.prefetch(pairs[k].0));
-    let mut listed = ListedContacts::new(count, motion);
+    let mut listed = ListedContacts::new(count, settings);
     for (at, &k) in near.iter().enumerate() {
         if let Some(&later) = near.get(at + PREFETCH_DISTANCE) {
             prefetcher.prefetch(pairs[later].0);
         }
-        let pair = CandidatePair::new(scene, contactors, motion, k, &pairs[k]);
+        let pair = CandidatePair::new(scene, contactors, settings, k, &pairs[k]);
         // `new` may find a shorter listing range than `listing_reach`, so test again.
         if separations[k].valid_travel > pair.accumulated_travel() + pair.range.alert {
             continue;
@@ -246,22 +247,22 @@ struct ListedContacts<'a> {
     contacts: Vec<Contact>,
     /// Candidates of consecutive contacts, and the index where each run begins.
     runs: Vec<(BodyId, usize)>,
-    motion: PairMotion<'a>,
+    settings: PairSettings<'a>,
 }
 
 /// Relative margin on the balls' radii for the rounding of distances.
 const ROUNDING_MARGIN: f64 = 1e-9;
 
 impl<'a> ListedContacts<'a> {
-    fn new(pairs: usize, motion: PairMotion<'a>) -> Self {
-        ListedContacts { contacts: Vec::with_capacity(4 * pairs), runs: Vec::new(), motion }
+    fn new(pairs: usize, settings: PairSettings<'a>) -> Self {
+        ListedContacts { contacts: Vec::with_capacity(4 * pairs), runs: Vec::new(), settings }
     }
 
     /// Contacts in the order of their pairs.
-    fn from_contacts(contacts: Vec<Contact>, motion: PairMotion<'a>) -> Self {
+    fn from_contacts(contacts: Vec<Contact>, settings: PairSettings<'a>) -> Self {
         let begins_run = |&k: &usize| k == 0 || contacts[k - 1].candidate != contacts[k].candidate;
         let runs = (0..contacts.len()).filter(begins_run).map(|k| (contacts[k].candidate, k)).collect();
-        ListedContacts { contacts, runs, motion }
+        ListedContacts { contacts, runs, settings }
     }
 
     /// Adds the contacts of a pair: points up to its range; points on its area share the area. Keeps the pair's cache
@@ -281,7 +282,7 @@ impl<'a> ListedContacts<'a> {
             }
             Err(Separated { n, s }) => {
                 // No separation is known of another image; an image is nearest only up to half a period.
-                let periods = self.motion.cell.periods.iter().zip(c.as_slice());
+                let periods = self.settings.cell.periods.iter().zip(c.as_slice());
                 let image_margins = periods.filter_map(|(period, c)| Some((*period)? / 2.0 - c.abs()));
                 let valid_travel = image_margins.fold(s, f64::min) + pair.accumulated_travel()
                     - ROUNDING_MARGIN * (a.listing_radius + b.listing_radius);
@@ -435,17 +436,19 @@ fn narrow_phase_pair<'a>(
     let zero = Vec3::zeros();
     if let (PosedShape::Sphere { radius }, PosedShape::Mesh(mesh)) = (&a.shape, &b.shape) {
         match narrow::sphere_mesh(mesh, *radius, &c, &b.axes, range.alert) {
-            Ok(found) => found.into_iter().for_each(|point| {
+            WallContacts::Listed(found) => found.into_iter().for_each(|point| {
                 record(pair, Ok((CachedFeature::default(), &one_point(point))));
             }),
-            Err(gap) => record(pair, Err(Separated { n: Vec3::z(), s: gap })),
+            WallContacts::Apart { min_gap } => record(pair, Err(Separated { n: Vec3::z(), s: min_gap })),
         }
         return;
     }
     if let (PosedShape::Polyhedron(p), PosedShape::Mesh(mesh)) = (&a.shape, &b.shape) {
         match polyhedron_mesh(p, mesh, &c, &b.axes, range) {
-            Ok(found) => found.iter().for_each(|manifold| record(pair, Ok((CachedFeature::default(), manifold)))),
-            Err(gap) => record(pair, Err(Separated { n: Vec3::z(), s: gap })),
+            WallContacts::Listed(found) => {
+                found.iter().for_each(|manifold| record(pair, Ok((CachedFeature::default(), manifold))));
+            }
+            WallContacts::Apart { min_gap } => record(pair, Err(Separated { n: Vec3::z(), s: min_gap })),
         }
         return;
     }

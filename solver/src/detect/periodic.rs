@@ -33,9 +33,9 @@ pub fn periodic_pairs(x: &[Vec3], reach: &[f64], cell: &PeriodicCell, firsts: Ra
     if !cell.is_periodic() {
         return near_pairs_from(x, reach, firsts);
     }
-    let (centres, originals) = periodic_images(x, reach, cell);
-    let reaches: Vec<f64> = originals.iter().map(|&i| reach[i as usize]).collect();
-    let mut pairs = pairs_of_originals(near_pairs(&centres, &reaches), x.len(), &originals);
+    let (centres, ball_of_image) = periodic_images(x, reach, cell);
+    let reaches: Vec<f64> = ball_of_image.iter().map(|&i| reach[i as usize]).collect();
+    let mut pairs = pairs_of_originals(near_pairs(&centres, &reaches), x.len(), &ball_of_image);
     pairs.retain(|[first, _]| firsts.contains(first));
     pairs
 }
@@ -46,25 +46,26 @@ pub fn periodic_swept_pairs(balls: &[SweptBall], reach: &[f64], cell: &PeriodicC
         return swept::swept_pairs(balls);
     }
     let x: Vec<Vec3> = balls.iter().map(|ball| ball.centre).collect();
-    let (centres, originals) = periodic_images(&x, reach, cell);
+    let (centres, ball_of_image) = periodic_images(&x, reach, cell);
     let ball_at = |(centre, &i): (&Vec3, &u32)| SweptBall { centre: *centre, ..balls[i as usize] };
-    let moving: Vec<SweptBall> = centres.iter().zip(&originals).map(ball_at).collect();
-    pairs_of_originals(swept::swept_pairs(&moving), x.len(), &originals)
+    let moving: Vec<SweptBall> = centres.iter().zip(&ball_of_image).map(ball_at).collect();
+    pairs_of_originals(swept::swept_pairs(&moving), x.len(), &ball_of_image)
 }
 
-/// Converts pairs of images to pairs of originals; the first `count` images are the originals.
-fn pairs_of_originals(found: Vec<[u32; 2]>, count: usize, originals: &[u32]) -> Vec<[u32; 2]> {
+/// Pairs of balls, i < j, from pairs of images. `ball_of_image`: ball of each image; the first `ball_count` images are the
+/// balls themselves.
+fn pairs_of_originals(image_pairs: Vec<[u32; 2]>, ball_count: usize, ball_of_image: &[u32]) -> Vec<[u32; 2]> {
     // A pair of two images is an image of another pair.
-    let of_originals = found.into_iter().filter(|[i, _]| (*i as usize) < count);
+    let own_pairs = image_pairs.into_iter().filter(|[i, _]| (*i as usize) < ball_count);
     let mut pairs: Vec<[u32; 2]> =
-        of_originals.map(|pair| pair.map(|k| originals[k as usize])).filter(|[i, j]| i != j).collect();
+        own_pairs.map(|pair| pair.map(|image| ball_of_image[image as usize])).filter(|[i, j]| i != j).collect();
     pairs.iter_mut().for_each(|pair| pair.sort_unstable());
     pairs.sort_unstable();
     pairs.dedup();
     pairs
 }
 
-/// Centres within the cell, then centres of the images that may be near, and the original of each.
+/// Centres within the cell, then centres of the images that may be near, and the index of the ball of each.
 fn periodic_images(x: &[Vec3], reach: &[f64], cell: &PeriodicCell) -> (Vec<Vec3>, Vec<u32>) {
     let mut centres: Vec<Vec3> = x.iter().map(|x| x - cell.cell_origin(x)).collect();
     // A body that reaches across half a cell, such as a floor, gets images all around, so that small bodies need few.
@@ -86,18 +87,18 @@ fn periodic_images(x: &[Vec3], reach: &[f64], cell: &PeriodicCell) -> (Vec<Vec3>
             (0..3).all(|k| coordinates[k].abs() <= 0.5 + margin / widths[k])
         }
     };
-    let mut originals: Vec<u32> = (0..x.len() as u32).collect();
+    let mut ball_of_image: Vec<u32> = (0..x.len() as u32).collect();
     for i in 0..x.len() {
         let wide = is_wide(reach[i]);
         for step in &steps[usize::from(wide)] {
             let image = centres[i] + edges[0] * step[0] + edges[1] * step[1] + edges[2] * step[2];
             if wide || is_near_cell(&image, reach[i] + widest) {
                 centres.push(image);
-                originals.push(i as u32);
+                ball_of_image.push(i as u32);
             }
         }
     }
-    (centres, originals)
+    (centres, ball_of_image)
 }
 
 #[cfg(test)]

@@ -116,11 +116,11 @@ fn posed_contactor<'a>(
 /// during a common fall are pushed together at all their points once something stops them.
 const FULL_MANIFOLD_GAP: f64 = 1e-3;
 
-/// Motion that all pairs share.
+/// Settings that all pairs share.
 #[derive(Clone, Copy)]
-pub struct PairMotion<'a> {
+pub struct PairSettings<'a> {
     /// Ratio of gap to smaller radius, up to which points are listed in any direction, as in [`TravelBounds`].
-    pub nearby: f64,
+    pub nearby_gap_ratio: f64,
     pub cell: &'a PeriodicCell,
 }
 
@@ -150,14 +150,16 @@ impl<'a> CandidatePair<'a> {
     pub fn listing_reach(
         scene: &Scene,
         contactors: &[PosedContactor],
-        nearby: f64,
+        nearby_gap_ratio: f64,
         (parts, rule): &VisiblePair,
     ) -> f64 {
         let [a, b] = parts.map(|k| &contactors[k.index()]);
         let cohesion_range = scene.laws[rule.law].interaction_range(Self::effective_radius(a, b));
         let smaller = a.radius.min(b.radius);
-        let range =
-            cohesion_range.max(a.travel + b.travel).max(nearby.max(FULL_MANIFOLD_GAP) * smaller).max(rule.alert);
+        let range = cohesion_range
+            .max(a.travel + b.travel)
+            .max(nearby_gap_ratio.max(FULL_MANIFOLD_GAP) * smaller)
+            .max(rule.alert);
         a.accumulated_travel + b.accumulated_travel + range
     }
 
@@ -166,19 +168,19 @@ impl<'a> CandidatePair<'a> {
     pub fn new(
         scene: &Scene,
         contactors: &'a [PosedContactor<'a>],
-        motion: PairMotion,
+        settings: PairSettings,
         index: usize,
         (parts, rule): &VisiblePair,
     ) -> Self {
         let [a, b] = parts.map(|k| &contactors[k.index()]);
         let radius = Self::effective_radius(a, b);
         let law = &scene.laws[rule.law];
-        let image = motion.cell.nearest_shift(&(a.centre - b.centre));
+        let image = settings.cell.nearest_shift(&(a.centre - b.centre));
         let c = b.centre + image - a.centre;
         let cohesion_range = law.interaction_range(radius);
         // Contactors farther apart than this touch in this step only if a contact pushes them.
         let (mut travel, mut unconditional_gap) = (a.travel + b.travel, f64::INFINITY);
-        let nearby = motion.nearby * a.radius.min(b.radius);
+        let nearby = settings.nearby_gap_ratio * a.radius.min(b.radius);
         let margin = LISTING_MARGIN * rule.alert;
         if travel > nearby.max(margin) {
             travel = travel.min(surface_approach(a, b, &c, Vec3::norm) + margin).max(nearby);

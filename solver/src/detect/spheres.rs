@@ -47,10 +47,10 @@ pub fn sphere_sphere_pairs(
         let gap = narrow::sphere_sphere(&a, radii[i], &b, radii[j]).gap;
         let travel = travel[i] + travel[j] + bounds.affine_travel(&(a - b));
         let approach = ApproachBounds { travel, nearby: bounds.nearby * radii[i].min(radii[j]) };
-        let closing = || {
+        let closing_gap = || {
             swept::least_distance(&(a - b), &(path(i) - path(j) + bounds.affine_path(&(a - b)))) - (radii[i] + radii[j])
         };
-        is_listed(scene, pair, rule, gap, approach, closing).then_some((pair, rule.law))
+        is_listed(scene, pair, rule, gap, approach, closing_gap).then_some((pair, rule.law))
     };
     cache.sphere_pairs.par_iter().with_min_len(512).filter_map(listed_pair).collect()
 }
@@ -91,12 +91,12 @@ pub fn sphere_plate_pairs(
             let approach = ApproachBounds { travel, nearby: bounds.nearby * sphere.radius };
             // A plate is convex: a passing sphere stays beyond the plane through the nearest point. If the plate turns,
             // its surface bends.
-            let closing = || {
+            let closing_gap = || {
                 let relative_path = bounds.centre_path(s) - path - turn.cross(&from_plate);
                 let bend = 0.5 * turn.norm_squared() * from_plate.norm();
                 found.gap - ((-found.normal.dot(&relative_path)).max(0.0) + bend).min(travel)
             };
-            is_listed(scene, pair, rule, found.gap, approach, closing).then_some((pair, rule.law))
+            is_listed(scene, pair, rule, found.gap, approach, closing_gap).then_some((pair, rule.law))
         };
         spheres.par_iter().with_min_len(512).filter_map(nearby_pair)
     };
@@ -129,7 +129,7 @@ struct ApproachBounds {
     nearby: f64,
 }
 
-/// Whether a pair with this rule is near enough to be listed; `closing`: smallest gap along the trajectories in the step,
+/// Whether a pair with this rule is near enough to be listed; `closing_gap`: smallest gap along the trajectories in the step,
 /// m.
 fn is_listed(
     scene: &Scene,
@@ -137,13 +137,13 @@ fn is_listed(
     rule: InteractionRule,
     gap: f64,
     ApproachBounds { travel, nearby }: ApproachBounds,
-    closing: impl Fn() -> f64,
+    closing_gap: impl Fn() -> f64,
 ) -> bool {
     // The range of a bond depends on the radii, which other pairs do not read.
     let law = &scene.laws[rule.law];
     let range = || law.interaction_range(scene.effective_radius((candidate, 0), (antagonist, 0)));
     gap <= rule.alert.max(travel.min(nearby))
-        || (gap <= LISTING_MARGIN * rule.alert + travel && closing() <= LISTING_MARGIN * rule.alert)
+        || (gap <= LISTING_MARGIN * rule.alert + travel && closing_gap() <= LISTING_MARGIN * rule.alert)
         || (law.cohesion().is_some() && gap <= range())
 }
 

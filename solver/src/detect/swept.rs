@@ -200,7 +200,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn sorted(mut pairs: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
+    fn sort_pairs(mut pairs: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
         pairs.sort_unstable();
         pairs
     }
@@ -234,7 +234,7 @@ mod tests {
                     }
                 }
             }
-            prop_assert_eq!(sorted(swept_pairs(&balls)), sorted(expected));
+            prop_assert_eq!(sort_pairs(swept_pairs(&balls)), sort_pairs(expected));
         }
     }
 

@@ -106,7 +106,7 @@ impl PosedCylinder<'_> {
     }
 
     /// Unit vector from the axis towards `m`; 0 if `m` is along the axis.
-    fn radial(&self, m: &Vec3) -> Vec3 {
+    fn radial_direction(&self, m: &Vec3) -> Vec3 {
         let across = m - self.axis() * self.axis().dot(m);
         across.try_normalize(1e-12).unwrap_or(Vec3::zeros())
     }
@@ -188,7 +188,7 @@ impl TwoCylinders<'_> {
         let across = u.cross(&w);
         if across.norm() < MAX_PARALLEL_TILT {
             // Every radial direction is perpendicular to two parallel axes.
-            let radial = [self.a.radial(&d), self.b.radial(&d)];
+            let radial = [self.a.radial_direction(&d), self.b.radial_direction(&d)];
             radial.into_iter().filter(|m| *m != Vec3::zeros()).for_each(|m| attempt(m, CylinderMeeting::Sides));
         }
         if let Some(m) = across.try_normalize(1e-9) {
@@ -302,7 +302,7 @@ impl TwoCylinders<'_> {
         let tilt = above.axis().dot(n);
         if tilt.abs() < std::f64::consts::FRAC_1_SQRT_2 {
             // Its side: the lowest line between its ends and the outline of the end below.
-            let (along, low) = (above.axis(), above.centre + above.radial(&-n) * above.radius);
+            let (along, low) = (above.axis(), above.centre + above.radial_direction(&-n) * above.radius);
             let [x, y] = [e, f].map(|axis| axis.dot(&along));
             let [x0, y0] = [e, f].map(|axis| axis.dot(&(low - centre)));
             let (square, half) = (x * x + y * y, x * x0 + y * y0);
@@ -331,7 +331,7 @@ impl TwoCylinders<'_> {
                 add(rim, CYLINDER_RIM + k, own_end);
             }
         }
-        let lowest = above.radial(&-n);
+        let lowest = above.radial_direction(&-n);
         if lowest != Vec3::zeros() && is_inside(&(end + lowest * above.radius), &centre, below.radius) {
             add(end + lowest * above.radius, CYLINDER_RIM + 4, own_end);
         }
@@ -388,7 +388,7 @@ impl TwoCylinders<'_> {
     /// Contact point of the direction's own features.
     fn axis_point(&self, axis: &MeetingAxis) -> ContactPoint {
         let MeetingAxis { m, s, .. } = axis;
-        let rim = |of: &PosedCylinder, m: &Vec3| of.end_centre(m) + of.radial(m) * of.radius;
+        let rim = |of: &PosedCylinder, m: &Vec3| of.end_centre(m) + of.radial_direction(m) * of.radius;
         let (on_a, on_b) = (rim(&self.a, &-m) - m * (0.5 * s), rim(&self.b, m) + m * (0.5 * s));
         let (position, features) = match axis.meeting {
             CylinderMeeting::EndOfA => (on_b, (self.a.end_feature(&-m), CYLINDER_RIM)),

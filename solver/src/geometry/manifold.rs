@@ -85,6 +85,30 @@ pub enum NarrowPhaseMode {
     Accurate,
 }
 
+/// Contacts of a body with a triangulated wall, or a lower bound of their gap.
+#[derive(Debug, Clone, PartialEq)]
+pub enum WallContacts<C> {
+    /// Contacts up to the range; a body behind a surface with one side may be near without any.
+    Listed(SmallVec<[C; 2]>),
+    /// Lower bound of the gap, m, more than the range.
+    Apart { min_gap: f64 },
+}
+
+impl<C> WallContacts<C> {
+    /// Result for a body without contacts; `min_gap`: a lower bound of the gap, m.
+    pub fn without_contacts(min_gap: f64, range: f64) -> Self {
+        if min_gap > range { WallContacts::Apart { min_gap } } else { WallContacts::Listed(SmallVec::new()) }
+    }
+
+    /// Returns the contacts up to the range.
+    pub fn into_contacts(self) -> SmallVec<[C; 2]> {
+        match self {
+            WallContacts::Listed(contacts) => contacts,
+            WallContacts::Apart { .. } => SmallVec::new(),
+        }
+    }
+}
+
 /// Direction along which two bodies are farther apart than the requested range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Separated {

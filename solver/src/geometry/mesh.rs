@@ -16,7 +16,7 @@ use cd_formats::wall_mesh::{MeshSides, TriangleRegion, WallMesh};
 use nalgebra::Matrix3;
 use smallvec::SmallVec;
 
-use super::manifold::{ContactPoint, ListingRange, Manifold, edge_feature, face_feature, vertex_feature};
+use super::manifold::{ContactPoint, ListingRange, Manifold, WallContacts, edge_feature, face_feature, vertex_feature};
 use super::pair::{PatchCorner, PatchCorners};
 use super::patch::{ContactPatch, ON_SIDE_DISTANCE, polygon_area};
 use super::polyhedron::{FeatureIndex, PosedPolyhedron};
@@ -29,10 +29,12 @@ const FLUSH_HEIGHT: f64 = 1e-6;
 /// Cosine between a direction and the normal of a polygon below which the polygon is seen as a line: the heights of steeper
 /// ones lose more than three digits.
 const MIN_POLYGON_COSINE: f64 = 1e-3;
-/// Product of the cosines between an edge of T and the normals at an edge of A above which the two edges are parallel.
+/// Bound of the product of the cosines between an edge of T and the two normals at an edge of A: the two edges are candidates
+/// only if the product is below minus this. (4e-12)², the square of [`MIN_SEPARATION_GAIN`].
 const PARALLEL_EDGE_PRODUCT: f64 = 1.6e-23;
-/// Gains of separation, divided by the size, by which a direction replaces an earlier one, so that rounding does not decide.
-const TIE: f64 = 4e-12;
+/// Smallest gain of separation, divided by the size, by which a direction replaces an earlier one, so that rounding does not
+/// decide: some ten thousand roundings of the size.
+const MIN_SEPARATION_GAIN: f64 = 4e-12;
 /// Ratio of the smallest length that counts as the size to the largest coordinate: their rounding is then below
 /// [`ON_SIDE_DISTANCE`] of the size.
 const SIZE_PER_COORDINATE: f64 = 64.0 * f64::EPSILON / ON_SIDE_DISTANCE;
@@ -41,8 +43,8 @@ const SAME_HEIGHT_ROUNDINGS: f64 = 8.0;
 /// Largest 1 - cos of the angle between a triangle and a direction that is its normal: 1e-4 rad.
 const MAX_NORMAL_DEVIATION: f64 = 5e-9;
 
-/// Contacts of polyhedron A with the surface of a wall at `c` = x_B - x_A, m, with the orientation `axes`: one manifold for
-/// each normal. Errors: a lower bound of the distance, m, greater than `range.alert`, if all triangles are farther away.
+/// Contacts of polyhedron A with the surface of a wall at `c` = x_B - x_A, m, with this orientation: one manifold for
+/// each normal, or a lower bound of the distance if all triangles are farther away than `range.alert`.
 ///
 /// ```
 /// use cd_formats::wall_mesh::{MeshSides, WallMesh};
@@ -52,7 +54,7 @@ const MAX_NORMAL_DEVIATION: f64 = 5e-9;
 /// let mesh = WallMesh::new(&square, &[[0, 1, 2], [0, 2, 3]], MeshSides::One).unwrap();
 /// let cube = Polyhedron::cuboid(&Vec3::repeat(0.5));
 /// let posed = cube.posed_by(&Quat::identity());
-/// let found = polyhedron_mesh(&posed, &mesh, &(Vec3::z() * -0.625), &Quat::identity(), 0.25.into()).unwrap();
+/// let found = polyhedron_mesh(&posed, &mesh, &(Vec3::z() * -0.625), &Quat::identity(), 0.25.into()).into_contacts();
 /// assert_eq!((found.len(), found[0].normal, found[0].gap()), (1, Vec3::z(), 0.125));
 /// assert_eq!((found[0].points.len(), found[0].area), (4, 1.0));
 /// ```
@@ -60,20 +62,20 @@ pub fn polyhedron_mesh(
     a: &PosedPolyhedron,
     mesh: &WallMesh,
     c: &Vec3,
-    axes: &Quat,
+    orientation: &Quat,
     range: ListingRange,
-) -> Result<SmallVec<[Manifold; 2]>, f64> {
-    let search = MeshSearch::new(a, mesh, c, axes, range);
+) -> WallContacts<Manifold> {
+    let search = MeshSearch::new(a, mesh, c, orientation, range);
     let numbers = search.triangles_in_reach();
     if numbers.is_empty() {
         let radius = a.shape.circumradius();
         let centre = search.to_mesh(&-c);
         let bound = mesh.distance_bound(&centre, 2.0 * radius + range.alert) - radius;
-        return if bound > range.alert { Err(bound) } else { Ok(SmallVec::new()) };
+        return WallContacts::without_contacts(bound, range.alert);
     }
     let triangles: SmallVec<[NearTriangle; 16]> =
         numbers.into_iter().filter_map(|number| search.near_triangle(number)).collect();
-    Ok(search.manifolds(&triangles))
+    WallContacts::Listed(search.manifolds(&triangles))
 }
 
 /// Edge of A.
@@ -108,7 +110,7 @@ struct TouchAxis {
 /// Triangle within range of A.
 struct NearTriangle {
     triangle: PosedTriangle,
-    /// Direction of its own; `None` if another triangle is nearer to the same part of A.
+    /// Its own direction; `None` if the surface does not allow it ([`WallMesh::allows_normal`]).
     own: Option<TouchAxis>,
     /// The nearest points, where vertices or an edge and a vertex are nearest.
     nearest: Option<ContactPoint>,
@@ -182,8 +184,8 @@ struct MeshSearch<'a> {
     mesh: &'a WallMesh,
     /// x_B - x_A, m.
     c: Vec3,
-    /// From the axes of the surface to those of the world.
-    turn: Matrix3<f64>,
+    /// Rotation from the axes of the surface to those of the world.
+    rotation: Matrix3<f64>,
     range: ListingRange,
     vertices: SmallVec<[Vec3; 16]>,
     /// Outward normals of the faces, and distances of their planes from the centre, m.
@@ -194,7 +196,7 @@ struct MeshSearch<'a> {
 }
 
 impl<'a> MeshSearch<'a> {
-    fn new(a: &'a PosedPolyhedron<'a>, mesh: &'a WallMesh, c: &Vec3, axes: &Quat, range: ListingRange) -> Self {
+    fn new(a: &'a PosedPolyhedron<'a>, mesh: &'a WallMesh, c: &Vec3, orientation: &Quat, range: ListingRange) -> Self {
         let planes: SmallVec<[(Vec3, f64); 16]> =
             (0..).zip(a.shape.face_planes()).map(|(f, plane)| (a.face_normal(f as u32), plane.offset)).collect();
         let vertices: SmallVec<[Vec3; 16]> = (0..a.shape.vertices().len()).map(|k| a.vertex(k as u32)).collect();
@@ -209,7 +211,7 @@ impl<'a> MeshSearch<'a> {
             a,
             mesh,
             c: *c,
-            turn: axes.to_rotation_matrix().into_inner(),
+            rotation: orientation.to_rotation_matrix().into_inner(),
             range,
             vertices,
             planes,
@@ -220,12 +222,12 @@ impl<'a> MeshSearch<'a> {
 
     /// Gain of separation by which a direction replaces an earlier one, m.
     fn tie(&self) -> f64 {
-        TIE * self.size
+        MIN_SEPARATION_GAIN * self.size
     }
 
     /// Turns a vector to the axes of the surface.
     fn to_mesh(&self, v: &Vec3) -> Vec3 {
-        self.turn.tr_mul(v)
+        self.rotation.tr_mul(v)
     }
 
     /// Triangles whose boxes are at most the alert distance from the box of A, in the axes of the surface.
@@ -240,8 +242,8 @@ impl<'a> MeshSearch<'a> {
 
     /// Triangle at its position.
     fn posed_triangle(&self, number: u32) -> PosedTriangle {
-        let corners = self.mesh.corners(number).map(|corner| self.turn * corner + self.c);
-        PosedTriangle { number, corners, normal: self.turn * self.mesh.normal(number) }
+        let corners = self.mesh.corners(number).map(|corner| self.rotation * corner + self.c);
+        PosedTriangle { number, corners, normal: self.rotation * self.mesh.normal(number) }
     }
 
     /// min_A n·a, m.
@@ -280,8 +282,8 @@ impl<'a> MeshSearch<'a> {
     ) -> Option<TouchAxis> {
         let (corners, tie) = (&triangle.corners, self.tie());
         let mut best: Option<TouchAxis> = None;
-        // Returns whether the direction ends the search.
-        let mut is_enough = |normal: Vec3, gap: f64, region: &dyn Fn() -> TriangleRegion| {
+        // Keeps the axis if it is better and accepted; returns whether the search ends.
+        let mut try_axis = |normal: Vec3, gap: f64, region: &dyn Fn() -> TriangleRegion| {
             if best.is_none_or(|best| gap > best.gap + tie) {
                 let axis = TouchAxis { normal, gap, region: region() };
                 best = if is_accepted(&axis) { Some(axis) } else { best };
@@ -289,13 +291,13 @@ impl<'a> MeshSearch<'a> {
             best.is_some_and(|best| best.gap > self.range.alert)
         };
         for normal in faces {
-            if is_enough(*normal, self.lowest_height(normal) - normal.dot(&corners[0]), &|| TriangleRegion::Face) {
+            if try_axis(*normal, self.lowest_height(normal) - normal.dot(&corners[0]), &|| TriangleRegion::Face) {
                 return best;
             }
         }
         for (normal, offset) in &self.planes {
             let lowest = corners.iter().map(|corner| normal.dot(corner)).fold(f64::INFINITY, f64::min);
-            if is_enough(-normal, lowest - offset, &|| self.highest_region(triangle, &-normal)) {
+            if try_axis(-normal, lowest - offset, &|| self.highest_region(triangle, &-normal)) {
                 return best;
             }
         }
@@ -315,7 +317,7 @@ impl<'a> MeshSearch<'a> {
                     continue;
                 }
                 let normal = outward / -length;
-                if is_enough(normal, normal.dot(&(ends[0] - from)), &|| TriangleRegion::Edge(k)) {
+                if try_axis(normal, normal.dot(&(ends[0] - from)), &|| TriangleRegion::Edge(k)) {
                     return best;
                 }
             }
@@ -323,7 +325,8 @@ impl<'a> MeshSearch<'a> {
         best
     }
 
-    /// Triangle within range, with its own direction; `None` if it is farther away.
+    /// Triangle within range, with its own direction; `None` if it is farther away, or if the nearest points have no direction
+    /// by rounding.
     fn near_triangle(&self, number: u32) -> Option<NearTriangle> {
         let triangle = self.posed_triangle(number);
         let axis = self.widest_axis(&triangle, &[triangle.normal, -triangle.normal], |_| true)?;
@@ -464,7 +467,8 @@ impl<'a> MeshSearch<'a> {
         found
     }
 
-    /// Best aligned of the directions that separate A from a triangle no worse than from the triangle of each.
+    /// Index of the direction best aligned with the triangle, among those along which A is at least as far from this triangle
+    /// as from the triangle that gave the direction, to [`FLUSH_HEIGHT`].
     fn covering_direction(&self, taken: &[TakenDirection], triangle: &PosedTriangle) -> Option<usize> {
         let slack = FLUSH_HEIGHT * self.a.shape.circumradius();
         let mut best: Option<(usize, f64)> = None;
@@ -533,7 +537,7 @@ impl<'a> MeshSearch<'a> {
             .collect();
         if found.is_empty() {
             // One point at least separates bodies that overlap.
-            return self.deepest_point(triangles).into_iter().collect();
+            return self.shallowest_overlap(triangles).into_iter().collect();
         }
         if found.len() > 1 {
             drop_repeated_points(&mut found);
@@ -565,8 +569,8 @@ impl<'a> MeshSearch<'a> {
         manifold
     }
 
-    /// Point of the overlapping triangle with the smallest overlap.
-    fn deepest_point(&self, triangles: &[NearTriangle]) -> Option<Manifold> {
+    /// Manifold of the overlapping triangle with the smallest overlap: the lowest vertex of A along its direction.
+    fn shallowest_overlap(&self, triangles: &[NearTriangle]) -> Option<Manifold> {
         let overlapping = triangles.iter().filter_map(|near| Some((near, near.own.filter(|axis| axis.gap <= 0.0)?)));
         let (near, TouchAxis { normal, gap, .. }) = overlapping.max_by(|(_, p), (_, q)| p.gap.total_cmp(&q.gap))?;
         let lowest = (0..).zip(&self.vertices).min_by(|(_, p), (_, q)| normal.dot(p).total_cmp(&normal.dot(q)));
@@ -577,7 +581,7 @@ impl<'a> MeshSearch<'a> {
     }
 }
 
-/// Keeps of points with the same features along several directions that with the smallest gap.
+/// Keeps only the point with the smallest gap among those with the same features along several directions.
 fn drop_repeated_points(manifolds: &mut SmallVec<[Manifold; 2]>) {
     // Points with the numbers of their directions.
     let all: SmallVec<[(usize, ContactPoint); 16]> = (0..)
@@ -647,10 +651,14 @@ mod tests {
             let body = polyhedron_polyhedron(&pa, &pb, &c, 0.2, NarrowPhaseMode::Accurate, &mut memory);
             let found = polyhedron_mesh(&pa, &mesh, &c, &qb, 0.2.into());
             let Some(body) = body else {
-                assert!(found.map_or_else(|bound| bound > 0.2, |found| found.is_empty()), "{number}");
+                let is_apart = match found {
+                    WallContacts::Apart { min_gap } => min_gap > 0.2,
+                    WallContacts::Listed(found) => found.is_empty(),
+                };
+                assert!(is_apart, "{number}");
                 continue;
             };
-            let found = found.unwrap();
+            let found = found.into_contacts();
             assert_eq!(found.len(), 1, "{number}: {found:?} {body:?}");
             // Tolerance: directions of near points have the rounding of positions divided by their distance.
             let (normal_error, gap_error) = ((found[0].normal - body.normal).norm(), found[0].gap() - body.gap());
@@ -698,7 +706,8 @@ mod tests {
                 let (posed_plate, below) = (plate.posed_by(&wall), c - wall * Vec3::z());
                 let expected =
                     polyhedron_polyhedron(&posed, &posed_plate, &below, range, NarrowPhaseMode::Accurate, &mut memory);
-                let (expected, found) = (expected.unwrap(), polyhedron_mesh(&posed, &mesh, &c, &wall, range).unwrap());
+                let expected = expected.unwrap();
+                let found = polyhedron_mesh(&posed, &mesh, &c, &wall, range).into_contacts();
                 assert_eq!(found.len(), 1, "{number}: {found:?}");
                 assert!((found[0].normal - wall * Vec3::z()).norm() < 1e-12, "{number}: {found:?} {expected:?}");
                 assert!((found[0].area - expected.area).abs() < 1e-12, "{number}: {found:?} {expected:?}");
@@ -730,7 +739,7 @@ mod tests {
         mesh = WallMesh::new(&vertices, &triangles, MeshSides::One).unwrap();
         let cube = Polyhedron::cuboid(&Vec3::repeat(0.5));
         let posed = cube.posed_by(&Quat::identity());
-        polyhedron_mesh(&posed, &mesh, &-Vec3::new(x, y, z), &Quat::identity(), 0.02.into()).unwrap()
+        polyhedron_mesh(&posed, &mesh, &-Vec3::new(x, y, z), &Quat::identity(), 0.02.into()).into_contacts()
     }
 
     /// A cube in a corner touches each side with a face, apart and with overlaps of any ratio; a cube on the upper edge of a
@@ -770,14 +779,14 @@ mod tests {
             let tip = WallMesh::new(&tip, &[[0, 1, 2], [0, 2, 3], [0, 3, 1]], sides).unwrap();
             for gap in [0.01, 1e-10, -1e-10, -0.01] {
                 let c = up * -(0.5 + gap);
-                let found = polyhedron_mesh(&posed, &tip, &c, &Quat::identity(), 0.02.into()).unwrap();
+                let found = polyhedron_mesh(&posed, &tip, &c, &Quat::identity(), 0.02.into()).into_contacts();
                 assert_eq!(found.len(), 1, "{found:?}");
                 // Tolerance: roundings of coordinates of 1.
                 assert!((found[0].normal - up).norm() < 1e-15 && (found[0].gap() - gap).abs() < 1e-15, "{found:?}");
                 assert_eq!(found[0].points[0].features.1, 4);
                 // The ridge lies along the axes of the wall: its own direction across the face.
                 let across = Quat::rotation_between(&Vec3::z(), &up).unwrap();
-                let found = polyhedron_mesh(&posed, &ridge, &c, &across, 0.02.into()).unwrap();
+                let found = polyhedron_mesh(&posed, &ridge, &c, &across, 0.02.into()).into_contacts();
                 assert_eq!((found.len(), found[0].points.len()), (1, 2), "{found:?}");
                 assert!((found[0].normal - up).norm() < 1e-15 && (found[0].gap() - gap).abs() < 1e-15, "{found:?}");
             }
@@ -792,7 +801,7 @@ mod tests {
         let posed = cube.posed_by(&Quat::identity());
         let at = |z: f64, sides: MeshSides| {
             let mesh = WallMesh::new(&square, &[[0, 1, 2], [0, 2, 3]], sides).unwrap();
-            polyhedron_mesh(&posed, &mesh, &-Vec3::new(0.1, 0.2, z), &Quat::identity(), 0.05.into()).unwrap()
+            polyhedron_mesh(&posed, &mesh, &-Vec3::new(0.1, 0.2, z), &Quat::identity(), 0.05.into()).into_contacts()
         };
         assert!(at(-0.51, MeshSides::One).is_empty());
         for (z, sides, normal, gap) in [

@@ -49,8 +49,8 @@ pub use cylinders::cylinder_cylinder;
 pub use flush::polyhedra_along;
 pub use hollow_cylinder::{FAR_WALL, far_walls, polyhedron_hollow_cylinder, vertices_at_far_walls};
 pub use manifold::{
-    ContactPoint, ContactPoints, ListingRange, Manifold, NarrowPhaseMode, Separated, edge_feature, face_feature,
-    vertex_feature,
+    ContactPoint, ContactPoints, ListingRange, Manifold, NarrowPhaseMode, Separated, WallContacts, edge_feature,
+    face_feature, vertex_feature,
 };
 pub use mesh::polyhedron_mesh;
 pub use near_pairs::{near_pairs, near_pairs_from};

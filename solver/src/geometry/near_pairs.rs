@@ -182,7 +182,7 @@ mod tests {
         all
     }
 
-    fn sorted(mut pairs: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
+    fn sort_pairs(mut pairs: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
         pairs.sort();
         pairs
     }
@@ -195,7 +195,7 @@ mod tests {
         ) {
             let x: Vec<Vec3> = points.iter().map(|p| Vec3::new(p.0 + origin, p.1, p.2)).collect();
             let reach: Vec<f64> = points.iter().map(|p| p.3.exp2()).collect();
-            prop_assert_eq!(sorted(near_pairs(&x, &reach)), brute(&x, &reach));
+            prop_assert_eq!(sort_pairs(near_pairs(&x, &reach)), brute(&x, &reach));
         }
     }
 

@@ -47,7 +47,7 @@ struct FaceOutline<'a> {
     /// Position of the body's centre relative to A's centre, m.
     centre: Vec3,
     /// Whether the face's normal is opposite to the viewing normal; then corners and sides are in reverse order.
-    reversed: bool,
+    is_reversed: bool,
     /// Coordinates of the corners across the viewing normal, and their heights along it, m; the first corner follows the
     /// last.
     x: &'a mut [f64],
@@ -62,12 +62,14 @@ struct FaceOutline<'a> {
 }
 
 impl<'a> FaceOutline<'a> {
+    /// Outline of a face of a body whose centre is at `centre`, in `storage` of [`OUTLINE_COLUMNS`] columns of `stride`
+    /// numbers.
     #[inline(always)]
     fn new(
         posed: &'a PosedPolyhedron,
         face: u32,
         centre: Vec3,
-        reversed: bool,
+        is_reversed: bool,
         stride: usize,
         storage: &'a mut [f64],
     ) -> Self {
@@ -76,20 +78,20 @@ impl<'a> FaceOutline<'a> {
         let (y, rest) = rest.split_at_mut(stride);
         let (z, rest) = rest.split_at_mut(stride);
         let (dx, dy) = rest.split_at_mut(stride);
-        FaceOutline { posed, corners, sides, centre, reversed, x, y, z, dx, dy, height: 0.0, slope: [0.0; 2] }
+        FaceOutline { posed, corners, sides, centre, is_reversed, x, y, z, dx, dy, height: 0.0, slope: [0.0; 2] }
     }
 
     /// Vertex of corner `k`, counter-clockwise as seen.
     #[inline(always)]
     fn vertex(&self, k: usize) -> u32 {
-        self.corners[if self.reversed { self.corners.len() - 1 - k } else { k }].into()
+        self.corners[if self.is_reversed { self.corners.len() - 1 - k } else { k }].into()
     }
 
     /// Edge from corner `k` to the next.
     #[inline(always)]
     fn edge(&self, k: usize) -> u32 {
         let count = self.sides.len();
-        let k = match self.reversed {
+        let k = match self.is_reversed {
             true if k + 1 == count => k,
             true => count - 2 - k,
             false => k,
@@ -125,7 +127,7 @@ impl<'a> FaceOutline<'a> {
             // A face seen as a line: level, at the height that is nearest to the other body.
             let mut height = self.z[0];
             for &z in &self.z[1..count] {
-                height = if self.reversed { height.min(z) } else { height.max(z) };
+                height = if self.is_reversed { height.min(z) } else { height.max(z) };
             }
             self.height = height;
             return;
@@ -209,6 +211,7 @@ fn lane_mask<L: F64Arithmetic>(k: usize, count: usize) -> u32 {
     (1 << L::WIDTH.min(count - k)) - 1
 }
 
+/// Search for the corners of the common part of two faces seen along `n`.
 struct CommonCorners<'a> {
     pair: &'a PolyhedronPair<'a>,
     n: &'a Vec3,
@@ -309,13 +312,13 @@ impl LaneOperation for CommonCorners<'_> {
                     };
                 }
                 let (v0, v1) = (from_sides!(i), from_sides!(i + 1));
-                macro_rules! apart {
+                macro_rules! separates {
                     ($p:expr, $q:expr) => {
                         (l.mask_greater($p, l.splat(tiny)) & l.mask_greater(l.splat(-tiny), $q))
                             | (l.mask_greater(l.splat(-tiny), $p) & l.mask_greater($q, l.splat(tiny)))
                     };
                 }
-                let mut crossing = apart!(w0, w1) & apart!(v0, v1) & lane_mask::<L>(from, count_b);
+                let mut crossing = separates!(w0, w1) & separates!(v0, v1) & lane_mask::<L>(from, count_b);
                 if crossing != 0 {
                     let mut distances = [[0.0; 8]; 4];
                     l.store(&mut distances[0], v0);

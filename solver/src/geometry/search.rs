@@ -115,7 +115,7 @@ struct FoundAxis {
 impl FoundAxis {
     /// Axis without a touched vertex and without a proof.
     #[inline(always)]
-    fn unproven(axis: SearchAxis) -> Self {
+    fn unproven_axis(axis: SearchAxis) -> Self {
         FoundAxis { axis, touched_vertex: None, is_proven: false }
     }
 }
@@ -128,7 +128,7 @@ impl AxisSearch<'_> {
         if let Some(n) = hint {
             let s = separation_along(l, pair, &n);
             if s > alert {
-                return FoundAxis::unproven(SearchAxis { n, s, feature: SearchFeature::None });
+                return FoundAxis::unproven_axis(SearchAxis { n, s, feature: SearchFeature::None });
             }
         }
         let mut witnesses = WitnessPoints { points: [Vec3::zeros(); MAX_WITNESSES], count: 0 };
@@ -154,10 +154,10 @@ impl AxisSearch<'_> {
         if search_faces(l, from_a, &mut found, &mut witnesses, alert)
             || search_faces(l, from_b, &mut found, &mut witnesses, alert)
         {
-            return FoundAxis::unproven(found.axis);
+            return FoundAxis::unproven_axis(found.axis);
         }
         search_edges(l, pair, &mut found.axis, &witnesses, alert);
-        FoundAxis::unproven(found.axis)
+        FoundAxis::unproven_axis(found.axis)
     }
 }
 
@@ -301,7 +301,7 @@ fn starting_axis<L: F64Arithmetic>(
             if arcs_cross && true_separation(l, pair, &n, s) == s {
                 let [a, b] = [pair.shape_a.edges()[ea as usize].ends[0], pair.shape_b.edges()[eb as usize].ends[0]];
                 witnesses.add(pair.posed_b.vertex(b) + pair.centre_offset - pair.posed_a.vertex(a));
-                return FoundAxis::unproven(SearchAxis { n, s, feature: SearchFeature::Edges(ea, eb) });
+                return FoundAxis::unproven_axis(SearchAxis { n, s, feature: SearchFeature::Edges(ea, eb) });
             }
             n
         }
@@ -313,7 +313,7 @@ fn starting_axis<L: F64Arithmetic>(
     let (b, low) = lowest_vertex(l, pair.posed_b, &n);
     let (a, high) = lowest_vertex(l, pair.posed_a, &-n);
     witnesses.add(pair.posed_b.vertex(b) + pair.centre_offset - pair.posed_a.vertex(a));
-    FoundAxis::unproven(SearchAxis { n, s: n.dot(&pair.centre_offset) + low + high, feature: SearchFeature::None })
+    FoundAxis::unproven_axis(SearchAxis { n, s: n.dot(&pair.centre_offset) + low + high, feature: SearchFeature::None })
 }
 
 /// Returns s(n).

@@ -70,8 +70,9 @@ pub struct ContactConfiguration {
 pub struct CellStep {
     /// Cell in the contact configuration, with the rates of the step's end.
     pub state: CellState,
-    /// Velocity gradients in the contact configuration by the rates of the step's start and end, 1/s.
+    /// Velocity gradient in the contact configuration by the rates of the step's start, 1/s.
     pub start_gradient: Mat3,
+    /// Velocity gradient in the contact configuration by the rates of the step's end, 1/s.
     pub end_gradient: Mat3,
     /// Acceleration gradient (Ḣ⁺ - Ḣ) H_c⁻¹/h, 1/s²; None if the rates of the edges stay as they are. With the acceleration of
     /// bodies by it times their positions, all images of a body have the same motion about the affine field.
@@ -111,11 +112,12 @@ impl CellStep {
 }
 
 impl ContactConfiguration {
-    /// Velocity gradients of a deforming cell by the rates of the step's start and end, 1/s.
+    /// Velocity gradient of a deforming cell by the rates of the step's start, 1/s.
     pub fn start_gradient(&self) -> Option<&Mat3> {
         self.cell_step.as_ref().map(|cell| &cell.start_gradient)
     }
 
+    /// Velocity gradient of a deforming cell by the rates of the step's end, 1/s.
     pub fn end_gradient(&self) -> Option<&Mat3> {
         self.cell_step.as_ref().map(|cell| &cell.end_gradient)
     }

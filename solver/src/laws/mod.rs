@@ -110,7 +110,8 @@ pub struct RestitutionDecline {
 }
 
 impl RestitutionDecline {
-    /// Factor of the coefficient of restitution at the normal velocity `u_n` (m/s), at most 1: with 1 m/s and 1/2, 1/2 at 4 m/s.
+    /// Factor of the coefficient of restitution at the normal velocity `u_n` (m/s), at most 1: with v_e = 1 m/s and p = 1/2
+    /// it is 1/2 at 4 m/s.
     fn factor(&self, u_n: f64) -> f64 {
         let ratio = self.speed / u_n.abs();
         if ratio < 1.0 { libm::pow(ratio, self.exponent) } else { 1.0 }

@@ -379,10 +379,16 @@ pub fn check_cell(datbox: &Path, scene: &Scene, faults: &mut Faults) {
         return;
     }
     let is_other = |body: &RigidBody| body.driven || !body.is_sphere();
-    if let Some(body) = scene.bodies.iter().position(is_other) {
-        let found = "not a free sphere, in a scene whose cell deforms";
+    let others: Vec<usize> = (0..scene.bodies.len()).filter(|&i| is_other(&scene.bodies[i])).collect();
+    if let Some(first) = others.first() {
+        let found = match others.len() {
+            1 => "not a free sphere, in a scene whose cell deforms".to_string(),
+            count => {
+                format!("not a free sphere, like {} more, in a scene whose cell deforms", count_text(count - 1, "body"))
+            }
+        };
         let expected = "expected free spheres: walls and other shapes do not deform with the cell";
-        faults.push(Fault::new(&datbox.join("BODIES.DAT"), None, format!("body {}", body + 1), found, expected));
+        faults.push(Fault::new(&datbox.join("BODIES.DAT"), None, format!("body {}", first + 1), found, expected));
     }
     if !scene.postpro.is_empty() {
         let (found, expected) =

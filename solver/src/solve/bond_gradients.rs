@@ -124,8 +124,8 @@ impl<'a> StickingSystem<'a> {
         motions
     }
 
-    /// Values over the diagonal of the matrix.
-    fn preconditioned(&self, values: &[Vec3]) -> Vec<Vec3> {
+    /// Divides the values by the diagonal of the matrix.
+    fn apply_preconditioner(&self, values: &[Vec3]) -> Vec<Vec3> {
         let divide = |(row, value): (&StickingRow, &Vec3)| match *row {
             StickingRow::Impulse(k, [opening, sliding]) => {
                 let (w_n, w_t) = self.problem.delassus_diagonal(k);
@@ -179,7 +179,7 @@ pub fn corrected_reactions(
         };
     }
     let mut corrections = vec![Vec3::zeros(); remaining.len()];
-    let mut preconditioned = system.preconditioned(&remaining);
+    let mut preconditioned = system.apply_preconditioner(&remaining);
     let mut direction = preconditioned.clone();
     let mut size = dot(&remaining, &preconditioned);
     let target = size * limits.reduction * limits.reduction;
@@ -196,7 +196,7 @@ pub fn corrected_reactions(
         let length = size / curvature;
         corrections.iter_mut().zip(&direction).for_each(|(x, p)| *x += p * length);
         remaining.iter_mut().zip(&response).for_each(|(r, q)| *r -= q * length);
-        preconditioned = system.preconditioned(&remaining);
+        preconditioned = system.apply_preconditioner(&remaining);
         let next = dot(&remaining, &preconditioned);
         let share = next / size;
         direction.iter_mut().zip(&preconditioned).for_each(|(p, z)| *p = z + *p * share);

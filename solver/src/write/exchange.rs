@@ -40,6 +40,17 @@ pub enum ExchangeEnd {
     Rejected(Faults),
 }
 
+impl std::fmt::Display for ExchangeEnd {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ExchangeEnd::Closed => write!(f, "the other program has closed its side"),
+            ExchangeEnd::Rejected(faults) => write!(f, "{faults}"),
+        }
+    }
+}
+
+impl std::error::Error for ExchangeEnd {}
+
 impl<R: Read, W: Write> StepExchange<R, W> {
     /// Begins an exchange for `bodies` bodies. Errors: standard output cannot be written.
     pub fn open(input: R, mut output: W, bodies: usize) -> Result<Self, ExchangeEnd> {

@@ -98,20 +98,20 @@ fn scene(cubes: bool, law: &str, parameters: &[f64]) -> Case {
 }
 
 /// Instructions of the scene's run.
-fn of(case: &Case) -> Option<Vec<(String, u64)>> {
+fn allocations_of(case: &Case) -> Option<Vec<(String, u64)>> {
     case.write();
     counted(&case.path())
 }
 
 #[test]
 fn balls_do_not_pay_for_what_they_have_not() {
-    let Some(balls) = of(&scene(false, "IQS_CLB", &[0.5])) else { return };
+    let Some(balls) = allocations_of(&scene(false, "IQS_CLB", &[0.5])) else { return };
     let all: u64 = balls.iter().map(|(_, cost)| cost).sum();
     assert!(all > 1_000_000 && spent(&balls, &["cd_solve::"]) > 0, "{all}"); // a check of the check
     // Plates are read as cuboids, too; no step has anything of it.
     let mut short = scene(false, "IQS_CLB", &[0.5]);
     short.options.steps = Some(10);
-    let short = of(&short).unwrap();
+    let short = allocations_of(&short).unwrap();
     assert!(spent(&short, &["cd_solve::"]) < spent(&balls, &["cd_solve::"]));
     for absent in [POLYHEDRA, GRAVITY, ROLLING, FREE_ROTATION] {
         assert_eq!(spent(&balls, absent), spent(&short, absent), "{absent:?}");
@@ -122,17 +122,17 @@ fn balls_do_not_pay_for_what_they_have_not() {
     // Where a scene has them, they are seen.
     let mut cubes = scene(true, "IQS_CLB", &[0.5]);
     (cubes.options.self_gravity, cubes.options.gravity_constant) = (true, 1.0);
-    let cubes = of(&cubes).unwrap();
+    let cubes = allocations_of(&cubes).unwrap();
     for present in [POLYHEDRA, GRAVITY, FREE_ROTATION] {
         assert!(spent(&cubes, present) > 0, "{present:?}");
     }
-    let rolling = of(&scene(false, "IQS_DS_ROLL_CLB", &[0.5, 0.5, 0.1, 0.1])).unwrap();
+    let rolling = allocations_of(&scene(false, "IQS_DS_ROLL_CLB", &[0.5, 0.5, 0.1, 0.1])).unwrap();
     assert!(spent(&rolling, ROLLING) > 0);
 }
 
 #[test]
 fn a_law_without_cohesion_costs_no_more_than_one_that_has_it_at_nothing() {
-    let total = |case: &Case| of(case).map(|costs| spent(&costs, &["cd_solve::"]));
+    let total = |case: &Case| allocations_of(case).map(|costs| spent(&costs, &["cd_solve::"]));
     let Some(plain) = total(&scene(false, "IQS_DS_CLB", &[0.5, 0.5])) else { return };
     let wet = total(&scene(false, "IQS_WET_DS_CLB", &[0.0, 0.0, 0.01, 0.5, 0.5])).unwrap();
     // The same motion; a thousandth for the text of the law's name in files.

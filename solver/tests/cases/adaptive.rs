@@ -182,7 +182,7 @@ fn what_comes_from_elsewhere_is_met_after_the_longest_steps() {
     std::fs::rename(start, case.path().join("DATBOX/START.npz")).unwrap();
     assert_eq!(case.solve(&["--force"]), 0);
     let end = case.last();
-    // They meet and go on together: rounding.
+    // They meet and continue together: rounding.
     assert!(end.meta.ledger.penetration_largest <= 1e-12, "{}", end.meta.ledger.penetration_largest);
     near(end.v(0), [0.0, 0.0, -2.0], 1e-12);
 }

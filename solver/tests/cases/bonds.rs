@@ -478,7 +478,7 @@ fn bonds_go_on_where_other_shapes_have_come() {
     std::fs::copy(start, after.path().join("DATBOX/START.npz")).unwrap();
     assert_eq!(after.solve(&[]), 0);
     let end = after.last();
-    // Beside a block what is not driven is the candidate.
+    // Next to a block the body that is not driven is the candidate.
     assert_eq!((bonded(&end), end.contacts.contact_body.clone()), (vec![1], vec![[1, 0]]));
     let weight = 8.0 * end.mass(1);
     near(end.force(1, 0).unwrap(), [-weight, 0.0, 0.0], 1e-9 * weight);

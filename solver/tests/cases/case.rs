@@ -456,7 +456,7 @@ fn decades() -> u32 {
 impl Envelope {
     /// `error` stays within `bound` for the values of `asked`, which must, and for how many decades beyond.
     #[track_caller]
-    pub fn about(asked: &[f64], beyond: Beyond, bound: f64, mut error: impl FnMut(f64) -> f64) -> Envelope {
+    pub fn measure(asked: &[f64], beyond: Beyond, bound: f64, mut error: impl FnMut(f64) -> f64) -> Envelope {
         let mut worst = 0f64;
         for &value in asked {
             let found = error(value);
@@ -491,7 +491,7 @@ impl Envelope {
     }
 }
 
-/// Tells what the test that calls it has shown, for docs/explanation/limits.md: a parameter, the range of it, what holds
+/// Reports what the test that calls it has shown, for docs/explanation/limits.md: a parameter, the range of it, what holds
 /// there and how well.
 pub fn shown(parameter: &str, range: &str, holds: &str, found: f64) {
     let test = std::thread::current().name().unwrap_or_default().to_string();

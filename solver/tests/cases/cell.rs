@@ -114,6 +114,7 @@ fn the_work_of_the_cell_closes_the_balances() {
         let ledger = &end.meta.ledger;
         let scale = start.kinetic() + ledger.outside_work.abs();
         assert!(ledger.outside_work.abs() > 1e-2 * start.kinetic(), "the cell works");
+        // Solutions to 1e-11.
         equal(end.kinetic(), start.kinetic() + ledger.contact_work + ledger.outside_work, 1e-11 * scale);
         let expected = Vec3::from(ledger.momentum_expected);
         // Rounding of 192 steps.
@@ -121,7 +122,8 @@ fn the_work_of_the_cell_closes_the_balances() {
         let is_conserved = (end.momentum() - start.momentum()).norm() < 1e-12 * ledger.momentum_scale;
         assert_eq!(is_conserved, conserves_momentum);
         let expected = Vec3::from(ledger.angular_momentum_expected);
-        assert!((end.angular_momentum() - expected).norm() < 1e-11 * ledger.momentum_scale * 10.0);
+        // Momenta to 1e-11 at arms of less than 10 m.
+        assert!((end.angular_momentum() - expected).norm() < 1e-10 * ledger.momentum_scale);
     }
 }
 
@@ -188,27 +190,27 @@ fn a_servo_holds_the_stress() {
 
 /// Values and scenes that a deforming cell cannot have are rejected before the first step.
 #[test]
-fn what_a_deforming_cell_cannot_have_is_rejected() {
-    let refused = |change: &dyn Fn(&mut Case)| {
+fn unsupported_scenes_with_a_deforming_cell_are_rejected() {
+    let exit_status = |change: &dyn Fn(&mut Case)| {
         let mut case = gas(MIXED, ("IQS_CLB", &[0.5]), [0.0; 3]);
         case.options.steps = Some(1);
         change(&mut case);
         case.write();
         case.solve(&[])
     };
-    let option = |change: fn(&mut Compute)| refused(&|case: &mut Case| change(&mut case.options));
+    let option = |change: fn(&mut Compute)| exit_status(&|case: &mut Case| change(&mut case.options));
     assert_eq!(option(|_| ()), 0);
     assert_eq!(option(|options| options.zperiode = None), 2);
     assert_eq!(option(|options| options.quench = 0.1), 2);
     assert_eq!(option(|options| options.text = true), 2);
-    let with_x = |x: AxisControl| refused(&|case: &mut Case| case.options.cell = Some(CellControl { x, ..MIXED }));
+    let with_x = |x: AxisControl| exit_status(&|case: &mut Case| case.options.cell = Some(CellControl { x, ..MIXED }));
     assert_eq!(with_x(AxisControl::Rate(4.0)), 2); // 0.016 in a step
     assert_eq!(with_x(AxisControl::Rate(f64::INFINITY)), 2);
     let servo = |value, gain| AxisControl::Stress { value, gain, average: 0.0, max_rate: None };
     assert_eq!([servo(1.0, 0.5), servo(0.0, 0.5), servo(1.0, -1.0)].map(with_x), [0, 2, 2]);
-    assert_eq!(refused(&|case: &mut Case| _ = case.floor()), 2);
+    assert_eq!(exit_status(&|case: &mut Case| _ = case.floor()), 2);
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    assert_eq!(refused(&|case: &mut Case| _ = case.block([0.25; 3], [0.0; 3], axes)), 2);
+    assert_eq!(exit_status(&|case: &mut Case| _ = case.block([0.25; 3], [0.0; 3], axes)), 2);
 }
 
 /// A cell that becomes too small for its bodies ends the run.
@@ -225,4 +227,19 @@ fn a_cell_ends_the_run_before_bodies_touch_two_images() {
     // ln(3/2) s, up to a step.
     assert!((end.meta.time - 1.5f64.ln()).abs() <= 2.0 * case.options.dt, "{}", end.meta.time);
     assert!(end.meta.cell.unwrap().periods[0] <= 2.0);
+}
+
+/// Attraction of two images would begin earlier: at twice the diameter plus the range.
+#[test]
+fn a_cell_ends_the_run_before_bodies_attract_two_images() {
+    let control = CellControl { x: AxisControl::Rate(-1.0), ..CellControl::default() };
+    let mut case = cube(3.0, control);
+    case.law("IQS_WET_DS_CLB", &[1.0, 0.0, 0.125, 0.0, 0.0]);
+    case.sphere(0.5, [0.0; 3]);
+    case.options.steps = Some(256);
+    case.write();
+    assert_eq!(case.solve(&[]), 0);
+    let end = case.last();
+    assert!((end.meta.time - (3.0f64 / 2.25).ln()).abs() <= 2.0 * case.options.dt, "{}", end.meta.time);
+    assert!(end.meta.cell.unwrap().periods[0] <= 2.25);
 }

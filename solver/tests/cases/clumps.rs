@@ -18,7 +18,7 @@ struct Solid {
 }
 
 /// Balls that do not overlap, about their common centre, in their principal axes.
-fn apart(balls: &[Ball]) -> Solid {
+fn separate_balls(balls: &[Ball]) -> Solid {
     let volume = |r: f64| 4.0 / 3.0 * PI * r.powi(3);
     let moment = |axis: usize| {
         let part = |(x, r): &Ball| {
@@ -91,7 +91,7 @@ fn a_clump_rocks_as_a_rolling_pendulum() {
     // Volumes 8 : 8 : 1.
     let e = 0.2 / 17.0;
     let balls = [([0.0, -0.75, e], 0.5), ([0.0, 0.75, e], 0.5), ([0.0, 0.0, e - 0.2], 0.25)];
-    let solid = apart(&balls);
+    let solid = separate_balls(&balls);
     let mut case = Case::new();
     case.law("IQS_CLB", &[0.9]);
     case.gravity = [0.0, 0.0, -gravity];
@@ -163,7 +163,7 @@ const COHESION: (&str, &[f64]) = ("IQS_COH_DS_CLB", &[100.0, 0.015625, 0.0625, 0
 
 /// Two clumps one on top of the other, pulled apart by `pull` (N), after some steps, and at the start.
 fn pulled_clumps(balls: &[Ball], height: f64, pull: f64, steps: u64) -> [Snapshot; 2] {
-    let solid = apart(balls);
+    let solid = separate_balls(balls);
     let mut case = Case::new();
     case.law(COHESION.0, COHESION.1);
     let lower = clump(&mut case, balls, &solid, [0.0; 3], AXES);
@@ -205,7 +205,7 @@ fn contacts_of_unequal_balls_share_the_cohesion() {
     equal(attractions.contact_attraction.iter().sum(), force(0.5), 1e-6 * force(0.5));
     // On a floor all three touch: the centres of the small balls are 1/4 lower. Volumes 8 : 1 : 1.
     let balls = [([0.0, 0.0, 0.05], 0.5), ([0.0, 1.0, -0.2], 0.25), ([0.0, -1.0, -0.2], 0.25)];
-    let solid = apart(&balls);
+    let solid = separate_balls(&balls);
     let mut case = Case::new();
     case.law(COHESION.0, COHESION.1);
     case.floor();
@@ -224,7 +224,7 @@ fn contacts_of_unequal_balls_share_the_cohesion() {
 fn a_tripod_rests_on_every_kind_of_body() {
     let s = 0.75f64.sqrt();
     let balls = [([1.0, 0.0, 0.0], 0.5), ([-0.5, s, 0.0], 0.5), ([-0.5, -s, 0.0], 0.5)];
-    let solid = apart(&balls);
+    let solid = separate_balls(&balls);
     for kind in ["PLANx", "MESHx", "POLYR", "SPHER"] {
         let mut case = Case::new();
         case.law_of_all("IQS_CLB", &[0.5]);

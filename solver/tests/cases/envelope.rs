@@ -39,9 +39,9 @@ fn the_same_at_every_scale() {
     };
     let holds = "a dozen bounces the same in units of radius and √(radius/g), difference";
     let show = |name: &str, found: Envelope| shown(name, &found.range(), holds, found.worst);
-    show("radius, m", Envelope::about(&[1e-6, 1e4], Beyond::Both, bound, |radius| away(radius, 9.81, 2700.0)));
-    show("gravity, m/s²", Envelope::about(&[9.81e-9, 9.81e4], Beyond::Both, bound, |g| away(1.0, g, 2700.0)));
-    show("density, kg/m³", Envelope::about(&[1.0, 1e5], Beyond::Both, bound, |density| away(1.0, 9.81, density)));
+    show("radius, m", Envelope::measure(&[1e-6, 1e4], Beyond::Both, bound, |radius| away(radius, 9.81, 2700.0)));
+    show("gravity, m/s²", Envelope::measure(&[9.81e-9, 9.81e4], Beyond::Both, bound, |g| away(1.0, g, 2700.0)));
+    show("density, kg/m³", Envelope::measure(&[1.0, 1e5], Beyond::Both, bound, |density| away(1.0, 9.81, density)));
     // The small and heavy one under much, the large and light one under little.
     assert!(away(1e-6, 9.81e4, 1e5) <= bound && away(1e4, 9.81e-9, 1.0) <= bound);
 }
@@ -49,7 +49,7 @@ fn the_same_at_every_scale() {
 #[test]
 fn what_crosses_many_radii_in_a_step_is_stopped_all_the_same() {
     // Over what rounding makes of the first speed.
-    let found = Envelope::about(&[0.5, 5.0, 500.0], Beyond::Above, 1e-9, |travel| {
+    let found = Envelope::measure(&[0.5, 5.0, 500.0], Beyond::Above, 1e-9, |travel| {
         let mut case = Case::new();
         case.law_of_all("IQS_CLB", &[0.5]);
         case.floor();
@@ -124,7 +124,7 @@ fn energy_never_grows_with_restitution_or_friction() {
 #[test]
 fn a_spin_of_a_thousand_becomes_the_motion_of_rolling() {
     // To rounding of the first speed, 1e2 times.
-    let found = Envelope::about(&[1.0, 1e3], Beyond::Both, 1e-12, |spin| {
+    let found = Envelope::measure(&[1.0, 1e3], Beyond::Both, 1e-12, |spin| {
         let away = |steps: u64| {
             let mut case = Case::new();
             case.law_of_all("IQS_CLB", &[0.5]);
@@ -147,7 +147,7 @@ fn a_spin_of_a_thousand_becomes_the_motion_of_rolling() {
 #[test]
 fn cohesion_far_above_weight_holds_a_chain_that_hangs() {
     // Each ball hangs by the one above; the first by a plate. Solved to 1e-12 of h times the cohesion, on half a kilogram.
-    let found = Envelope::about(&[1e1, 1e6], Beyond::Above, 1e-3, |ratio| {
+    let found = Envelope::measure(&[1e1, 1e6], Beyond::Above, 1e-3, |ratio| {
         let away = |h: f64| {
             let mut case = Case::new();
             case.gravity = [0.0, 0.0, -8.0];

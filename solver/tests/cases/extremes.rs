@@ -1,11 +1,11 @@
-//! Input at the edge of what makes sense: every answer is finite or a refusal.
+//! Input at the edge of what makes sense: every answer is finite or an error.
 
 use cd_formats::snapshot::Snapshot;
 use proptest::prelude::*;
 
 use crate::case::{Beyond, Case, Envelope, Figures, Vec3, equal, near, shown};
 
-fn finite(state: &Snapshot) -> bool {
+fn is_finite(state: &Snapshot) -> bool {
     let bodies = &state.bodies;
     let vectors = [&bodies.body_x, &bodies.body_v, &bodies.body_w_world, &bodies.body_w];
     let contacts = &state.contacts;
@@ -68,7 +68,7 @@ fn coincident_spheres_part_or_stay_but_are_sound() {
                 case.sphere(0.5, [1.0, 1.0, 1.0]);
             }
             let states = case.states(10, 1);
-            assert!(states.iter().all(finite));
+            assert!(states.iter().all(is_finite));
             let apart = (states[10].x(0) - states[10].x(1)).norm();
             assert_eq!(apart > 0.5, parts, "{apart}");
             farthest = farthest.max(apart / 0.5);
@@ -96,13 +96,13 @@ fn overlaps_do_not_explode() {
     }
     let states = case.states(200, 50);
     // Softly bound: sqrt(G M / r) is about 3 m/s, never reached from rest in a jam.
-    assert!(states.iter().all(|state| finite(state) && state.free().iter().all(|&i| state.v(i).norm() < 1.0)));
+    assert!(states.iter().all(|state| is_finite(state) && state.free().iter().all(|&i| state.v(i).norm() < 1.0)));
 }
 
 #[test]
 fn far_out_only_the_digits_suffer() {
     // A coordinate of 1e9 is rounded to 6e-8 in each of 1024 steps, always to the same side: the blow is aside by as much.
-    let found = Envelope::about(&[1e9], Beyond::Above, 1e-4, |out| {
+    let found = Envelope::measure(&[1e9], Beyond::Above, 1e-4, |out| {
         let away = |steps: u32| {
             let mut case = Case::new();
             case.law("RST_CLB", &[1.0, 0.0, 0.0]);
@@ -124,7 +124,7 @@ fn far_out_only_the_digits_suffer() {
 #[test]
 fn sizes_may_differ_ten_thousandfold() {
     // A pebble of 1e-4 on a ball of 1, under its attraction: it stays, carried by its weight.
-    let found = Envelope::about(&[1e4], Beyond::Above, 1e-9, |ratio| {
+    let found = Envelope::measure(&[1e4], Beyond::Above, 1e-9, |ratio| {
         let away = |h: f64| {
             let mut case = Case::new();
             case.law("IQS_CLB", &[0.5]);
@@ -178,7 +178,7 @@ fn any_theta_and_step_give_bounded_motion() {
                 case.sphere(0.4, [at(0), at(1), at(2) + 1.5]);
             }
             let states = case.states(30, 30);
-            assert!(finite(&states[1]));
+            assert!(is_finite(&states[1]));
             for i in states[1].free() {
                 // Falls from 2 m at most, 2 m/s, and a gap that the first step leaves closes in the next. (Of steps
                 // of 1000 s the solver's 1e-8 of h g, held for h, would be the size of the tub.)
@@ -200,7 +200,7 @@ fn bodies_that_leave_for_good_are_no_fault() {
         case.launch(body, [f64::from(k) * 1e6, 1e6, 0.0], [0.0; 3]);
     }
     let end = case.run(100);
-    assert!(finite(&end));
+    assert!(is_finite(&end));
     near(end.x(2), [2.0 + 2e14, 1e14, 0.0], 1.0);
 }
 
@@ -216,7 +216,7 @@ fn a_run_that_overflows_stops_and_its_snapshots_are_sound() {
     case.write();
     assert_eq!(case.solve(&["--steps", "1000", "--output-every", "1"]), 3);
     let states = case.written();
-    assert!(!states.is_empty() && states.iter().all(finite));
+    assert!(!states.is_empty() && states.iter().all(is_finite));
     // And is taken up again from the last, to the same end.
     assert_eq!(case.solve(&["--steps", "1000", "--resume"]), 3);
 }
@@ -235,7 +235,7 @@ fn speeds_whose_squares_overflow_leave_readable_snapshots() {
         case.write();
         let code = case.solve(&["--steps", "3", "--output-every", "1"]);
         assert!(code == 0 || code == 3, "{code}");
-        assert!(case.written().iter().all(finite)); // reads each of them
+        assert!(case.written().iter().all(is_finite)); // reads each of them
         assert_eq!(case.solve(&["--steps", "5", "--resume"]), code);
     }
 }
@@ -247,7 +247,7 @@ fn a_spin_beyond_a_turn_a_step_is_sound() {
     case.launch(top, [0.0; 3], [1e20, -1e20, 3e19]);
     case.options.sphere_orientation = true;
     let end = case.run(10);
-    assert!(finite(&end));
+    assert!(is_finite(&end));
     equal(Vec3::from_row_slice(&end.bodies.body_q[0][1..]).norm().hypot(end.bodies.body_q[0][0]), 1.0, 1e-15);
 }
 
@@ -313,6 +313,6 @@ proptest! {
         case.write();
         let code = case.solve(&["--steps", "5", "--output-every", "1"]);
         prop_assert!([0, 2, 3].contains(&code));
-        prop_assert!(case.written().iter().all(finite));
+        prop_assert!(case.written().iter().all(is_finite));
     }
 }

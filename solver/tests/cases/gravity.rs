@@ -11,7 +11,7 @@ use crate::case::{Case, Figures, Vec3, equal, near, range, shaken_lattice, shown
 use crate::same_bits::{files, same};
 
 /// A speck about a primary at `centre` with G M = 1, at distance 1 with a velocity.
-fn about(field: ExternalField, centre: Vec3, x: Vec3, v: Vec3, dt: f64) -> Case {
+fn body_about(field: ExternalField, centre: Vec3, x: Vec3, v: Vec3, dt: f64) -> Case {
     let mut case = Case::new();
     case.options.gravity_constant = 0.5;
     case.options.dt = dt;
@@ -28,7 +28,7 @@ fn an_orbit_about_a_primary_closes_and_its_energy_is_booked() {
     let (x, v, period) = (Vec3::x(), Vec3::y() * 0.5f64.sqrt(), 2.0 * PI * (2.0f64 / 3.0).powf(1.5));
     let miss = |steps: u64| {
         let field = ExternalField::PointMass { mass: 2.0, position: Some(centre.into()), orbit: None, response: false };
-        let states = about(field, centre, x, v, period / steps as f64).states(steps, steps);
+        let states = body_about(field, centre, x, v, period / steps as f64).states(steps, steps);
         let (first, last) = (&states[0], &states[1]);
         let energy = |state: &Snapshot| state.kinetic() - state.mass(0) / (state.x(0) - centre).norm();
         // Kinetic and potential energy at the start, and momentum with what the primary gave: to round-off.
@@ -62,7 +62,7 @@ fn an_oblate_primary_turns_the_node() {
     let v = Vec3::new(0.0, tilt.cos(), tilt.sin());
     let orbits = 20;
     let steps_made = steps * orbits;
-    let states = about(field, Vec3::zeros(), Vec3::x(), v, 2.0 * PI / steps as f64).states(steps_made, steps_made);
+    let states = body_about(field, Vec3::zeros(), Vec3::x(), v, 2.0 * PI / steps as f64).states(steps_made, steps_made);
     let plane = states[1].angular_momentum();
     let node = plane.x.atan2(-plane.y);
     // dOmega/dt = -3/2 n J2 (R/a)^2 cos i to first order in J2 (R/a)^2 = 9e-4; and the step's phase, (2 pi/200)^2/24.

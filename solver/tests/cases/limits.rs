@@ -38,7 +38,7 @@ fn away_from_weight(case: &mut Case, steps: u64) -> f64 {
 fn any_step_carries_a_column() {
     let steps: Vec<f64> = (-9..=1).map(|power| 10f64.powi(power)).collect();
     // Solved to 1e-12 in each of 20 steps.
-    let found = Envelope::about(&steps, Beyond::Both, 1e-9, |h| {
+    let found = Envelope::measure(&steps, Beyond::Both, 1e-9, |h| {
         let away = [0.5, 1.0].map(|theta| {
             let mut case = column(&[(0.5, 1.0), (0.5, 2.0), (0.5, 1.0)]);
             (case.options.dt, case.options.theta) = (h, theta);
@@ -55,7 +55,7 @@ fn a_heavy_one_on_top() {
     // Gauss-Seidel alone would need as many sweeps as the ratio: the matrix solvers take it over.
     let ratios = [1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e2, 1e3, 1e4, 1e6, 1e9];
     // 1e-12 of the weight of all, times the ratio; ten for the steps.
-    let found = Envelope::about(&ratios, Beyond::Both, 1e-2, |ratio| {
+    let found = Envelope::measure(&ratios, Beyond::Both, 1e-2, |ratio| {
         let away = |h: f64| {
             let mut case = column(&[(0.5, 1.0), (0.5, 1.0), (0.5, ratio)]);
             case.options.dt = h;
@@ -70,7 +70,7 @@ fn a_heavy_one_on_top() {
 #[test]
 fn a_small_one_under_a_large_one() {
     let ratios = [1.0, 1e1, 1e2, 1e3, 1e4];
-    let found = Envelope::about(&ratios, Beyond::Above, 1e-2, |ratio| {
+    let found = Envelope::measure(&ratios, Beyond::Above, 1e-2, |ratio| {
         // What would fall beyond the small one in a step is not carried by it.
         let steps = [1e-2, 1e-3, 1e-4, 0.1 * ratio.recip().sqrt()];
         let away = |h: f64| {
@@ -88,7 +88,7 @@ fn a_small_one_under_a_large_one() {
 fn a_blow_of_any_ratio_of_masses() {
     let ratios: Vec<f64> = (-9..=9).step_by(3).map(|power| 10f64.powi(power)).collect();
     // Rounding of up to a thousand steps.
-    let found = Envelope::about(&ratios, Beyond::Both, 1e-12, |ratio| {
+    let found = Envelope::measure(&ratios, Beyond::Both, 1e-12, |ratio| {
         let away = |steps: u64| {
             let mut case = Case::new();
             case.law("RST_CLB", &[0.5, 0.0, 0.3]);

@@ -8,7 +8,7 @@ use cd_formats::wall_mesh::{MeshSides, WallMesh};
 use nalgebra::Rotation3;
 
 use crate::case::{AXES, BOX, Case, Figures, Vec3, equal, near, shaken_lattice, uniform};
-use crate::meshes::{Triangles, terrain, turned};
+use crate::meshes::{Triangles, terrain, turned_axes};
 use crate::same_bits::{files, same};
 
 const STEP: f64 = 1.0 / 128.0;
@@ -63,7 +63,13 @@ enum Rider {
 }
 
 /// A rider that slides and spins on a wall, turned about the third axis against the edges of the wall.
-fn riding(rider: Rider, is_mesh: bool, law: (&str, &[f64]), axes: [[f64; 3]; 3], drive: &[(usize, Evolution)]) -> Case {
+fn rider_on_wall(
+    rider: Rider,
+    is_mesh: bool,
+    law: (&str, &[f64]),
+    axes: [[f64; 3]; 3],
+    drive: &[(usize, Evolution)],
+) -> Case {
     let mut case = scene(law);
     let [x, y, z] = axes.map(Vec3::from);
     let turned = Rotation3::from_scaled_axis(z * 0.3);
@@ -110,8 +116,8 @@ fn bodies_ride_on_triangles_as_on_a_plate() {
         ramp_start: 1.0,
         ramp_rate: 0.0,
     };
-    let level = turned(0.0, 0.0);
-    let slope = turned(0.25, 0.125);
+    let level = turned_axes(0.0, 0.0);
+    let slope = turned_axes(0.25, 0.125);
     let friction = ("IQS_CLB", &[0.3][..]);
     let cases = [
         (Rider::Block, friction, level, vec![]),
@@ -123,7 +129,7 @@ fn bodies_ride_on_triangles_as_on_a_plate() {
         (Rider::Block, friction, level, vec![(5, Evolution::constant(0.5))]),
     ];
     for (rider, law, axes, drive) in cases {
-        let [plate, mesh] = [false, true].map(|is_mesh| riding(rider, is_mesh, law, axes, &drive).run(96));
+        let [plate, mesh] = [false, true].map(|is_mesh| rider_on_wall(rider, is_mesh, law, axes, &drive).run(96));
         // Away from the start, and not beyond the edge of the plate.
         assert!(plate.x(0).norm() > 0.5 && plate.x(0).norm() < 5.0, "{rider:?}: {}", plate.x(0));
         assert_eq!(mesh.contacts.contact_body.len(), plate.contacts.contact_body.len(), "{rider:?}");
@@ -190,7 +196,7 @@ fn a_groove_carries_a_cube_on_both_sides() {
     let mut case = scene(("IQS_CLB", &[0.0]));
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let axes = [[half, 0.0, half], [0.0, 1.0, 0.0], [-half, 0.0, half]];
-    let cube = case.block([0.5; 3], [0.0, 0.0, 2.0 * half * 0.5 + half * 0.0], axes);
+    let cube = case.block([0.5; 3], [0.0, 0.0, half], axes);
     case.mesh(&groove.0, &groove.1, [0.0; 3], AXES);
     let state = case.run(32);
     near(state.v(cube), [0.0; 3], 1e-9);
@@ -225,7 +231,7 @@ fn ridges_and_tips_carry_a_cube() {
 fn deep_overlaps_have_the_contacts_of_a_plate() {
     let [plate, mesh] = [false, true].map(|is_mesh| {
         let mut case = scene(("IQS_CLB", &[0.3]));
-        case.block([0.5, 0.25, 0.25], [0.1, 0.2, 0.0625], turned(0.125, 0.0));
+        case.block([0.5, 0.25, 0.25], [0.1, 0.2, 0.0625], turned_axes(0.125, 0.0));
         wall(&mut case, is_mesh, AXES);
         case.run(32)
     });
@@ -282,7 +288,7 @@ fn rocks_on_terrain() -> Case {
             continue;
         }
         let half = [0.8, 0.55, 0.2].map(|share| share * radius);
-        let body = case.block(half, position, turned(0.4 * f64::from(k), 0.7 * f64::from(k)));
+        let body = case.block(half, position, turned_axes(0.4 * f64::from(k), 0.7 * f64::from(k)));
         if k % 4 == 2 {
             let shape = case.bodies[body].contactors[0].shape.clone();
             let ShapeRecord::Polyhedron { vertices, triangles } = shape else { continue };

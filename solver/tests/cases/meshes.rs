@@ -29,7 +29,7 @@ pub fn terrain(count: u32, side: f64, mut height: impl FnMut() -> f64) -> Triang
 }
 
 /// Right-handed axes of a wall that is turned about x and then about y.
-pub fn turned(about_x: f64, about_y: f64) -> [[f64; 3]; 3] {
+pub fn turned_axes(about_x: f64, about_y: f64) -> [[f64; 3]; 3] {
     let turn = nalgebra::Rotation3::from_euler_angles(about_x, about_y, 0.0);
     [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| (turn * axis).into())
 }
@@ -67,12 +67,12 @@ fn a_plane_of_triangles_is_a_plate() {
         ramp_rate: 0.0,
     };
     let cases = [
-        (("IQS_CLB", &[0.3][..]), turned(0.0, 0.0), vec![]),
-        (("IQS_CLB", &[0.3][..]), turned(0.25, 0.125), vec![]),
-        (("RST_CLB", &[0.5, 0.25, 0.3][..]), turned(0.0, 0.0), vec![]),
-        (("IQS_WET_DS_CLB", &[2.0, 0.0, 0.01, 0.3, 0.3][..]), turned(0.25, 0.125), vec![]),
-        (("IQS_CLB", &[0.3][..]), turned(0.0, 0.0), vec![(2, harmonic(0.25)), (0, harmonic(0.5))]),
-        (("IQS_CLB", &[0.3][..]), turned(0.0, 0.0), vec![(5, Evolution::constant(0.5))]),
+        (("IQS_CLB", &[0.3][..]), turned_axes(0.0, 0.0), vec![]),
+        (("IQS_CLB", &[0.3][..]), turned_axes(0.25, 0.125), vec![]),
+        (("RST_CLB", &[0.5, 0.25, 0.3][..]), turned_axes(0.0, 0.0), vec![]),
+        (("IQS_WET_DS_CLB", &[2.0, 0.0, 0.01, 0.3, 0.3][..]), turned_axes(0.25, 0.125), vec![]),
+        (("IQS_CLB", &[0.3][..]), turned_axes(0.0, 0.0), vec![(2, harmonic(0.25)), (0, harmonic(0.5))]),
+        (("IQS_CLB", &[0.3][..]), turned_axes(0.0, 0.0), vec![(5, Evolution::constant(0.5))]),
     ];
     for (law, axes, drive) in cases {
         let [plate, mesh] = [false, true].map(|is_mesh| on_wall(is_mesh, law, axes, &drive));

@@ -19,7 +19,7 @@ fn ran(path: &Path, case: &Path, flags: &[&str]) -> (i32, String, String) {
     (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }
 
-fn of(case: &Case, flags: &[&str]) -> (i32, String, String) {
+fn output_of(case: &Case, flags: &[&str]) -> (i32, String, String) {
     ran(&case.path(), &case.path(), flags)
 }
 
@@ -79,17 +79,17 @@ fn a_run_shorter_than_its_step_is_one_step() {
     let mut case = falling();
     (case.options.steps, case.options.end_time, case.options.dt) = (None, Some(0.004), 0.01);
     case.write();
-    let (code, text, warnings) = of(&case, &[]);
+    let (code, text, warnings) = output_of(&case, &[]);
     let warning =
         "dt = 0.01 s is longer than the run to end_time = 0.004 s: it is one step, to t = 0.01 s; use a smaller dt";
     assert!(code == 0 && text.contains("1 in this run, to step 1, t = 0.01 s"), "{text}");
     assert!(warnings.contains(&format!("cd-solve: warning: {warning}\n")), "{warnings}");
     // A run of less than a thousandth of a step has none.
-    let (code, text, warnings) = of(&case, &["--force", "--dt", "1e300"]);
+    let (code, text, warnings) = output_of(&case, &["--force", "--dt", "1e300"]);
     assert!(code == 0 && text.contains("0 in this run"), "{code} {text}");
     assert!(warnings.contains("end_time = 0.004 s: no step is computed; use a smaller dt"), "{warnings}");
     // To the end of its only step.
-    let (_, _, warnings) = of(&case, &["--force", "--end-time", "0.01"]);
+    let (_, _, warnings) = output_of(&case, &["--force", "--end-time", "0.01"]);
     assert!(!warnings.contains("end_time"), "{warnings}");
 }
 
@@ -106,7 +106,7 @@ fn what_is_driven_through_a_wall_is_named() {
     (case.options.steps, case.options.dt) = (Some(20), 0.005);
     case.law_of_all("IQS_CLB", &[0.3]);
     case.write();
-    let (code, text, warnings) = of(&case, &[]);
+    let (code, text, warnings) = output_of(&case, &[]);
     let reason = "along the normal of their contact the motion of both is imposed, so that it does not act; free one of them \
                   along it, or remove the row between them";
     assert_eq!((code, warnings.matches(reason).count(), text.matches(reason).count()), (0, 1, 1), "{warnings} {text}");
@@ -118,8 +118,8 @@ fn options_that_a_resumed_run_has_no_longer_are_named() {
     let case = falling();
     case.write();
     let first = ["--dt", "0.002", "--tol", "1e-6", "--gravity-error", "1e-5", "--steps", "2"];
-    assert_eq!(of(&case, &first).0, 0);
-    let (code, _, text) = of(&case, &["--resume", "--steps", "4", "--threads", "2"]);
+    assert_eq!(output_of(&case, &first).0, 0);
+    let (code, _, text) = output_of(&case, &["--resume", "--steps", "4", "--threads", "2"]);
     let warnings: Vec<&str> = text.lines().filter(|line| line.contains("run so far")).collect();
     assert_eq!(
         warnings,
@@ -134,8 +134,9 @@ fn options_that_a_resumed_run_has_no_longer_are_named() {
     // What the flags of the warnings keep is no change, and what flags change is no warning.
     let case = falling();
     case.write();
-    assert_eq!(of(&case, &first).0, 0);
-    let (_, out, text) = of(&case, &["--resume", "--steps", "4", "--dt=0.002", "--tol=1e-7", "--gravity-error=1e-5"]);
+    assert_eq!(output_of(&case, &first).0, 0);
+    let (_, out, text) =
+        output_of(&case, &["--resume", "--steps", "4", "--dt=0.002", "--tol=1e-7", "--gravity-error=1e-5"]);
     assert!(!text.contains("run so far"), "{text}");
     assert!(out.contains("cd-solve: tol was 1e-6 in the run so far and is 1e-7 from here on\n"), "{out}");
     assert!(!out.contains("dt was"), "{out}");
@@ -151,12 +152,12 @@ fn a_scene_that_has_changed_since_is_named() {
     let options = case.path().join("DATBOX/COMPUTE.RON");
     let text = fs::read_to_string(&options).unwrap();
     fs::write(&options, origin.lines() + &text).unwrap();
-    assert_eq!(of(&case, &[]).2, "");
+    assert_eq!(output_of(&case, &[]).2, "");
     fs::write(&scene, "(b)").unwrap();
     let warning = "cd-solve: warning: CASE/scene.ron has changed since DATBOX was made from it; to use it, run \
                    cd-pre CASE/scene.ron --set 'a=1'\n";
     for flags in [&["--force"][..], &["--plan"], &["--resume", "--steps", "5"]] {
-        let (code, _, text) = of(&case, flags);
+        let (code, _, text) = output_of(&case, flags);
         assert_eq!((code, text.as_str()), (0, warning), "{flags:?}");
     }
 }
@@ -166,18 +167,18 @@ fn a_truncated_snapshot_is_named_with_what_resume_takes_without_it() {
     let mut case = falling();
     case.options.output_every = 2;
     case.write();
-    assert_eq!(of(&case, &[]).0, 0);
+    assert_eq!(output_of(&case, &[]).0, 0);
     let last = snapshot::snapshot_path(&case.path().join("OUTBOX"), 4);
     let bytes = fs::read(&last).unwrap();
     fs::write(&last, &bytes[..bytes.len() / 2]).unwrap();
     let line = "cd-solve: CASE/OUTBOX/snapshot-000004.npz: snapshot: the file is truncated; expected an .npz file of \
                 cd-solve; if it is deleted, --resume continues from snapshot-000002.npz\n";
-    let (code, _, text) = of(&case, &["--resume"]);
+    let (code, _, text) = output_of(&case, &["--resume"]);
     assert_eq!((code, text.as_str()), (2, line));
     fs::write(&last, "text").unwrap();
-    assert!(of(&case, &["--resume"]).2.contains("snapshot: the file is no .npz file; "));
+    assert!(output_of(&case, &["--resume"]).2.contains("snapshot: the file is no .npz file; "));
     fs::remove_file(&last).unwrap();
-    assert_eq!(of(&case, &["--resume"]).0, 0);
+    assert_eq!(output_of(&case, &["--resume"]).0, 0);
 }
 
 #[test]
@@ -189,7 +190,7 @@ fn overlaps_and_steps_that_are_too_long_are_in_the_summary() {
     case.sphere(0.5, [0.0, 0.0, 0.45]);
     case.options.steps = Some(1);
     case.write();
-    let (code, out, text) = of(&case, &[]);
+    let (code, out, text) = output_of(&case, &[]);
     assert_eq!(code, 0);
     let start = "cd-solve: warning: 1 pair of bodies overlaps by more than 1 % of the smaller radius from the start, the \
                  deepest: bodies 1-2 overlap by 5.000e-2 m, 10.0 % of the smaller radius; laws other than GAP_SGR_CLB keep \
@@ -203,7 +204,7 @@ fn overlaps_and_steps_that_are_too_long_are_in_the_summary() {
     case.options.dt = 5.0;
     case.options.steps = Some(1);
     case.write();
-    let (code, out, text) = of(&case, &[]);
+    let (code, out, text) = output_of(&case, &[]);
     assert_eq!(code, 0);
     let too_long = text.lines().find(|line| line.contains("times the largest step")).unwrap();
     assert!(too_long.starts_with("cd-solve: warning: dt = 5 s is "), "{text}");
@@ -219,7 +220,7 @@ fn pairs_that_are_meant_to_have_no_law_are_no_news() {
     case.tact.visibility.clear();
     case.options.steps = Some(1);
     case.write();
-    let message = |case: &Case| of(case, &["--force"]).1.contains("they pass through each other");
+    let message = |case: &Case| output_of(case, &["--force"]).1.contains("they pass through each other");
     assert!(message(&case));
     let file = case.path().join("DATBOX/TACT_BEHAV.DAT");
     let text = fs::read_to_string(&file).unwrap();
@@ -247,7 +248,7 @@ fn steps_are_long_while_a_table_is_constant() {
     assert!(all.iter().filter(|&&(step, _)| step > 100.0 && step <= 120.0).all(|&(_, units)| units == 1.0), "{all:?}");
     assert!(all.iter().any(|&(step, units)| step <= 100.0 && units == 16.0), "{all:?}");
     assert!(all.iter().any(|&(step, units)| step > 120.0 && units == 16.0), "{all:?}");
-    let (_, out, _) = of(&case, &["--force", "--steps", "1"]);
+    let (_, out, _) = output_of(&case, &["--force", "--steps", "1"]);
     assert!(out.contains("cd-solve: adaptive: steps are dt while an imposed velocity or force changes\n"), "{out}");
 }
 
@@ -259,14 +260,14 @@ fn former_names_of_options_are_read_with_a_warning() {
     let path = case.path().join("DATBOX/COMPUTE.RON");
     let former = fs::read_to_string(&path).unwrap().replace("max_multiple", "most");
     fs::write(&path, former).unwrap();
-    let (code, _, text) = of(&case, &["--steps", "40", "--adaptive", "(most: 4)"]);
+    let (code, _, text) = output_of(&case, &["--steps", "40", "--adaptive", "(most: 4)"]);
     assert_eq!(code, 0, "{text}");
     let [flag, file] = text.lines().collect::<Vec<_>>()[..] else { panic!("{text}") };
     assert_eq!(flag, "cd-solve: warning: --adaptive: most: renamed; write max_multiple");
     assert!(file.starts_with("cd-solve: warning: CASE/DATBOX/COMPUTE.RON:"), "{text}");
     assert!(file.ends_with(": most: renamed; write max_multiple"), "{text}");
     assert_eq!(case.last().meta.parameters.adaptive.map(|adaptive| adaptive.max_multiple), Some(4));
-    let (code, _, text) = of(&case, &["--resume", "--steps", "41", "--adaptive=(max_multiple: 4)"]);
+    let (code, _, text) = output_of(&case, &["--resume", "--steps", "41", "--adaptive=(max_multiple: 4)"]);
     assert!(code == 0 && text.lines().count() == 1, "{text}");
 }
 
@@ -282,11 +283,11 @@ fn a_model_that_has_changed_since_is_named() {
     let options = case.path().join("DATBOX/COMPUTE.RON");
     let text = fs::read_to_string(&options).unwrap();
     fs::write(&options, origin.lines() + &text).unwrap();
-    assert_eq!(of(&case, &[]).2, "");
+    assert_eq!(output_of(&case, &[]).2, "");
     fs::write(&model, "other").unwrap();
     let warning = "cd-solve: warning: CASE/stone.stl has changed since DATBOX was made from it; to use it, run cd-pre \
                    CASE/scene.ron\n";
-    assert_eq!(of(&case, &["--force"]).2, warning);
+    assert_eq!(output_of(&case, &["--force"]).2, warning);
 }
 
 #[test]
@@ -295,7 +296,7 @@ fn empty_files_of_datbox_are_named() {
         let case = falling();
         case.write();
         fs::write(case.path().join("DATBOX").join(name), bytes).unwrap();
-        let (code, _, text) = of(&case, &[]);
+        let (code, _, text) = output_of(&case, &[]);
         assert_eq!(code, 2, "{name}: {text}");
         text
     };
@@ -318,7 +319,7 @@ fn a_misspelt_material_is_placed_in_its_line() {
     let text = fs::read_to_string(&file).unwrap();
     fs::write(&file, text.replacen("ROCKx", "ROKCx", 1)).unwrap();
     let line = "cd-solve: CASE/DATBOX/BODIES.DAT:4: body 1: material 'ROKCx' is not defined; did you mean ROCKx?\n";
-    assert_eq!(of(&case, &[]).2, line);
+    assert_eq!(output_of(&case, &[]).2, line);
 }
 
 #[test]
@@ -333,7 +334,7 @@ fn misspelt_kinds_and_laws_get_the_nearest() {
         ("PLANx", "PLAMx", "a contactor of type 'PLAMx'; did you mean PLANx?"),
     ] {
         fs::write(&file, text.replacen(from, to, 1)).unwrap();
-        let (code, _, said) = of(&case, &[]);
+        let (code, _, said) = output_of(&case, &[]);
         assert!(code == 2 && said.contains(expected), "{said}");
     }
 }
@@ -345,7 +346,7 @@ fn values_of_another_unit_are_questioned() {
     case.materials[0].density = 2.7;
     case.event(0.002, EventAction::SetFriction("law00".into(), 50.0));
     case.write();
-    let (code, _, text) = of(&case, &["--steps", "1"]);
+    let (code, _, text) = output_of(&case, &["--steps", "1"]);
     assert_eq!(code, 0, "{text}");
     assert!(
         text.contains(
@@ -358,7 +359,7 @@ fn values_of_another_unit_are_questioned() {
         "{text}"
     );
     let events = "--events=[(time: 0.0, action: SetFriction(\"law00\", 45.0))]";
-    let (code, _, text) = of(&case, &["--force", "--steps", "1", events]);
+    let (code, _, text) = output_of(&case, &["--force", "--steps", "1", events]);
     assert!(code == 0 && text.contains("options: event 1: SetFriction 45; did you mean an angle?"), "{text}");
     let mut case = Case::new();
     case.law("IQS_CLB", &[40.0]);
@@ -366,7 +367,7 @@ fn values_of_another_unit_are_questioned() {
     case.sphere(0.5, [0.0, 0.0, 0.6]);
     case.options.steps = Some(1);
     case.write();
-    let text = of(&case, &[]).2;
+    let text = output_of(&case, &[]).2;
     let line = "cd-solve: warning: CASE/DATBOX/TACT_BEHAV.DAT:2: law 'law00', fric: 40; did you mean an angle? 40 \
                 degrees are 0.839\n";
     assert!(text.starts_with(line), "{text}");
@@ -377,13 +378,13 @@ fn events_before_time_0_are_errors() {
     let case = falling();
     case.write();
     let events = "--events=[(time: -1.0, action: SetFriction(\"law00\", 0.1))]";
-    let (code, _, text) = of(&case, &[events]);
+    let (code, _, text) = output_of(&case, &[events]);
     let line = "cd-solve: options: event 1, time: -1 s is before the start of the run; expected at least 0 s\n";
     assert_eq!((code, text.as_str()), (2, line));
     let mut case = falling();
     case.event(-1.0, EventAction::SetQuench(0.1));
     case.write();
-    let (code, _, text) = of(&case, &[]);
+    let (code, _, text) = output_of(&case, &[]);
     assert!(code == 2 && text.contains("COMPUTE.RON:") && text.contains("-1.0 s is before the start"), "{text}");
 }
 
@@ -396,7 +397,7 @@ fn options_that_are_no_numbers_say_what_is_expected() {
         (&["--threads", "-1"], "cd-solve: --threads: -1; expected an integer of 0 or more\n"),
         (&["--dump-problem", "x"], "cd-solve: --dump-problem: x; expected an integer of 0 or more\n"),
     ] {
-        let (code, _, text) = of(&case, flags);
+        let (code, _, text) = output_of(&case, flags);
         assert_eq!((code, text.as_str()), (2, line));
     }
 }
@@ -408,7 +409,7 @@ fn a_snapshot_that_is_a_folder_is_named() {
     fs::create_dir_all(case.path().join("OUTBOX/snapshot-000004.npz")).unwrap();
     let line = "cd-solve: CASE/OUTBOX/snapshot-000004.npz: file: cannot be read: it is a folder; if it is deleted, \
                 --resume continues from DATBOX\n";
-    assert_eq!(of(&case, &["--resume"]).2, line);
+    assert_eq!(output_of(&case, &["--resume"]).2, line);
 }
 
 #[test]
@@ -416,11 +417,11 @@ fn a_resume_without_the_text_of_the_run_so_far_is_reported() {
     let mut case = falling();
     case.options.output_every = 2;
     case.write();
-    assert_eq!(of(&case, &["--text"]).0, 0);
+    assert_eq!(output_of(&case, &["--text"]).0, 0);
     let line = "cd-solve: warning: text was true in the run so far and is false from here on; --text=true keeps it\n";
-    assert_eq!(of(&case, &["--resume", "--steps", "6"]).2, line);
-    assert_eq!(of(&case, &["--resume", "--steps", "8"]).2, "");
-    let (code, out, text) = of(&case, &["--resume", "--steps", "10", "--text"]);
+    assert_eq!(output_of(&case, &["--resume", "--steps", "6"]).2, line);
+    assert_eq!(output_of(&case, &["--resume", "--steps", "8"]).2, "");
+    let (code, out, text) = output_of(&case, &["--resume", "--steps", "10", "--text"]);
     assert_eq!((code, text.as_str()), (0, ""));
     assert!(out.contains("cd-solve: text was false in the run so far and is true from here on\n"), "{out}");
 }

@@ -45,7 +45,7 @@ fn lines(text: &str) -> Vec<String> {
     text.lines().map(String::from).collect()
 }
 
-fn joined(lines: Vec<String>) -> String {
+fn joined_lines(lines: Vec<String>) -> String {
     lines.iter().map(|line| format!("{line}\n")).collect()
 }
 
@@ -116,7 +116,7 @@ fn change_form(dice: &mut Dice<impl FnMut() -> f64>, name: &str, text: &str) -> 
         }
         _ => return None,
     };
-    Some((joined(all), kind))
+    Some((joined_lines(all), kind))
 }
 
 /// Whether a line is complete in itself, so that a file without it, or with it twice, is as good.
@@ -190,7 +190,7 @@ fn damage(dice: &mut Dice<impl FnMut() -> f64>, name: &str, text: &str) -> Optio
         }
         _ => return None,
     };
-    Some((joined(all), kind))
+    Some((joined_lines(all), kind))
 }
 
 #[test]

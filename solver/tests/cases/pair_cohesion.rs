@@ -107,7 +107,7 @@ fn a_cubic_lattice_has_the_strength_of_the_bulk() {
 }
 
 /// Two balls of radius 1/2 at a distance, at rest.
-fn apart((law, parameters): (&str, &[f64]), gap: f64) -> Case {
+fn spheres_apart((law, parameters): (&str, &[f64]), gap: f64) -> Case {
     let mut case = Case::new();
     case.law(law, parameters);
     case.sphere(0.5, [0.0; 3]);
@@ -119,7 +119,7 @@ fn apart((law, parameters): (&str, &[f64]), gap: f64) -> Case {
 fn the_force_falls_linearly_from_its_full_range_to_its_range() {
     let force = 100.0 * PI * 0.0625; // R = 1/4 m
     for (gap, share) in [(0.0, 1.0), (0.015, 1.0), (0.0390625, 0.5), (0.0625 - 0.046875 * 0.1, 0.1), (0.063, 0.0)] {
-        let mut case = apart(STRESS, gap);
+        let mut case = spheres_apart(STRESS, gap);
         case.options.dt = 1.0 / 65536.0; // gaps change by less than 1e-7 m
         for (body, sign) in [(0, -1.0), (1, 1.0)] {
             case.pull(body, 0, sign * 2.0 * force); // else balls in touch would not pull
@@ -136,7 +136,7 @@ fn the_force_falls_linearly_from_its_full_range_to_its_range() {
 fn the_work_of_the_attraction_is_the_speed_of_the_impact() {
     // From rest just within the range: F (b - a)/2 over the fall from range b to full range a, then F a.
     let force = 100.0 * PI * 0.0625;
-    let mut case = apart(STRESS, 0.0624);
+    let mut case = spheres_apart(STRESS, 0.0624);
     case.options.dt = 1.0 / 16384.0;
     let states = case.states(12_000, 1);
     let fastest = states.iter().map(|state| state.v(1).norm()).fold(0.0, f64::max);
@@ -168,7 +168,7 @@ fn an_attraction_forms_again_after_parting() {
 
 #[test]
 fn an_event_sets_the_stress() {
-    let mut case = apart(STRESS, 0.0);
+    let mut case = spheres_apart(STRESS, 0.0);
     let force = 100.0 * PI * 0.0625;
     for (body, sign) in [(0, -1.0), (1, 1.0)] {
         case.pull(body, 0, sign * 0.5 * force);

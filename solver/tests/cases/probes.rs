@@ -63,7 +63,7 @@ fn a_floor_bears_the_weight_and_its_torque() {
     near(vector(&last("ball"), 6), [0.0; 3], bound);
     near(vector(&last("both"), 3), [0.0, 0.0, 2.0 * weight], bound);
     near(vector(&last("both"), 6), [0.0; 3], bound);
-    // The resultant acts at x = 1.5 m, 3.5 m before and 7 m beside the point.
+    // The resultant acts at x = 1.5 m, 3.5 m before the point and 7 m aside of it.
     near(vector(&last("all"), 6), [-7.0 * 2.0 * weight, 3.5 * 2.0 * weight, 0.0], bound);
 }
 
@@ -131,7 +131,7 @@ fn bodies_at_rest_end_a_run_after_the_given_time() {
     assert_eq!(case.solve(&[]), 0);
     // 16 steps of 1/64 s.
     assert_eq!(case.last().meta.step, 16);
-    // A run that has ended does not go on.
+    // A run that has ended does not continue.
     assert_eq!(case.solve(&["--resume"]), 0);
     assert_eq!(case.last().meta.step, 16);
 }

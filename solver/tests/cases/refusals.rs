@@ -27,9 +27,9 @@ fn spawn(case: &Case, flags: &[&str]) -> (i32, String) {
     (output.status.code().unwrap(), text)
 }
 
-/// Expects the refusal of DATBOX as it stands, with these lines.
+/// Expects that DATBOX as it is is rejected, with these lines.
 #[track_caller]
-fn refused(case: &Case, flags: &[&str], lines: &[&str]) {
+fn expect_rejection(case: &Case, flags: &[&str], lines: &[&str]) {
     let expected: String = lines.iter().map(|line| format!("cd-solve: {line}\n")).collect();
     assert_eq!(spawn(case, flags), (2, expected));
 }
@@ -38,7 +38,7 @@ fn refused(case: &Case, flags: &[&str], lines: &[&str]) {
 #[track_caller]
 fn written_refused(case: &Case, flags: &[&str], lines: &[&str]) {
     case.write();
-    refused(case, flags, lines);
+    expect_rejection(case, flags, lines);
     assert!(!case.path().join("OUTBOX").exists());
 }
 
@@ -96,10 +96,10 @@ fn what_is_sound_is_not_rejected() {
 
 #[test]
 fn files_that_are_not_there() {
-    refused(&sound(), &[], &["CASE: folder: has no DATBOX; expected the files of cd-pre or LMGC90 in it"]);
+    expect_rejection(&sound(), &[], &["CASE: folder: has no DATBOX; expected the files of cd-pre or LMGC90 in it"]);
     for name in ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT"] {
         let message = format!("CASE/DATBOX/{name}: file: cannot be read: there is no such file");
-        refused(&with_file(name, None), &[], &[&message]);
+        expect_rejection(&with_file(name, None), &[], &[&message]);
     }
     // A file that drives nothing, options that are all defaults, and contacts to start from may be absent.
     let mut case = Case::new();
@@ -119,11 +119,11 @@ fn all_faults_of_all_files_are_reported_at_once() {
         "CASE/DATBOX/BULK_BEHAV.DAT: file: no $gravy; expected it with grv1 grv2 grv3 on the next line",
         "CASE/DATBOX/TACT_BEHAV.DAT: file: cannot be read: there is no such file",
     ];
-    refused(&case, &[], &lines);
+    expect_rejection(&case, &[], &lines);
     let materials = "$behav  lawty\n STONE  RIGID                           Umas= 2.5000000E+03\n";
     let case = with_file("BULK_BEHAV.DAT", Some(materials));
     let line = "CASE/DATBOX/BULK_BEHAV.DAT:1: file: no $gravy; expected it with grv1 grv2 grv3 on the next line";
-    refused(&case, &[], &[line]);
+    expect_rejection(&case, &[], &[line]);
 }
 
 #[test]
@@ -451,10 +451,10 @@ fn steps_of_which_no_problem_can_be_written() {
     // A run that has ended makes no step.
     assert_eq!(spawn(&case, &[]).0, 0);
     let flags = ["--resume", "--dump-problem", "2"];
-    refused(&case, &flags, &[&format!("options: --dump-problem: 2; {}", made(2))]);
+    expect_rejection(&case, &flags, &[&format!("options: --dump-problem: 2; {}", made(2))]);
     // Results of before stay where --force is rejected.
     let flags = ["--force", "--dump-problem", "3"];
-    refused(&case, &flags, &[&format!("options: --dump-problem: 3; {}", made(0))]);
+    expect_rejection(&case, &flags, &[&format!("options: --dump-problem: 3; {}", made(0))]);
     assert!(case.path().join("OUTBOX/steps.csv").exists());
 
     case.law("IQS_DS_ROLL_CLB", &[0.3, 0.3, 0.1, 0.1]);
@@ -478,7 +478,7 @@ fn options_in_the_file() {
         ("(dt: 1e-3 tol: 0.1)", "1:10: dt: no ',' before 'tol'; expected ',' here"),
     ];
     for (text, message) in lines {
-        refused(&with_file("COMPUTE.RON", Some(text)), &[], &[&format!("CASE/DATBOX/COMPUTE.RON:{message}")]);
+        expect_rejection(&with_file("COMPUTE.RON", Some(text)), &[], &[&format!("CASE/DATBOX/COMPUTE.RON:{message}")]);
     }
     let text = "(dt: -1.0, // gravity_moved: 0.0\n gravity_opening: 1.5,\n gravity_moved: 0.0,\n \
                 fields: [PointMass(mass: 0.0, position: (0.0, 0.0, 0.0))],\n \
@@ -492,7 +492,7 @@ fn options_in_the_file() {
          expected finite values, mass and radius > 0, an axis other than 0",
         "CASE/DATBOX/COMPUTE.RON:7:22: event 2, action: SetQuench(3.0); expected 0 to 1",
     ];
-    refused(&case, &[], &lines);
+    expect_rejection(&case, &[], &lines);
 }
 
 #[test]
@@ -502,15 +502,15 @@ fn results_that_are_there() {
     let before = case.last();
     let line = "CASE/OUTBOX: results: snapshot-000002.npz exists; \
                 use --resume to continue from it, --force to overwrite all results";
-    refused(&case, &[], &[line]);
+    expect_rejection(&case, &[], &[line]);
     // A rejected --force has removed nothing.
-    refused(&case, &["--force", "--dt", "0"], &["options: dt: 0; expected a finite time step > 0 s"]);
+    expect_rejection(&case, &["--force", "--dt", "0"], &["options: dt: 0; expected a finite time step > 0 s"]);
     assert_eq!(case.last(), before);
     let line = "options: steps: 1 is before step 2, from which the run continues; expected a later step";
-    refused(&case, &["--resume", "--steps", "1"], &[line]);
+    expect_rejection(&case, &["--resume", "--steps", "1"], &[line]);
     let time = before.meta.time;
     let line = format!("options: end_time: 0.001; expected at least {time} s, from which the run continues");
-    refused(&case, &["--resume", "--end-time", "0.001", "--dt", "0.001"], &[&line]);
+    expect_rejection(&case, &["--resume", "--end-time", "0.001", "--dt", "0.001"], &[&line]);
 }
 
 #[test]
@@ -522,7 +522,7 @@ fn results_of_lmgc90_are_not_written_over() {
     let line = "CASE/OUTBOX: results: DOF.OUT.1 exists; \
                 --text would overwrite it; use --force to remove such files";
     for flags in [&["--text"][..], &["--text", "--resume"]] {
-        refused(&case, flags, &[line]);
+        expect_rejection(&case, flags, &[line]);
     }
     assert_eq!(fs::read(case.path().join("OUTBOX/DOF.OUT.1")).unwrap(), b"theirs");
 }
@@ -563,7 +563,7 @@ fn snapshots_of_another_scene() {
     let snapshot = "CASE/OUTBOX/snapshot-000002.npz";
     case.sphere(0.5, [3.0, 0.0, 0.5]);
     case.write();
-    refused(&case, &["--resume"], &[&format!("{snapshot}: snapshot: 2 bodies; expected the 3 of DATBOX")]);
+    expect_rejection(&case, &["--resume"], &[&format!("{snapshot}: snapshot: 2 bodies; expected the 3 of DATBOX")]);
 
     let mut other = sound();
     other.run(2);
@@ -596,12 +596,12 @@ fn snapshots_of_another_scene() {
     other.run(2);
     other.tact.visibility.pop();
     other.write();
-    refused(&other, &["--resume"], &[&laws(two, one)]);
+    expect_rejection(&other, &["--resume"], &[&laws(two, one)]);
     other = sound();
     other.run(2);
     other.tact.laws[1].parameters = vec![0.5];
     other.write();
-    refused(&other, &["--resume"], &[&laws(two, "law00 IQS_CLB [0.3], law01 IQS_CLB [0.5]")]);
+    expect_rejection(&other, &["--resume"], &[&laws(two, "law00 IQS_CLB [0.3], law01 IQS_CLB [0.5]")]);
 }
 
 #[test]

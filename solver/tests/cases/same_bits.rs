@@ -472,7 +472,7 @@ fn flags_win_over_the_file() {
 
 #[test]
 fn the_texts_of_a_run_start_another() {
-    // DATBOX of the last output: LMGC90's way to go on, at 7 digits.
+    // DATBOX of the last output: LMGC90's way to continue, at 7 digits.
     let case = scene(4);
     files(&case, &[&["--steps", "45"]]);
     let (datbox, outbox) = (case.path().join("DATBOX"), case.path().join("OUTBOX"));

@@ -33,7 +33,7 @@ fn sink(region: SpaceRegion) -> Sink {
     Sink { name: "lost".into(), region }
 }
 
-fn below(z: f64) -> Sink {
+fn sink_below(z: f64) -> Sink {
     sink(SpaceRegion::Below { point: [0.0, 0.0, z], normal: [0.0, 0.0, 1.0] })
 }
 
@@ -62,7 +62,7 @@ fn falling() -> Case {
 #[test]
 fn a_body_leaves_after_the_step_in_which_its_centre_passes_the_plane() {
     let mut case = falling();
-    case.options.sinks = vec![below(0.0)];
+    case.options.sinks = vec![sink_below(0.0)];
     case.options.probes = vec![removed(1), probe("left", 1, ProbeQuantity::Energy { of: BodySelection::Free })];
     let states = case.states(10, 1);
     let mass = 4.0 / 3.0 * PI;
@@ -91,7 +91,7 @@ fn a_body_leaves_after_the_step_in_which_its_centre_passes_the_plane() {
 #[test]
 fn rows_of_several_steps_have_the_sums() {
     let mut case = falling();
-    case.options.sinks = vec![below(0.0)];
+    case.options.sinks = vec![sink_below(0.0)];
     case.options.probes = vec![removed(4)];
     case.run(10);
     let counted: Vec<[f64; 2]> = rows(&case, "removed").iter().map(|row| [row[0], row[3]]).collect();
@@ -177,7 +177,7 @@ fn rain(number: usize, speed: f64) -> Case {
     }
     let (name, bodies) = ("rain".into(), BodySelection::Colour("GRAIN".into()));
     case.options.sources = vec![Source { name, bodies, from: 1.0, rate: 0.5 }];
-    case.options.sinks = vec![below(0.0)];
+    case.options.sinks = vec![sink_below(0.0)];
     case.options.probes = vec![removed(1), probe("entered", 1, ProbeQuantity::Entered { from: "rain".into() })];
     case.options.dt = 0.125;
     case
@@ -449,7 +449,7 @@ fn combinations_that_are_not_computed_are_rejected() {
     let unknown = &["source 1, bodies: 9; expected 1 to 3, a body of BODIES.DAT"];
     refused(&|case| case.options.sources[0].bodies = BodySelection::Body(9), unknown);
     let inside = &["body 1 enters in the region of the sink 'lost'; expected positions outside of all sinks"];
-    refused(&|case| case.options.sinks = vec![below(5.0)], inside);
+    refused(&|case| case.options.sinks = vec![sink_below(5.0)], inside);
     let unnamed = &["probe 1, quantity, by: 'lost' is no sink"];
     refused(&|case| case.options.sinks.clear(), unnamed);
     let twice = &["source 1, name: 'lost'; expected a name of its own"];

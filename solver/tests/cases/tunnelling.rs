@@ -84,7 +84,7 @@ fn on_corner() -> [[f64; 3]; 3] {
 }
 
 /// A striker that far above touching a target about the origin, in a scene without gravity.
-fn above(pair: Pair, gap: f64, target_is_fixed: bool) -> (Case, usize, usize) {
+fn pair_above(pair: Pair, gap: f64, target_is_fixed: bool) -> (Case, usize, usize) {
     let mut case = Case::new();
     case.options.dt = 0.01;
     let target = match pair {
@@ -128,7 +128,7 @@ fn fault(pair: Pair, when: When, travel: f64, (kind, parameters, e): (&str, &[f6
         When::FirstStep | When::Event => 0.1 * R,
         When::MovingIn => 3.37 * way,
     };
-    let (mut case, striker, target) = above(pair, gap, when == When::Event);
+    let (mut case, striker, target) = pair_above(pair, gap, when == When::Event);
     case.law_of_all(kind, parameters);
     let h = case.options.dt;
     case.options.max_sweeps = Some(1000);
@@ -168,7 +168,7 @@ fn fault(pair: Pair, when: When, travel: f64, (kind, parameters, e): (&str, &[f6
 }
 
 /// Every law with a ball and a cube on a plate; every pair under a law of each kind.
-fn all(when: When) {
+fn test_all_pairs(when: When) {
     let kinds = ["IQS_CLB", "GAP_SGR_CLB", "VEL_SGR_CLB", "RST_CLB"];
     let mut faults = Vec::new();
     for law in LAWS {
@@ -182,17 +182,17 @@ fn all(when: When) {
 
 #[test]
 fn nothing_passes_in_the_first_step() {
-    all(When::FirstStep);
+    test_all_pairs(When::FirstStep);
 }
 
 #[test]
 fn nothing_passes_after_an_event() {
-    all(When::Event);
+    test_all_pairs(When::Event);
 }
 
 #[test]
 fn nothing_passes_that_comes_from_afar() {
-    all(When::MovingIn);
+    test_all_pairs(When::MovingIn);
 }
 
 /// A spring takes the depth v √(m/k) to stop what strikes it: a stiff one lets nothing pass, with a damper or without.
@@ -205,7 +205,7 @@ fn nothing_passes_a_stiff_spring() {
         for pair in [Pair::SphereOnThinPlate, Pair::CubeOnPlate, Pair::SphereOnSphere] {
             for travel in TRAVELS {
                 for gap in [0.1 * R, 3.37 * travel * R] {
-                    let (mut case, striker, target) = above(pair, gap, true);
+                    let (mut case, striker, target) = pair_above(pair, gap, true);
                     case.law_of_all(kind, parameters);
                     case.launch(striker, [0.0, 0.0, -travel * R / case.options.dt], [0.0; 3]);
                     let apart = |state: &Snapshot| state.x(striker).z - state.x(target).z;
@@ -221,7 +221,7 @@ fn nothing_passes_a_stiff_spring() {
     assert!(faults.is_empty(), "{} faults\n{}", faults.len(), faults.join("\n"));
     // One too soft for the thickness of the plate, 2 R: here 2 m and 0.7 m deep.
     for (stiffness, passes) in [(1.0, true), (8.0, false)] {
-        let (mut case, striker, _) = above(Pair::SphereOnPlate, 0.1 * R, true);
+        let (mut case, striker, _) = pair_above(Pair::SphereOnPlate, 0.1 * R, true);
         case.law_of_all("ELASTIC_REPELL_CLB", &[stiffness * PI / 6.0, 0.0]);
         case.options.dt = 4e-3;
         case.launch(striker, [0.0, 0.0, -2.0], [0.0; 3]);
@@ -368,7 +368,7 @@ fn nothing_passes_bodies_of_pieces() {
             for when in [When::FirstStep, When::Event, When::MovingIn] {
                 let way = travel * R;
                 let gap = if when == When::MovingIn { 3.37 * way } else { 0.1 * R };
-                let (mut case, striker, target) = above(pair, gap, when == When::Event);
+                let (mut case, striker, target) = pair_above(pair, gap, when == When::Event);
                 case.law_of_all(kind, parameters);
                 case.options.max_sweeps = Some(1000);
                 case.bodies[striker].contactors = halves();
@@ -681,7 +681,7 @@ fn restitution_gives_no_energy_at_radii_a_step() {
                 }
                 let outside = |state: &Snapshot| (0..bodies).any(|body| state.x(body).amax() > 2.0);
                 if states.iter().any(outside) {
-                    faults.push(format!("{name}: leaves the room"));
+                    faults.push(format!("{name}: leaves the box"));
                 }
             }
         }

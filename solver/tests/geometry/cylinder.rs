@@ -15,12 +15,12 @@ use crate::shapes::{Random, cuboid, regular, rock};
 const ROUNDING: f64 = 1e-14;
 
 /// The contact of a solid at `x` from the centre of a cylinder that stands along z.
-fn at(a: &Solid, qa: &Quat, x: Vec3, size: [f64; 2], range: impl Into<ListingRange>) -> Option<Manifold> {
-    turned(a, qa, x, &Quat::identity(), size, range)
+fn manifold_at(a: &Solid, qa: &Quat, x: Vec3, size: [f64; 2], range: impl Into<ListingRange>) -> Option<Manifold> {
+    turned_manifold(a, qa, x, &Quat::identity(), size, range)
 }
 
 /// The same, all turned.
-fn turned(
+fn turned_manifold(
     a: &Solid,
     qa: &Quat,
     x: Vec3,
@@ -82,7 +82,7 @@ fn directions_are_the_best_and_points_on_both() {
         // A face down in every fifth, flat on the end if it is there.
         let (face_down, turn) = (k % 5 == 4, random.turn());
         let q = if face_down { face_to(&mut random, &a, -1.0) } else { random.turn() };
-        // Beside, above, or at the rim.
+        // At the side, above, or at the rim.
         let angle = random.between(0.0, 2.0 * PI);
         let (wide, high) = match k % 3 {
             0 => (size[1] + random.between(0.2, 1.0), size[0] * random.between(-1.0, 1.0)),
@@ -91,13 +91,13 @@ fn directions_are_the_best_and_points_on_both() {
         };
         let mut x = Vec3::new(wide * angle.cos(), wide * angle.sin(), high);
         if face_down && k % 3 == 1 {
-            let low = a.turned(&q).iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
+            let low = a.turned_vertices(&q).iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
             x.z = size[0] - low + [1e-3, 0.0, -1e-3][random.index(3)];
         }
-        let vertices: Vec<Vec3> = a.turned(&q).iter().map(|v| v + x).collect();
+        let vertices: Vec<Vec3> = a.turned_vertices(&q).iter().map(|v| v + x).collect();
         let expected = brute(&vertices, size, &mut random);
         let alert = 0.3;
-        let Some(found) = turned(&a, &q, x, &turn, size, alert) else {
+        let Some(found) = turned_manifold(&a, &q, x, &turn, size, alert) else {
             assert!(expected > alert - 1e-9, "{k}: {expected}");
             continue;
         };
@@ -145,7 +145,7 @@ fn faces_on_ends() {
     for g in GAPS {
         for side in [1.0, -1.0] {
             let on = |x: f64, y: f64, radius: f64| {
-                let found = at(&cube, &level, Vec3::new(x, y, side * (3.0 + g)), [2.0, radius], 2e-3).unwrap();
+                let found = manifold_at(&cube, &level, Vec3::new(x, y, side * (3.0 + g)), [2.0, radius], 2e-3).unwrap();
                 assert!((found.normal - Vec3::z() * side).norm() < ROUNDING, "{found:?}");
                 found
             };
@@ -167,7 +167,8 @@ fn lines_on_the_round_side() {
     for g in GAPS {
         // A face on a side that is shorter, and longer, than it.
         for (half_height, reach) in [(0.5, 0.5), (3.0, 1.0)] {
-            let found = at(&cube, &Quat::identity(), Vec3::new(3.0 + g, 0.2, 0.0), [half_height, 2.0], 2e-3).unwrap();
+            let found =
+                manifold_at(&cube, &Quat::identity(), Vec3::new(3.0 + g, 0.2, 0.0), [half_height, 2.0], 2e-3).unwrap();
             all_at(&found, 2, g, 0.0);
             assert!((found.normal - Vec3::x()).norm() < ROUNDING);
             let mut z = [0, 1].map(|k| found.points[k].position.z);
@@ -177,10 +178,10 @@ fn lines_on_the_round_side() {
         }
         // An upright edge, all along; a level one, in a point.
         let edge_on = Quat::from_scaled_axis(Vec3::z() * FRAC_PI_4);
-        let found = at(&cube, &edge_on, Vec3::new(2.0 + SQRT_2 + g, 0.0, 0.3), [3.0, 2.0], 2e-3).unwrap();
+        let found = manifold_at(&cube, &edge_on, Vec3::new(2.0 + SQRT_2 + g, 0.0, 0.3), [3.0, 2.0], 2e-3).unwrap();
         all_at(&found, 2, g, 0.0);
         let level = Quat::from_scaled_axis(Vec3::x() * FRAC_PI_2) * edge_on;
-        let found = at(&cube, &level, Vec3::new(2.0 + SQRT_2 + g, 0.1, 0.3), [3.0, 2.0], 2e-3).unwrap();
+        let found = manifold_at(&cube, &level, Vec3::new(2.0 + SQRT_2 + g, 0.1, 0.3), [3.0, 2.0], 2e-3).unwrap();
         all_at(&found, 1, g, 0.0);
         assert!((found.points[0].position - Vec3::new(-SQRT_2 - 0.5 * g, -0.1, 0.0)).norm() < ROUNDING, "{found:?}");
     }
@@ -190,12 +191,12 @@ fn lines_on_the_round_side() {
 fn vertices_and_edges_at_the_rim() {
     let cube = cuboid(1.0, 1.0, 1.0);
     // 3-4-5: the lower edge is 0.3 outside of and 0.4 above the rim.
-    let found = at(&cube, &Quat::identity(), Vec3::new(3.3, 0.2, 3.4), [2.0, 2.0], 1.0).unwrap();
+    let found = manifold_at(&cube, &Quat::identity(), Vec3::new(3.3, 0.2, 3.4), [2.0, 2.0], 1.0).unwrap();
     all_at(&found, 1, 0.5, 0.0);
     assert!((found.normal - Vec3::new(0.6, 0.0, 0.8)).norm() < ROUNDING);
     // A vertex beyond the rim in the same way.
     let corner = Vec3::new(2.3 * 0.6, 2.3 * 0.8, 2.4) + Vec3::repeat(1.0);
-    let found = at(&cube, &Quat::identity(), corner, [2.0, 2.0], 1.0).unwrap();
+    let found = manifold_at(&cube, &Quat::identity(), corner, [2.0, 2.0], 1.0).unwrap();
     all_at(&found, 1, 0.5, 0.0);
     assert!((found.normal - Vec3::new(0.36, 0.48, 0.8)).norm() < ROUNDING, "{found:?}");
 }
@@ -215,9 +216,9 @@ fn what_is_degenerate_stays_finite() {
         let q = Quat::from_euler_angles(quarter(&mut random), quarter(&mut random), quarter(&mut random));
         let step = |random: &mut Random, size: f64| [0.0, 1.0, -1.0, 1.0 + size, SQRT_2][random.index(5)];
         let x = Vec3::new(step(&mut random, size[1]), step(&mut random, size[1]), step(&mut random, size[0]));
-        let Some(found) = at(a, &q, x, size, 0.1) else { continue };
+        let Some(found) = manifold_at(a, &q, x, size, 0.1) else { continue };
         check(&found, 0.1, 2.0 + size[0] + size[1], &|| format!("{k}"));
-        let vertices: Vec<Vec3> = a.turned(&q).iter().map(|v| v + x).collect();
+        let vertices: Vec<Vec3> = a.turned_vertices(&q).iter().map(|v| v + x).collect();
         // Of directions that are equal to 4e-12 of the smaller body any may come out; rounding at the size of the longest.
         let s = separation(&vertices, size, &found.normal);
         assert!((s - found.gap()).abs() < 8e-12 + ROUNDING * (1.0 + size[0]), "{k}: {s} {found:?}");
@@ -230,14 +231,14 @@ fn area_counts_as_far_as_it_is_near() {
     // Tilted about y by a hundredth: gaps fall from one side of the face, two wide, to the other.
     let tilt: f64 = 0.01;
     let q = Quat::from_scaled_axis(Vec3::y() * tilt);
-    let low = cube.turned(&q).iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
+    let low = cube.turned_vertices(&q).iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
     let within = 0.004;
     let range = ListingRange { area: within, ..ListingRange::from(1.0) };
     // On a wide end, seen along z: a strip of the face with gaps up to `within`, less what the tilt takes of it.
-    let found = at(&cube, &q, Vec3::new(0.0, 0.0, 2.0 - low), [2.0, 40.0], range).unwrap();
+    let found = manifold_at(&cube, &q, Vec3::new(0.0, 0.0, 2.0 - low), [2.0, 40.0], range).unwrap();
     assert!((found.normal - Vec3::z()).norm() < ROUNDING, "{found:?}");
     let share = 1.0 - (tilt.tan() / 0.1).powi(2);
     assert!((found.area - share * 2.0 * within / tilt.tan()).abs() < 1e-12, "{found:?}");
-    let all = at(&cube, &q, Vec3::new(0.0, 0.0, 2.0 - low), [2.0, 40.0], 1.0).unwrap();
+    let all = manifold_at(&cube, &q, Vec3::new(0.0, 0.0, 2.0 - low), [2.0, 40.0], 1.0).unwrap();
     assert!((all.area - 4.0 * tilt.cos()).abs() < 1e-12, "{all:?}");
 }

@@ -40,11 +40,11 @@ fn polygon_body(random: &mut Random) -> Solid {
 }
 
 fn height(solid: &Solid, q: &Quat) -> f64 {
-    solid.turned(q).iter().map(|v| v.z).fold(f64::NEG_INFINITY, f64::max)
+    solid.turned_vertices(q).iter().map(|v| v.z).fold(f64::NEG_INFINITY, f64::max)
 }
 
 fn depth(solid: &Solid, q: &Quat) -> f64 {
-    -solid.turned(q).iter().map(|v| v.z).fold(f64::INFINITY, f64::min)
+    -solid.turned_vertices(q).iter().map(|v| v.z).fold(f64::INFINITY, f64::min)
 }
 
 /// On top of each other, moved sideways.
@@ -116,7 +116,7 @@ fn edges(solid: &Solid) -> Vec<([usize; 2], [usize; 2])> {
 
 /// Where the points farthest along `sign` z are, on average, from the body's centre.
 fn middle(solid: &Solid, q: &Quat, sign: f64) -> Vec3 {
-    let turned = solid.turned(q);
+    let turned = solid.turned_vertices(q);
     let far = turned.iter().map(|v| sign * v.z).fold(f64::NEG_INFINITY, f64::max);
     let of_feature: Vec<&Vec3> = turned.iter().filter(|v| sign * v.z > far - 1e-9 * solid.radius).collect();
     of_feature.iter().copied().sum::<Vec3>() / of_feature.len() as f64
@@ -128,13 +128,13 @@ fn meeting(a: Solid, qa: Quat, b: Solid, qb: Quat, gap: f64) -> Touch {
     Touch { a, qa, b, qb, c, gap }
 }
 
-fn about(axis: Vec3, angle: f64) -> Quat {
+fn rotation_about(axis: Vec3, angle: f64) -> Quat {
     Quat::from_scaled_axis(axis * angle)
 }
 
 fn spin(random: &mut Random) -> Quat {
     // Also aligned, and by a right angle.
-    about(Vec3::z(), [0.0, 0.0, std::f64::consts::FRAC_PI_2, random.between(0.0, 6.3)][random.index(4)])
+    rotation_about(Vec3::z(), [0.0, 0.0, std::f64::consts::FRAC_PI_2, random.between(0.0, 6.3)][random.index(4)])
 }
 
 /// Runs a class: gap, what `expect` says, exchange of the bodies, and noise, in both narrow phases. `pointed`: the nearest
@@ -206,14 +206,14 @@ fn class(seed: u64, pointed: bool, make: impl Fn(&mut Random) -> Touch, expect: 
     println!("the fast search stays at another direction in {stays} of {COUNT}");
 }
 
-fn scaled(solid: Solid, by: f64) -> Solid {
+fn scaled_solid(solid: Solid, by: f64) -> Solid {
     Solid::new(solid.vertices.iter().map(|v| v * by).collect(), solid.triangles)
 }
 
 /// A body to meet, sometimes a thousand times as large.
 fn large(random: &mut Random) -> Solid {
     let body = polygon_body(random);
-    scaled(body, [1.0, 1.0, 1000.0][random.index(3)])
+    scaled_solid(body, [1.0, 1.0, 1000.0][random.index(3)])
 }
 
 fn vertical(found: &Manifold) {
@@ -238,8 +238,8 @@ fn faces_on_faces() {
             of_face.map(|v| [v.x + by.x, v.y + by.y]).collect()
         };
         let area = common_area(
-            &of(touch.a.turned(&touch.qa), top, 1.0, Vec3::zeros()),
-            &of(touch.b.turned(&touch.qb), bottom, -1.0, touch.c),
+            &of(touch.a.turned_vertices(&touch.qa), top, 1.0, Vec3::zeros()),
+            &of(touch.b.turned_vertices(&touch.qb), bottom, -1.0, touch.c),
         );
         let size = touch.a.radius.min(touch.b.radius);
         assert!((found.area - area).abs() < 1e-9 * size * size, "{found:?}, area {area}");
@@ -285,7 +285,7 @@ fn crossed_edges() {
     let make = |random: &mut Random| {
         let (a, b) = (large(random), polygon_body(random));
         let (qa, qb) =
-            (edge_to(random, &a, 1.0), about(Vec3::z(), random.between(0.1, 3.0)) * edge_to(random, &b, -1.0));
+            (edge_to(random, &a, 1.0), rotation_about(Vec3::z(), random.between(0.1, 3.0)) * edge_to(random, &b, -1.0));
         let gap = gap(random, &a, &b);
         meeting(a, qa, b, qb, gap)
     };

@@ -20,7 +20,7 @@ impl Solid {
     }
 
     /// Corners after a turn.
-    pub fn turned(&self, q: &Quat) -> Vec<Vec3> {
+    pub fn turned_vertices(&self, q: &Quat) -> Vec<Vec3> {
         let turn = q.to_rotation_matrix();
         self.vertices.iter().map(|v| turn * v).collect()
     }
@@ -63,7 +63,7 @@ fn cross(a: &Vec3, b: &Vec3, c: &Vec3, d: &Vec3) -> Vec3 {
 
 /// Distance, or minus the least translation that parts the bodies, and the direction of it from A to B.
 pub fn separation(a: &Solid, qa: &Quat, b: &Solid, qb: &Quat, c: &Vec3) -> (f64, Vec3) {
-    let (va, vb) = (a.turned(qa), b.turned(qb).iter().map(|v| v + c).collect::<Vec<_>>());
+    let (va, vb) = (a.turned_vertices(qa), b.turned_vertices(qb).iter().map(|v| v + c).collect::<Vec<_>>());
     let mut best = (f64::NEG_INFINITY, Vec3::zeros());
     let mut try_axis = |n: Vec3| {
         let length = n.norm();
@@ -121,7 +121,7 @@ pub fn separation(a: &Solid, qa: &Quat, b: &Solid, qb: &Quat, c: &Vec3) -> (f64,
 
 /// Signed distance of the point `c` from a solid and the direction to it; inside, through the nearest face.
 pub fn nearest_to(a: &Solid, q: &Quat, c: &Vec3) -> (f64, Vec3) {
-    let v = a.turned(q);
+    let v = a.turned_vertices(q);
     let planes = a.triangles.iter().map(|t| {
         let [p, r, s] = t.map(|k| v[k as usize]);
         let n = cross(&p, &r, &p, &s).normalize();

@@ -22,8 +22,8 @@ fn spheres_touch_the_nearest_point() {
         let (q, radius) = (random.turn(), random.between(0.01, 2.0));
         // Also right above vertices and edges, on the surface and inside.
         let mut c = match random.index(4) {
-            0 => a.turned(&q)[random.index(a.vertices.len())] * [1.0, 1.0 + 1e-9, 1.3][random.index(3)],
-            1 => (a.turned(&q)[0] + a.turned(&q)[1]) * [0.5, 0.7][random.index(2)],
+            0 => a.turned_vertices(&q)[random.index(a.vertices.len())] * [1.0, 1.0 + 1e-9, 1.3][random.index(3)],
+            1 => (a.turned_vertices(&q)[0] + a.turned_vertices(&q)[1]) * [0.5, 0.7][random.index(2)],
             _ => random.direction() * random.between(0.0, 2.0),
         };
         if random.index(10) == 0 {
@@ -93,7 +93,7 @@ fn drums_are_touched_where_bodies_reach_farthest() {
         let c = turn * Vec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-3.0, 3.0));
         let found = polyhedron_hollow_cylinder(&a.shape.posed_by(&q), &c, &turn, [half_height, radius], 0.5);
         // Farthest from the axis and along it, of many points of the surface.
-        let turned: Vec<Vec3> = a.turned(&q).iter().map(|v| turn.inverse() * (v - c)).collect();
+        let turned: Vec<Vec3> = a.turned_vertices(&q).iter().map(|v| turn.inverse() * (v - c)).collect();
         let (mut wide, mut high) = (0.0f64, 0.0f64);
         for t in &a.triangles {
             let [p, r, s] = t.map(|k| turned[k as usize]);

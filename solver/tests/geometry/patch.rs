@@ -49,7 +49,7 @@ struct Body {
 
 impl Body {
     fn new(solid: &Solid, q: &Quat, moved: Vec3) -> Self {
-        let turned = solid.turned(q);
+        let turned = solid.turned_vertices(q);
         let mut faces: Vec<Face> = Vec::new();
         for t in &solid.triangles {
             let [p, r, s] = t.map(|k| turned[k as usize]);
@@ -124,7 +124,7 @@ struct Common {
 
 impl Common {
     /// `None` where a face is seen as a line.
-    fn of(a: (&Body, usize), b: (&Body, usize), n: &Vec3, small: f64) -> Option<Self> {
+    fn from_bodies(a: (&Body, usize), b: (&Body, usize), n: &Vec3, small: f64) -> Option<Self> {
         let [_, t, s] = local_frame(*n);
         let seen = |(body, f): (&Body, usize)| {
             let flat = |&k: &usize| [t.dot(&body.vertices[k]), s.dot(&body.vertices[k])];
@@ -323,7 +323,7 @@ pub fn agree(posed: &Posed, found: &Manifold, tally: &mut Tally, what: &dyn Fn()
     tally.several += usize::from(seen_of_a.len() * seen_of_b.len() > 1);
     for &fa in &seen_of_a {
         for &fb in &seen_of_b {
-            let Some(common) = Common::of((&a, fa), (&b, fb), &n, small) else {
+            let Some(common) = Common::from_bodies((&a, fa), (&b, fb), &n, small) else {
                 tally.unsure += 1;
                 return;
             };

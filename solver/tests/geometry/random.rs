@@ -44,7 +44,8 @@ fn anyhow(random: &mut Random) -> Case {
     let small = a.radius.min(b.radius);
     // The separation along this direction is a bound of the depth.
     let (way, depth) = (random.direction(), small * random.between(-0.6, 0.05));
-    let reach = |solid: &Solid, q: &Quat, n: Vec3| solid.turned(q).iter().map(|v| n.dot(v)).fold(0.0, f64::max);
+    let reach =
+        |solid: &Solid, q: &Quat, n: Vec3| solid.turned_vertices(q).iter().map(|v| n.dot(v)).fold(0.0, f64::max);
     let c = way * (reach(&a, &qa, way) + reach(&b, &qb, -way) + depth);
     Case { a, qa, b, qb, c, alert: 0.05 * small }
 }
@@ -69,7 +70,7 @@ fn pressed(random: &mut Random) -> Case {
     let qb = Quat::from_scaled_axis(Vec3::z() * random.between(0.0, 6.3)) * of_b(random, &b, -1.0);
     // Somewhere between the vertices that are highest along `sign` z.
     let place = |random: &mut Random, solid: &Solid, q: &Quat, sign: f64| {
-        let turned = solid.turned(q);
+        let turned = solid.turned_vertices(q);
         let far = turned.iter().map(|v| sign * v.z).fold(f64::NEG_INFINITY, f64::max);
         let (mut sum, mut weights) = (Vec3::zeros(), 0.0);
         for v in turned.iter().filter(|v| sign * v.z > far - 1e-10 * solid.radius) {
@@ -132,7 +133,7 @@ fn what_is_pressed_together_has_the_points_and_the_area_of_it() {
 }
 
 /// The next pose: a little on, or far on.
-fn moved(random: &mut Random, case: &Case) -> (Quat, Quat, Vec3) {
+fn moved_case(random: &mut Random, case: &Case) -> (Quat, Quat, Vec3) {
     let step = [1e-6, 1e-3, 0.1, 0.5][random.index(4)];
     let mut turn = || Quat::from_scaled_axis(random.direction() * step);
     let (da, db) = (turn(), turn());
@@ -149,7 +150,7 @@ fn memory_does_not_change_the_answer() {
         let size = a.radius + b.radius;
         let mut memory = CachedFeature::default();
         remembered(a, &case.qa, b, &case.qb, &case.c, *alert, NarrowPhaseMode::Accurate, &mut memory);
-        let (qa, qb, c) = moved(&mut random, &case);
+        let (qa, qb, c) = moved_case(&mut random, &case);
         let mut before = memory;
         let warm = remembered(a, &qa, b, &qb, &c, *alert, NarrowPhaseMode::Accurate, &mut memory);
         let cold = contact(a, &qa, b, &qb, &c, *alert);

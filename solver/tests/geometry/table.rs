@@ -15,7 +15,7 @@ const ALERT: f64 = 2e-3;
 const ROUNDING: f64 = 1e-14;
 
 /// The contact, after a check that all turned together gives the same turned.
-fn found(a: &Solid, qa: Quat, b: &Solid, qb: Quat, c: Vec3) -> Manifold {
+fn manifold_of(a: &Solid, qa: Quat, b: &Solid, qb: Quat, c: Vec3) -> Manifold {
     let first = contact(a, &qa, b, &qb, &c, ALERT).unwrap();
     let size = a.radius + b.radius;
     check(&first, ALERT, size, &|| format!("{c}"));
@@ -46,7 +46,7 @@ fn vertical_within(found: &Manifold, allowed: f64) {
     assert!((found.normal + Vec3::z()).norm() < allowed, "{found:?}");
 }
 
-fn about(axis: Vec3, angle: f64) -> Quat {
+fn rotation_about(axis: Vec3, angle: f64) -> Quat {
     Quat::from_scaled_axis(axis * angle)
 }
 
@@ -56,25 +56,25 @@ fn faces_on_faces() {
     let table = cuboid(1000.0, 1000.0, 1.0);
     for g in GAPS {
         let up = Vec3::z() * (2.0 + g);
-        let aligned = found(&cube, level, &cube, level, up);
+        let aligned = manifold_of(&cube, level, &cube, level, up);
         vertical(&aligned);
         all_at(&aligned, 4, g, 4.0);
         // Corners keep their vertices: no crossings of sides.
         assert!(aligned.points.iter().all(|p| p.features.0 < 8 && p.features.1 < 8), "{aligned:?}");
-        let shifted = found(&cube, level, &cube, level, up + Vec3::new(0.5, 0.3, 0.0));
+        let shifted = manifold_of(&cube, level, &cube, level, up + Vec3::new(0.5, 0.3, 0.0));
         vertical(&shifted);
         all_at(&shifted, 4, g, 1.5 * 1.7);
-        let turned = found(&cube, level, &cube, about(Vec3::z(), FRAC_PI_4), up);
+        let turned = manifold_of(&cube, level, &cube, rotation_about(Vec3::z(), FRAC_PI_4), up);
         vertical(&turned);
         all_at(&turned, 8, g, 8.0 * (SQRT_2 - 1.0));
         // Sides that nearly coincide cross in the middle: what carries are the corners.
         for quarter in 0..4 {
-            let turn = about(Vec3::z(), f64::from(quarter) * 2.0 * FRAC_PI_4 + 1e-3);
-            let nearly = found(&cube, level, &cube, turn, Vec3::new(0.0, 0.0, 2.0 + g));
+            let turn = rotation_about(Vec3::z(), f64::from(quarter) * 2.0 * FRAC_PI_4 + 1e-3);
+            let nearly = manifold_of(&cube, level, &cube, turn, Vec3::new(0.0, 0.0, 2.0 + g));
             assert_eq!(nearly.points.len(), 4, "{nearly:?}");
             assert!(nearly.points.iter().all(|p| p.position.x.abs().min(p.position.y.abs()) > 0.998), "{nearly:?}");
         }
-        let on_table = found(&table, level, &cube, level, up + Vec3::new(300.0, 200.0, 0.0));
+        let on_table = manifold_of(&table, level, &cube, level, up + Vec3::new(300.0, 200.0, 0.0));
         vertical(&on_table);
         assert!(on_table.points.len() == 4 && (on_table.area - 4.0).abs() < 1e-12, "{on_table:?}");
     }
@@ -84,19 +84,25 @@ fn faces_on_faces() {
 fn edges_and_vertices_on_faces() {
     let (cube, level) = (cuboid(1.0, 1.0, 1.0), Quat::identity());
     for g in GAPS {
-        let edge = found(&cube, level, &cube, about(Vec3::x(), FRAC_PI_4), Vec3::new(0.1, 0.2, 1.0 + SQRT_2 + g));
+        let edge = manifold_of(
+            &cube,
+            level,
+            &cube,
+            rotation_about(Vec3::x(), FRAC_PI_4),
+            Vec3::new(0.1, 0.2, 1.0 + SQRT_2 + g),
+        );
         vertical(&edge);
         assert_eq!(edge.points.len(), 2);
         assert!(edge.points.iter().all(|p| (p.gap - g).abs() < ROUNDING));
-        let vertex = found(&cube, level, &cube, on_vertex(), Vec3::new(0.1, 0.2, 1.0 + 3f64.sqrt() + g));
+        let vertex = manifold_of(&cube, level, &cube, on_vertex(), Vec3::new(0.1, 0.2, 1.0 + 3f64.sqrt() + g));
         vertical(&vertex);
         let deep: Vec<_> = vertex.points.iter().filter(|p| p.gap < g + 1e-9).collect();
         assert!(deep.len() == 1 && (deep[0].position.xy() - Vec3::new(0.1, 0.2, 0.0).xy()).norm() < ROUNDING);
         if g >= 0.0 {
             assert_eq!(vertex.points.len(), 1);
         }
-        let (ridge_x, ridge_y) = (about(Vec3::x(), FRAC_PI_4), about(Vec3::y(), FRAC_PI_4));
-        let crossed = found(&cube, ridge_x, &cube, ridge_y, Vec3::new(0.1, 0.2, 2.0 * SQRT_2 + g));
+        let (ridge_x, ridge_y) = (rotation_about(Vec3::x(), FRAC_PI_4), rotation_about(Vec3::y(), FRAC_PI_4));
+        let crossed = manifold_of(&cube, ridge_x, &cube, ridge_y, Vec3::new(0.1, 0.2, 2.0 * SQRT_2 + g));
         vertical(&crossed);
         assert_eq!(crossed.points.iter().filter(|p| (p.gap - g).abs() < ROUNDING).count(), 1);
         if g >= 0.0 {
@@ -108,11 +114,11 @@ fn edges_and_vertices_on_faces() {
 #[test]
 fn edges_and_vertices_on_each_other() {
     let cube = cuboid(1.0, 1.0, 1.0);
-    let ridge = about(Vec3::x(), FRAC_PI_4);
+    let ridge = rotation_about(Vec3::x(), FRAC_PI_4);
     for g in GAPS {
-        let ridges = found(&cube, ridge, &cube, ridge, Vec3::new(0.3, 0.0, 2.0 * SQRT_2 + g));
-        let tips = found(&cube, on_vertex(), &cube, on_vertex(), Vec3::z() * (2.0 * 3f64.sqrt() + g));
-        let tip_on_ridge = found(&cube, ridge, &cube, on_vertex(), Vec3::z() * (SQRT_2 + 3f64.sqrt() + g));
+        let ridges = manifold_of(&cube, ridge, &cube, ridge, Vec3::new(0.3, 0.0, 2.0 * SQRT_2 + g));
+        let tips = manifold_of(&cube, on_vertex(), &cube, on_vertex(), Vec3::z() * (2.0 * 3f64.sqrt() + g));
+        let tip_on_ridge = manifold_of(&cube, ridge, &cube, on_vertex(), Vec3::z() * (SQRT_2 + 3f64.sqrt() + g));
         if g > 0.0 {
             // The direction between two points g apart is known as far as they are.
             [&ridges, &tips, &tip_on_ridge].into_iter().for_each(|found| vertical_within(found, ROUNDING / g));
@@ -129,7 +135,7 @@ fn edges_and_vertices_on_each_other() {
             assert!(tip_on_ridge.gap() <= ROUNDING && tip_on_ridge.gap() >= g);
         }
     }
-    let strip = found(&cube, Quat::identity(), &cube, Quat::identity(), Vec3::new(2.0, 0.0, 2.0 - 1e-2));
+    let strip = manifold_of(&cube, Quat::identity(), &cube, Quat::identity(), Vec3::new(2.0, 0.0, 2.0 - 1e-2));
     assert!((strip.normal + Vec3::x()).norm() < ROUNDING);
     all_at(&strip, 4, 0.0, 2e-2);
 }
@@ -141,11 +147,11 @@ fn polygons_on_plates_keep_their_corners() {
     for (sides, area) in [(6, 1.5 * 3f64.sqrt()), (12, 3.0)] {
         let polygon = regular(sides, 0.5);
         for g in GAPS {
-            let flat = found(&plate, level, &polygon, level, Vec3::z() * (0.6 + g));
+            let flat = manifold_of(&plate, level, &polygon, level, Vec3::z() * (0.6 + g));
             vertical(&flat);
             all_at(&flat, sides, g, area);
         }
-        let corner = found(&plate, level, &polygon, level, Vec3::new(2.7, 2.8, 0.6));
+        let corner = manifold_of(&plate, level, &polygon, level, Vec3::new(2.7, 2.8, 0.6));
         let outline: Vec<[f64; 2]> = polygon.vertices.iter().map(|v| [v.x + 2.7, v.y + 2.8]).collect();
         let cut = common_area(&outline, &[[-3.0, -3.0], [3.0, -3.0], [3.0, 3.0], [-3.0, 3.0]]);
         all_at(&corner, corner.points.len(), 0.0, cut);
@@ -163,13 +169,18 @@ fn one_inside_the_other_is_definite() {
         (&cube, &cube, level, Vec3::zeros()),
         (&cube, &big, level, Vec3::zeros()),
         (&big, &cube, level, Vec3::new(1.5, 0.2, -0.3)),
-        (&cuboid(2.0, 2.0, 0.05), &cuboid(2.0, 2.0, 0.05), about(Vec3::x(), 2.0 * FRAC_PI_4), Vec3::zeros()),
-        (&cuboid(2.0, 2.0, 0.05), &cuboid(2.0, 2.0, 0.05), about(Vec3::new(0.3, 0.8, 0.1), 1.0), Vec3::zeros()),
+        (&cuboid(2.0, 2.0, 0.05), &cuboid(2.0, 2.0, 0.05), rotation_about(Vec3::x(), 2.0 * FRAC_PI_4), Vec3::zeros()),
+        (
+            &cuboid(2.0, 2.0, 0.05),
+            &cuboid(2.0, 2.0, 0.05),
+            rotation_about(Vec3::new(0.3, 0.8, 0.1), 1.0),
+            Vec3::zeros(),
+        ),
     ] {
-        let manifold = found(a, level, b, qb, c);
+        let manifold = manifold_of(a, level, b, qb, c);
         assert!(manifold.gap() < 0.0);
     }
-    let same = found(&cube, level, &cube, level, Vec3::zeros());
+    let same = manifold_of(&cube, level, &cube, level, Vec3::zeros());
     assert!((same.gap() + 2.0).abs() < ROUNDING);
 }
 
@@ -180,10 +191,11 @@ fn slivers_of_a_thousandth_are_met() {
     let sliver = prism(&[[-0.3, -0.3], [0.7, -0.3], [-0.3, 0.7]], 5e-4);
     let cube = cuboid(1.0, 1.0, 1.0);
     for g in [1e-5, 0.0, -1e-4] {
-        let on_cube = found(&cube, level, &sliver, level, Vec3::new(0.1, 0.1, 1.0005 + g));
+        let on_cube = manifold_of(&cube, level, &sliver, level, Vec3::new(0.1, 0.1, 1.0005 + g));
         vertical(&on_cube);
         all_at(&on_cube, 3, g, 0.5);
-        let on_sliver = found(&sliver, level, &sliver, about(Vec3::z(), 2.0), Vec3::new(0.1, 0.1, 1e-3 + g));
+        let on_sliver =
+            manifold_of(&sliver, level, &sliver, rotation_about(Vec3::z(), 2.0), Vec3::new(0.1, 0.1, 1e-3 + g));
         vertical(&on_sliver);
         assert_eq!(on_sliver.points.len(), 5, "{on_sliver:?}");
     }
@@ -196,8 +208,8 @@ fn area_counts_as_far_as_it_is_near() {
     let tilt: f64 = 0.01;
     let within = 0.004;
     // Along the table's normal, which is the direction of contact: a strip of the face.
-    for turn in [about(Vec3::y(), tilt), about(Vec3::x(), -tilt)] {
-        let low = cube.turned(&turn).iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
+    for turn in [rotation_about(Vec3::y(), tilt), rotation_about(Vec3::x(), -tilt)] {
+        let low = cube.turned_vertices(&turn).iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
         let c = Vec3::z() * (low - 1.0);
         let area = |range: ListingRange| {
             let (a, b) = (cube.shape.posed_by(&turn), table.shape.posed_by(&Quat::identity()));

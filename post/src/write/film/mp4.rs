@@ -51,7 +51,7 @@ impl Mp4Film {
         }
     }
 
-    /// Appends a picture.
+    /// Appends a picture. Errors: the last message of ffmpeg, if it has ended.
     pub fn append(&mut self, image: &RgbImage) -> Result<(), Faults> {
         let sent = self.program.stdin.as_mut().map(|input| input.write_all(&image.pixels.concat()));
         match sent {
@@ -60,7 +60,7 @@ impl Mp4Film {
         }
     }
 
-    /// Completes the file.
+    /// Completes the file. Errors: the last message of ffmpeg, if it fails, or a file that cannot be renamed.
     pub fn finish(mut self) -> Result<(), Faults> {
         drop(self.program.stdin.take());
         if !self.program.wait().is_ok_and(|status| status.success()) {

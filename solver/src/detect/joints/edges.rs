@@ -10,7 +10,7 @@ use super::inner::{
     SurfaceContact, UpperContactor, any_is_low,
 };
 use super::solid::ConvexSolid;
-use crate::detect::posed::{CandidatePair, PairMotion, PosedContactor, PosedShape};
+use crate::detect::posed::{CandidatePair, PairSettings, PosedContactor, PosedShape};
 use crate::detect::travel::TravelBounds;
 use crate::geometry::{PosedPolyhedron, polyhedra_along, polyhedron_end_along};
 use crate::integrate::ContactConfiguration;
@@ -42,7 +42,7 @@ pub fn remove_inner_edges(
     let runs = search.runs;
     replace_inner_contacts(
         scene,
-        PairMotion { nearby: travel_bounds.nearby, cell: &q_c.cell },
+        PairSettings { nearby_gap_ratio: travel_bounds.nearby, cell: &q_c.cell },
         contactors,
         &runs,
         &inner,
@@ -118,12 +118,13 @@ impl<'a> InnerEdgeSearch<'a> {
         let attracts = scene.laws.iter().any(|law| law.cohesion().is_some());
         let runs = closing_runs(scene, contactors, contacts, attracts);
         let no_contactor = contactors.len() as u32;
-        let seen_by = |own: PartId, other: PartId| {
+        // Number of the own contactor if the other one is a solid that may hide edges.
+        let view = |own: PartId, other: PartId| {
             if covering_solid(&contactors[other.index()]).is_some() { own.0 } else { no_contactor }
         };
-        let seen_by = |&ContactRun { parts: [a, b], .. }: &ContactRun| [seen_by(a, b), seen_by(b, a)];
-        let seen_by: Vec<[u32; 2]> = runs.par_iter().with_min_len(CONTACTS_PER_TASK).map(seen_by).collect();
-        let (views, starts) = group_by_key(seen_by.as_flattened(), contactors.len() + 1);
+        let run_views = |&ContactRun { parts: [a, b], .. }: &ContactRun| [view(a, b), view(b, a)];
+        let all_views: Vec<[u32; 2]> = runs.par_iter().with_min_len(CONTACTS_PER_TASK).map(run_views).collect();
+        let (views, starts) = group_by_key(all_views.as_flattened(), contactors.len() + 1);
         InnerEdgeSearch { q_c, travel_bounds, contactors, contacts, runs, attracts, views, starts }
     }
 
@@ -255,7 +256,7 @@ impl<'a> InnerEdgeSearch<'a> {
 /// of spheres. `inner` is in the order of the runs.
 fn replace_inner_contacts(
     scene: &Scene,
-    motion: PairMotion,
+    settings: PairSettings,
     contactors: &[PosedContactor],
     runs: &[ContactRun],
     inner: &[InnerContact],
@@ -268,7 +269,7 @@ fn replace_inner_contacts(
         let [a, b] = parts.map(|part| &contactors[part.index()]);
         let Some(p) = polyhedron(a) else { continue };
         let Some(rule) = scene.visibility.interaction_rule(a.class, b.class) else { continue };
-        let pair = CandidatePair::new(scene, contactors, motion, 0, &(parts, rule));
+        let pair = CandidatePair::new(scene, contactors, settings, 0, &(parts, rule));
         let n = if touch.a_is_antagonist { -n } else { *n };
         let along = match &b.shape {
             PosedShape::Cylinder { half_height, radius, hollow: false } => {

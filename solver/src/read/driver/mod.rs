@@ -17,7 +17,7 @@ use cd_formats::error::{Fault, Faults};
 pub use commands::table_rows;
 use commands::{CommandMeaning, DriverSetting, find_command};
 use tokens::logical_lines;
-use values::{Evaluation, ScriptValue};
+use values::{Evaluation, ScriptValue, UnknownValue};
 use walk::{LoopEnd, ScriptCall, walk};
 
 /// Ratio of the tolerance of cd-solve to that of LMGC90's norms `Quad ` and `QM/16`: with 1.666e-4, the value of
@@ -111,14 +111,14 @@ impl<'a> ScriptArgument<'a> {
     }
 
     /// Number that the argument states, or the reason why there is none.
-    fn stated_number(&self, call: &ScriptCall) -> Result<f64, String> {
+    fn stated_number(&self, call: &ScriptCall) -> Result<f64, UnknownValue> {
         if let Some(line) = call.condition {
-            return Err(format!("depends on the condition in line {line}"));
+            return Err(format!("depends on the condition in line {line}").into());
         }
         match self.value(call) {
-            None => Err(format!("has no argument {}", self.keywords.join(" or "))),
-            Some(Err(why)) => Err(format!("its value is not known: {why}")),
-            Some(Ok(value)) => value.number().ok_or_else(|| "its value is no number".to_string()),
+            None => Err(format!("has no argument {}", self.keywords.join(" or ")).into()),
+            Some(Err(why)) => Err(format!("its value is not known: {why}").into()),
+            Some(Ok(value)) => value.number().ok_or_else(|| "its value is no number".into()),
         }
     }
 }
@@ -472,7 +472,7 @@ impl<'a> DriverReader<'a> {
             Err(found) => {
                 if !self.given.contains(&option) {
                     let expected = format!("expected a number, or the option --{}", option.replace('_', "-"));
-                    self.reject(call, &found, &expected);
+                    self.reject(call, &found.0, &expected);
                 }
                 None
             }
@@ -497,7 +497,7 @@ impl<'a> DriverReader<'a> {
             {
                 return Some(1);
             }
-            Err(found) => found,
+            Err(found) => found.0,
         };
         if !self.given.contains(&option) {
             let flag = option.replace('_', "-");

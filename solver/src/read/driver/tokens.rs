@@ -58,11 +58,19 @@ pub struct LogicalLine {
 
 /// Bracket or string that is not closed.
 #[derive(Debug, PartialEq)]
-pub struct Unclosed {
+pub struct UnclosedText {
     /// Line in which it opens.
     pub line: usize,
     pub kind: UnclosedKind,
 }
+
+impl std::fmt::Display for UnclosedText {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "line {}: the {} is not closed", self.line, self.kind.name())
+    }
+}
+
+impl std::error::Error for UnclosedText {}
 
 /// Kind of text that has to be closed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,7 +96,7 @@ const LONG_OPERATORS: [&str; 23] = [
 ];
 
 /// Splits a script into its logical lines. Errors: a bracket or string that is not closed.
-pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
+pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, UnclosedText> {
     let mut scanner = TokenScanner { rest: text, line: 1 };
     let (mut lines, mut tokens) = (Vec::new(), Vec::<Lexeme>::new());
     let mut indent = scanner.skip_indentation();
@@ -128,7 +136,7 @@ pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
         }
     }
     if let Some(&line) = open.first() {
-        return Err(Unclosed { line, kind: UnclosedKind::Bracket });
+        return Err(UnclosedText { line, kind: UnclosedKind::Bracket });
     }
     if !tokens.is_empty() {
         lines.push(LogicalLine { indent, tokens });
@@ -162,7 +170,7 @@ impl TokenScanner<'_> {
     }
 
     /// Reads the token at the start of the rest, which is neither empty nor begins with a blank.
-    fn read_token(&mut self) -> Result<ScriptToken, Unclosed> {
+    fn read_token(&mut self) -> Result<ScriptToken, UnclosedText> {
         let text = self.rest;
         let word_length = text.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(text.len());
         let first = text.chars().next().unwrap_or_default();
@@ -193,7 +201,7 @@ impl TokenScanner<'_> {
     }
 
     /// Reads a string whose prefix, as the f of `f'...'`, has `prefix` bytes.
-    fn read_string(&mut self, prefix: usize) -> Result<ScriptToken, Unclosed> {
+    fn read_string(&mut self, prefix: usize) -> Result<ScriptToken, UnclosedText> {
         let (line, text) = (self.line, self.rest);
         let quote = &text[prefix..=prefix];
         let triple = quote.repeat(3);
@@ -212,7 +220,7 @@ impl TokenScanner<'_> {
             }
             escaped = c == '\\' && !escaped;
         }
-        Err(Unclosed { line, kind: UnclosedKind::String })
+        Err(UnclosedText { line, kind: UnclosedKind::String })
     }
 }
 
@@ -258,9 +266,9 @@ mod tests {
 
     #[test]
     fn lines_that_do_not_end() {
-        assert_eq!(logical_lines("a = 1\nf(2,\n3"), Err(Unclosed { line: 2, kind: UnclosedKind::Bracket }));
-        assert_eq!(logical_lines("a = 'b\nc'"), Err(Unclosed { line: 1, kind: UnclosedKind::String }));
-        assert_eq!(logical_lines("'''a\n"), Err(Unclosed { line: 1, kind: UnclosedKind::String }));
+        assert_eq!(logical_lines("a = 1\nf(2,\n3"), Err(UnclosedText { line: 2, kind: UnclosedKind::Bracket }));
+        assert_eq!(logical_lines("a = 'b\nc'"), Err(UnclosedText { line: 1, kind: UnclosedKind::String }));
+        assert_eq!(logical_lines("'''a\n"), Err(UnclosedText { line: 1, kind: UnclosedKind::String }));
         // Bytes of no meaning are symbols.
         for text in ["$", "é$\u{1}", ")", "\\", "1e", ".", "'", "\u{feff}a"] {
             let _ = logical_lines(text);

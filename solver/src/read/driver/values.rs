@@ -126,8 +126,32 @@ impl ScriptValue {
     }
 }
 
+/// Value that is not known: the part of the expression that is not, or the reason, in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UnknownValue(pub String);
+
+impl std::fmt::Display for UnknownValue {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for UnknownValue {}
+
+impl From<String> for UnknownValue {
+    fn from(words: String) -> UnknownValue {
+        UnknownValue(words)
+    }
+}
+
+impl From<&str> for UnknownValue {
+    fn from(words: &str) -> UnknownValue {
+        UnknownValue(words.to_string())
+    }
+}
+
 /// Value, or the part of the expression that is not known.
-pub type Evaluation = Result<ScriptValue, String>;
+pub type Evaluation = Result<ScriptValue, UnknownValue>;
 
 /// Values of the variables, by their names; values of attributes by names as `self.dt`.
 pub type Variables = BTreeMap<String, Evaluation>;
@@ -141,7 +165,7 @@ pub fn evaluate(tokens: &[Lexeme], variables: &Variables) -> Evaluation {
     let value = parser.tuple()?;
     match parser.peek() {
         None => Ok(value),
-        Some(token) => Err(format!("'{}'", token.source())),
+        Some(token) => Err(format!("'{}'", token.source()).into()),
     }
 }
 
@@ -280,7 +304,7 @@ impl ExpressionParser<'_> {
             (">=", Some(a), Some(b)) => a >= b,
             ("==" | "!=" | "is", Some(a), Some(b)) => (a == b) != negated,
             ("==" | "!=" | "is", _, _) => (left == right) != negated,
-            _ => return Err(format!("'{operator}'")),
+            _ => return Err(format!("'{operator}'").into()),
         };
         Ok(ScriptValue::Bool(holds))
     }
@@ -355,7 +379,7 @@ impl ExpressionParser<'_> {
                     split_at(&self.tokens[self.next..after_bracket(self.tokens, self.next - 1) - 1], ",").len() < 2;
                 let value = self.read_nested(Self::tuple)?;
                 if !self.accept(close) {
-                    return Err(self.peek().map_or("a bracket".into(), |token| format!("'{}'", token.source())));
+                    return Err(self.peek().map_or("a bracket".into(), |token| format!("'{}'", token.source()).into()));
                 }
                 let is_list = matches!(value, ScriptValue::List(_));
                 Ok(if symbol == "[" && is_single && !is_list { ScriptValue::list(vec![value]) } else { value })
@@ -376,15 +400,17 @@ impl ExpressionParser<'_> {
                 }
                 Ok(ScriptValue::map(map))
             }
-            other => Err(format!("'{}'", other.source())),
+            other => Err(format!("'{}'", other.source()).into()),
         }
     }
 
     /// Item of `value` in the brackets `[...]` that follow it, if there are any; `name` is for messages.
     fn items(&mut self, name: &str, mut value: ScriptValue) -> Evaluation {
-        let known_value = |value: ScriptValue| match value.is_forgotten() {
-            true => Err(format!("{name}, which changes in part")),
-            false => Ok(value),
+        let known_value = |value: ScriptValue| -> Evaluation {
+            match value.is_forgotten() {
+                true => Err(format!("{name}, which changes in part").into()),
+                false => Ok(value),
+            }
         };
         value = known_value(value)?;
         while self.accept("[") {
@@ -417,7 +443,7 @@ impl ExpressionParser<'_> {
                     ExpressionParser { tokens: part, next: 0, variables: self.variables, depth: self.depth };
                 let value = inner.read_nested(ExpressionParser::choice);
                 self.depth -= 1;
-                if inner.next < part.len() { value.and(Err(format!("the call of {name}"))) } else { value }
+                if inner.next < part.len() { value.and(Err(format!("the call of {name}").into())) } else { value }
             };
             // Settings of a progress bar, or the first number of `enumerate`.
             let is_setting = |part: &&[Lexeme]| part.get(1).is_some_and(|lexeme| lexeme.token.is("="));
@@ -428,7 +454,7 @@ impl ExpressionParser<'_> {
                     [key, equal, value @ ..] if equal.token.is("=") => {
                         Ok((key.token.name().to_string(), argument(value)?))
                     }
-                    _ => Err("the call of dict".to_string()),
+                    _ => Err("the call of dict".into()),
                 };
                 return parts.map(pair).collect::<Result<_, _>>().map(ScriptValue::map);
             }
@@ -436,25 +462,25 @@ impl ExpressionParser<'_> {
             // A name with another value is no function that is known.
             let is_redefined = name.split('.').next().is_some_and(|root| self.variables.contains_key(root));
             let value = call_function(&name, &arguments).filter(|_| !is_redefined);
-            return value.unwrap_or_else(|| Err(format!("the call of {name}")));
+            return value.unwrap_or_else(|| Err(format!("the call of {name}").into()));
         }
         self.next = end;
         let known = self.variables.get(&name);
         if self.peek().is_some_and(|token| token.is("[")) && !matches!(known, Some(Ok(_))) {
-            return Err(format!("{name}[...]"));
+            return Err(format!("{name}[...]").into());
         }
         match (known, name.as_str()) {
             (Some(Ok(value)), _) => {
                 let value = value.clone();
                 self.items(&name, value)
             }
-            (Some(Err(why)), _) if why.is_empty() => Err(name),
-            (Some(Err(why)), _) => Err(format!("{name}, {why}")),
+            (Some(Err(why)), _) if why.0.is_empty() => Err(name.into()),
+            (Some(Err(why)), _) => Err(format!("{name}, {why}").into()),
             (None, "True" | "False") => Ok(ScriptValue::Bool(name == "True")),
             (None, "None") => Ok(ScriptValue::None),
             (None, "__name__") => Ok(ScriptValue::Text("__main__".into())),
             (None, "pi" | "math.pi" | "np.pi" | "numpy.pi") => Ok(ScriptValue::Real(std::f64::consts::PI)),
-            (None, _) => Err(name),
+            (None, _) => Err(name.into()),
         }
     }
 }
@@ -467,12 +493,12 @@ fn parse_number(text: &str) -> Evaluation {
         _ => digits.parse().ok(),
     };
     let real = || digits.parse::<f64>().ok().filter(|x| x.is_finite() && digits.starts_with(|c: char| c != 'i'));
-    integer.map(ScriptValue::Int).or_else(|| real().map(ScriptValue::Real)).ok_or_else(|| format!("'{text}'"))
+    integer.map(ScriptValue::Int).or_else(|| real().map(ScriptValue::Real)).ok_or_else(|| format!("'{text}'").into())
 }
 
 /// Result of an arithmetic operator, as in Python 3.
 fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Evaluation {
-    let unknown_result = || Err(format!("the result of '{operator}'"));
+    let unknown_result = || Err(format!("the result of '{operator}'").into());
     if let (ScriptValue::Int(a), ScriptValue::Int(b)) = (&left, &right) {
         let (a, b) = (*a, *b);
         let integer = match operator {
@@ -611,11 +637,8 @@ mod tests {
     use super::*;
 
     fn value(text: &str) -> Evaluation {
-        let variables = [
-            ("t", Ok(ScriptValue::Real(2.0))),
-            ("n", Ok(ScriptValue::Int(4))),
-            ("u", Err("set in line 3".to_string())),
-        ];
+        let variables =
+            [("t", Ok(ScriptValue::Real(2.0))), ("n", Ok(ScriptValue::Int(4))), ("u", Err("set in line 3".into()))];
         let variables = variables.into_iter().map(|(name, value)| (name.to_string(), value)).collect();
         let lines = logical_lines(text).unwrap();
         evaluate(&lines[0].tokens, &variables)
@@ -667,7 +690,7 @@ mod tests {
 
     #[test]
     fn the_part_without_a_value_is_named() {
-        let why = |text: &str| value(text).unwrap_err();
+        let why = |text: &str| value(text).unwrap_err().0;
         assert_eq!(why("1.0 / dt"), "dt");
         assert_eq!(why("u + 1"), "u, set in line 3");
         assert_eq!(why("len(sys.argv)"), "sys.argv");

@@ -462,7 +462,7 @@ impl<'a> ScriptWalker<'a> {
                 match iterable {
                     Some(Ok(ScriptValue::Range(count))) => LoopEnd::Count(count),
                     Some(Ok(ScriptValue::List(list))) => LoopEnd::Count(list.len() as u64),
-                    Some(Err(why)) => unknown_end(why),
+                    Some(Err(why)) => unknown_end(why.0),
                     _ => unknown_end("no range".into()),
                 }
             }
@@ -780,7 +780,7 @@ impl<'a> ScriptWalker<'a> {
 
     /// Makes a variable unknown, and the list or dictionary that it is by its other names too.
     fn make_unknown(&mut self, name: &str, why: &str) {
-        if let Some(Ok(before)) = self.variables.insert(name.to_string(), Err(why.to_string())) {
+        if let Some(Ok(before)) = self.variables.insert(name.to_string(), Err(why.into())) {
             before.forget();
         }
     }
@@ -809,9 +809,9 @@ impl<'a> ScriptWalker<'a> {
         }
         let value = match (value, self.condition) {
             _ if self.globals.contains(name) => Err("which a function sets as a global variable".into()),
-            (_, Some(condition)) => Err(format!("which depends on the condition in line {condition}")),
+            (_, Some(condition)) => Err(format!("which depends on the condition in line {condition}").into()),
             (Ok(value), None) => Ok(value),
-            (Err(why), None) => Err(format!("set in line {line} from {why}")),
+            (Err(why), None) => Err(format!("set in line {line} from {why}").into()),
         };
         self.variables.insert(name.to_string(), value);
     }
@@ -946,7 +946,7 @@ impl<'a> ScriptWalker<'a> {
     /// Function or class of the script that a name means, if it means one.
     fn definition(&self, name: &str) -> Option<&'a ScriptStatement> {
         let is_definition =
-            self.variables.get(name).is_some_and(|value| value.as_ref().is_err_and(|why| why == DEFINITION_VALUE));
+            self.variables.get(name).is_some_and(|value| value.as_ref().is_err_and(|why| why.0 == DEFINITION_VALUE));
         self.functions.get(name).or_else(|| self.classes.get(name)).copied().filter(|_| is_definition)
     }
 
@@ -1289,7 +1289,7 @@ mod tests {
         let text = "from pylmgc90.chipy import *\nfine = False\nif fine:\n  dt = 1e-4\nelif 2 > 1: dt = 1e-3\nelse:\n  dt = 1\nSetTimeStep(dt)\n";
         assert_eq!(calls(text), [("SetTimeStep".to_string(), 8, real(1e-3), None, vec![])]);
         let text = "from pylmgc90 import chipy as lm\nimport sys\ndt = 1e-3\nif len(sys.argv) > 1:\n  dt = 1e-4\n  lm.F(2.)\nelse:\n  lm.G(3.)\nlm.SetTimeStep(dt)\nlmgc.H(dt)\n";
-        let why = "dt, which depends on the condition in line 4".to_string();
+        let why = "dt, which depends on the condition in line 4".into();
         let expected = [
             ("F".to_string(), 6, real(2.0), Some(4), vec![]),
             ("G".to_string(), 8, real(3.0), Some(7), vec![]),

@@ -12,7 +12,7 @@
 //! | [`packed`] | interface, columns, units and sums of all layouts |
 //! | `vector` | vectors of three components in lanes |
 //! | [`diagonal`] | spheres and plates: the own block of a contact is diagonal |
-//! | [`block`] | bodies of any shape: it is full |
+//! | [`block`] | bodies of any shape: the own block of a contact is full |
 //! | `rolling` | contacts with rolling and spinning friction |
 //! | [`row_division`] | division of the rows among ranks that each have a part of them |
 

@@ -29,6 +29,16 @@ const MAX_REACHED_BLOCKS: u32 = 8;
 /// their vectors empty and wait for each other more than they work.
 const MIN_TASK_CONSTRAINTS: usize = 64;
 
+/// Position of a moving body along the curve, its index in [`BodyPartition::bodies`]; [`NO_INDEX`] for a body that does not
+/// move.
+pub type CurveIndex = u32;
+
+/// Number of a block of bodies; [`NO_INDEX`] for a body that does not move.
+pub type BlockNumber = u32;
+
+/// Index of a constraint among those of a sweep.
+pub type ConstraintIndex = u32;
+
 /// Moving bodies of some rows in spatial order, divided into blocks of almost equal size. The number of blocks is a power of
 /// two.
 #[derive(Debug, Clone)]
@@ -36,18 +46,18 @@ pub struct BodyPartition {
     /// Moving bodies; the index of a body here is its curve index.
     pub bodies: Vec<BodyId>,
     /// Curve indices of the bodies of each row, [`NO_INDEX`] for a body that does not move.
-    pub pairs: Vec<[u32; 2]>,
+    pub pairs: Vec<[CurveIndex; 2]>,
     /// First curve index of each block, and the number of bodies.
-    cuts: Vec<u32>,
+    cuts: Vec<CurveIndex>,
     /// Block of each curve index.
-    blocks: Vec<u32>,
+    blocks: Vec<BlockNumber>,
 }
 
 /// Constraints of a sweep by task.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SweepTasks {
     /// Indices of the constraints inside each block, ascending.
-    pub blocks: Vec<Vec<u32>>,
+    pub blocks: Vec<Vec<ConstraintIndex>>,
     /// Constraints between blocks, colour by colour.
     pub borders: Vec<BorderTask>,
     /// End of each colour in `borders`. The tasks of a colour share no block.
@@ -58,24 +68,24 @@ pub struct SweepTasks {
 #[derive(Debug, Clone, PartialEq)]
 pub struct BorderTask {
     /// Indices of the constraints, border by border.
-    pub constraints: Vec<u32>,
+    pub constraints: Vec<ConstraintIndex>,
     /// Curve indices of their bodies, ascending.
-    pub curve_indices: Vec<u32>,
+    pub curve_indices: Vec<CurveIndex>,
 }
 
 /// Moving bodies of a group of constraints, which index them.
 #[derive(Debug, Clone)]
 pub enum GroupBodies<'a> {
     /// Curve indices of a block.
-    Block(Range<u32>),
+    Block(Range<CurveIndex>),
     /// Curve indices of a [`BorderTask`].
-    Border(&'a [u32]),
+    Border(&'a [CurveIndex]),
 }
 
 /// The constraints between two blocks.
 struct BlockBorder {
-    blocks: [u32; 2],
-    constraints: Vec<u32>,
+    blocks: [BlockNumber; 2],
+    constraints: Vec<ConstraintIndex>,
 }
 
 impl BodyPartition {
@@ -120,7 +130,7 @@ impl BodyPartition {
     }
 
     /// Curve indices of the bodies in a block.
-    pub fn curve_range(&self, block: usize) -> Range<u32> {
+    pub fn curve_range(&self, block: usize) -> Range<CurveIndex> {
         self.cuts[block]..self.cuts[block + 1]
     }
 
@@ -130,7 +140,7 @@ impl BodyPartition {
     }
 
     /// Block of the body with this curve index, and its index in the block.
-    pub fn position(&self, curve_index: u32) -> (u32, u32) {
+    pub fn position(&self, curve_index: CurveIndex) -> (BlockNumber, u32) {
         let block = self.blocks[curve_index as usize];
         (block, curve_index - self.cuts[block as usize])
     }
@@ -147,13 +157,14 @@ impl BodyPartition {
 
     /// Returns the tasks over which constraints are distributed; `pairs`: curve indices of the bodies of each. Constraints of
     /// two bodies that do not move are left out: they have no solution to find.
-    pub fn sweep_tasks(&self, pairs: &[[u32; 2]]) -> SweepTasks {
+    pub fn sweep_tasks(&self, pairs: &[[CurveIndex; 2]]) -> SweepTasks {
         let count = self.block_count();
         let blocks = self.block_pairs(pairs);
         let reached = self.reached_blocks(pairs, &blocks);
-        let is_large = |&curve_index: &u32| reaches_many_blocks(reached[curve_index as usize].load(Ordering::Relaxed));
+        let is_large =
+            |&curve_index: &CurveIndex| reaches_many_blocks(reached[curve_index as usize].load(Ordering::Relaxed));
         // Constraints inside a block, then constraints of its borders with later blocks, then constraints that are swept last.
-        let group = |(pair, &[a, b]): (&[u32; 2], &[u32; 2])| match a.min(b) {
+        let group = |(pair, &[a, b]): (&[CurveIndex; 2], &[BlockNumber; 2])| match a.min(b) {
             NO_INDEX => 2 * count as u32 + 1,
             block if a == b => block,
             _ if pair.iter().any(is_large) => 2 * count as u32,
@@ -166,7 +177,7 @@ impl BodyPartition {
             let mut later = members(count + block).to_vec();
             let key = |&k: &u32| blocks[k as usize].into_iter().max();
             later.sort_by_key(key);
-            let border = |constraints: &[u32]| {
+            let border = |constraints: &[ConstraintIndex]| {
                 let [a, b] = blocks[constraints[0] as usize];
                 BlockBorder { blocks: [a.min(b), a.max(b)], constraints: constraints.to_vec() }
             };
@@ -184,7 +195,7 @@ impl BodyPartition {
             let borders = borders_of_task.iter().map(|&border| &borders[border as usize].constraints[..]);
             borders.chain((task + 1 == task_count).then_some(large)).collect::<Vec<_>>().concat()
         };
-        let constraints: Vec<Vec<u32>> = tasks.into_iter().enumerate().map(constraints_of).collect();
+        let constraints: Vec<Vec<ConstraintIndex>> = tasks.into_iter().enumerate().map(constraints_of).collect();
         SweepTasks {
             blocks: (0..count).into_par_iter().map(|block| members(block).to_vec()).collect(),
             borders: constraints.into_par_iter().map(|constraints| BorderTask::new(constraints, pairs)).collect(),
@@ -193,9 +204,9 @@ impl BodyPartition {
     }
 
     /// Blocks of the bodies of each pair of curve indices; a body that does not move is in the block of the other.
-    pub(super) fn block_pairs(&self, pairs: &[[u32; 2]]) -> Vec<[u32; 2]> {
-        let block_of = |curve_index: u32| self.blocks.get(curve_index as usize).map_or(NO_INDEX, |&block| block);
-        let blocks_of = |&[a, b]: &[u32; 2]| {
+    pub(super) fn block_pairs(&self, pairs: &[[CurveIndex; 2]]) -> Vec<[BlockNumber; 2]> {
+        let block_of = |curve_index: CurveIndex| self.blocks.get(curve_index as usize).map_or(NO_INDEX, |&block| block);
+        let blocks_of = |&[a, b]: &[CurveIndex; 2]| {
             [a, b].map(|curve_index| block_of(if curve_index == NO_INDEX { a.min(b) } else { curve_index }))
         };
         pairs.par_iter().with_min_len(PAR_MIN_LEN).map(blocks_of).collect()
@@ -203,7 +214,7 @@ impl BodyPartition {
 
     /// Blocks, by bits for their number modulo 64, that each body reaches by the pairs with these `blocks`; empty for one
     /// block.
-    pub(super) fn reached_blocks(&self, pairs: &[[u32; 2]], blocks: &[[u32; 2]]) -> Vec<AtomicU64> {
+    pub(super) fn reached_blocks(&self, pairs: &[[CurveIndex; 2]], blocks: &[[BlockNumber; 2]]) -> Vec<AtomicU64> {
         let moving = 0..if self.block_count() > 1 { self.bodies.len() } else { 0 };
         let reached: Vec<AtomicU64> = moving.map(|_| AtomicU64::new(0)).collect();
         pairs.par_iter().zip(blocks).with_min_len(PAR_MIN_LEN).filter(|(_, [a, b])| a != b).for_each(
@@ -298,7 +309,7 @@ impl GroupBodies<'_> {
     }
 
     /// Index in the group of its body with this curve index; [`NO_INDEX`] for a body that does not move.
-    pub fn index_of(&self, curve_index: u32) -> u32 {
+    pub fn index_of(&self, curve_index: CurveIndex) -> u32 {
         match self {
             _ if curve_index == NO_INDEX => NO_INDEX,
             GroupBodies::Block(curve_indices) => curve_index - curve_indices.start,
@@ -310,8 +321,8 @@ impl GroupBodies<'_> {
 }
 
 impl BorderTask {
-    pub(super) fn new(constraints: Vec<u32>, pairs: &[[u32; 2]]) -> Self {
-        let mut curve_indices: Vec<u32> = constraints.iter().flat_map(|&k| pairs[k as usize]).collect();
+    pub(super) fn new(constraints: Vec<ConstraintIndex>, pairs: &[[CurveIndex; 2]]) -> Self {
+        let mut curve_indices: Vec<CurveIndex> = constraints.iter().flat_map(|&k| pairs[k as usize]).collect();
         curve_indices.sort_unstable();
         curve_indices.dedup();
         BorderTask { constraints, curve_indices }

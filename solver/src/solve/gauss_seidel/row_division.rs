@@ -23,7 +23,8 @@ use crate::ranks::{all_gather_counted, as_bytes, communicator, from_bytes};
 use crate::scene::BodyId;
 use crate::solve::gauss_seidel::packed::NO_INDEX;
 use crate::solve::gauss_seidel::partition::{
-    BodyPartition, BorderPlan, BorderSize, BorderTask, SweepTasks, reaches_many_blocks, set_curve_indices,
+    BlockNumber, BodyPartition, BorderPlan, BorderSize, BorderTask, ConstraintIndex, CurveIndex, SweepTasks,
+    reaches_many_blocks, set_curve_indices,
 };
 use crate::solve::gauss_seidel::shares::{SweepShare, block_owners, cut_by_work};
 use crate::state::ContactId;
@@ -60,11 +61,11 @@ enum RowTask {
     /// No body of the row moves: the row is evaluated but not swept.
     Fixed,
     /// Inside this block.
-    Inside(u32),
+    Inside(BlockNumber),
     /// Between these blocks, in order.
-    Border([u32; 2]),
+    Border([BlockNumber; 2]),
     /// Between these blocks, with a large body, which reaches many blocks: swept in the last task.
-    Large([u32; 2]),
+    Large([BlockNumber; 2]),
 }
 
 impl RowTask {
@@ -95,7 +96,7 @@ struct TaskRanks {
     /// Rank of each block.
     owners: Vec<u32>,
     /// Index of the task of each border.
-    task_of_border: BTreeMap<[u32; 2], usize>,
+    task_of_border: BTreeMap<[BlockNumber; 2], usize>,
     /// Ranks that sweep each border task, ascending.
     participants: Vec<Vec<u32>>,
 }
@@ -257,7 +258,7 @@ fn common_partition(problem: &ContactProblem, active: &[ContactId], min_bodies: 
 
 /// Returns a function that returns the task of a row, from the curve indices of its bodies and their blocks. Gathers the
 /// blocks that the bodies reach by the rows of all ranks.
-fn row_classifier(partition: &BodyPartition) -> impl Fn(&[u32; 2], [u32; 2]) -> RowTask + use<> {
+fn row_classifier(partition: &BodyPartition) -> impl Fn(&[CurveIndex; 2], [BlockNumber; 2]) -> RowTask + use<> {
     let blocks = partition.block_pairs(&partition.pairs);
     let own_reached = partition.reached_blocks(&partition.pairs, &blocks);
     let mut reached: Vec<u64> = own_reached.into_iter().map(|blocks| blocks.load(Ordering::Relaxed)).collect();
@@ -266,7 +267,7 @@ fn row_classifier(partition: &BodyPartition) -> impl Fn(&[u32; 2], [u32; 2]) -> 
     for [body, blocks] in all_gather_lists(&at_borders).into_iter().flatten() {
         reached[body as usize] |= blocks;
     }
-    move |curve_indices: &[u32; 2], [a, b]: [u32; 2]| match a.min(b) {
+    move |curve_indices: &[CurveIndex; 2], [a, b]: [BlockNumber; 2]| match a.min(b) {
         NO_INDEX => RowTask::Fixed,
         block if a == b => RowTask::Inside(block),
         _ if curve_indices.iter().any(|&body| reaches_many_blocks(reached[body as usize])) => {
@@ -342,7 +343,7 @@ fn sweep_tasks(
 ) -> SweepTasks {
     let pairs: Vec<[u32; 2]> = order.iter().map(|&row| partition.pairs[row as usize]).collect();
     let mut blocks = vec![Vec::new(); partition.block_count()];
-    let (mut border_constraints, mut large) = (BTreeMap::<[u32; 2], Vec<u32>>::new(), Vec::new());
+    let (mut border_constraints, mut large) = (BTreeMap::<[BlockNumber; 2], Vec<ConstraintIndex>>::new(), Vec::new());
     for (constraint, &row) in (0..).zip(order) {
         match swept_tasks[row as usize] {
             RowTask::Fixed => {}
@@ -357,7 +358,8 @@ fn sweep_tasks(
             return BorderTask { constraints: Vec::new(), curve_indices: Vec::new() };
         }
         let constraints_of = |&border: &u32| border_constraints.get(&borders[border as usize].blocks);
-        let mut constraints: Vec<u32> = borders_of_task.iter().filter_map(constraints_of).flatten().copied().collect();
+        let mut constraints: Vec<ConstraintIndex> =
+            borders_of_task.iter().filter_map(constraints_of).flatten().copied().collect();
         if task + 1 == task_count {
             constraints.extend_from_slice(&large);
         }

@@ -3,7 +3,7 @@
 use super::problem::MatrixProblem;
 use super::types::LocalVector;
 
-/// |F| / (rho |q|) of the impulses `r`, with rho = 3N / trace W, the natural map
+/// Residual |F| / (rho |q|) of the impulses `r`, with rho = 3N / trace W, of the natural map
 ///
 /// ```text
 /// F = r - P_K( r - rho (u + mu |u_T| n) ),   u = W r + q,
@@ -55,6 +55,6 @@ fn project_to_cone([n, t1, t2]: LocalVector, mu: f64) -> LocalVector {
         return [0.0; 3];
     }
     let normal = (n + mu * t) / (1.0 + mu * mu);
-    let rho_q = mu * normal / t;
-    [normal, rho_q * t1, rho_q * t2]
+    let tangent_factor = mu * normal / t;
+    [normal, tangent_factor * t1, tangent_factor * t2]
 }
