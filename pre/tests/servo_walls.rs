@@ -1,5 +1,6 @@
 //! Servos of walls: their rows in DRV_DOF.DAT, ends of drums, and what is rejected.
 
+#[allow(dead_code, reason = "other tests use the rest")]
 mod good;
 
 use cd_formats::bodies::{Bodies, ShapeRecord};
