@@ -527,6 +527,45 @@ fn is_polyhedron(shape: &ContactorShape) -> bool {
 }
 
 impl Scene {
+    /// Motion (world frame) of a driven body at the time `time` (s), of bodies at `x` (m) with the orientations `q`: with a
+    /// servo, so that the body is on its path after the time `h`, s. Components that are not imposed are those of `pushed`.
+    pub fn imposed_motion(
+        &self,
+        drive: &ImposedVelocity,
+        time: f64,
+        x: &[Vec3],
+        q: &[Quat],
+        h: f64,
+        pushed: &Twist,
+    ) -> Twist {
+        let i = drive.body.index();
+        let mut motion = drive.motion_of_components(time, &q[i], pushed);
+        if let Some(pivot) = &drive.pivot {
+            motion.v = pivot.centre_velocity(&x[i], &q[i], &motion.w, h);
+        }
+        if let Some(strain) = &drive.strain {
+            let opposite = strain.opposite.index();
+            let row = self.drives.binary_search_by_key(&strain.opposite, |drive| drive.body);
+            let imposed = row.ok().and_then(|row| self.drives[row].velocity[strain.component].as_ref());
+            let opposite_velocity = imposed.map_or(0.0, |value| value.value_at(time));
+            motion.v[strain.component] = opposite_velocity + strain.relative_velocity(time, &x[i], &x[opposite], h);
+        }
+        motion
+    }
+
+    /// Motions of the surfaces of walls at a time (s), with the orientations `q`, by body; empty if no surface moves.
+    pub fn surface_motions(&self, time: f64, q: &[Quat]) -> Vec<SurfaceMotion> {
+        let motion = |drive: &ImposedVelocity| {
+            let surface = drive.surface.as_ref()?;
+            let value = |k: usize| surface[k].as_ref().map_or(0.0, |value| value.value_at(time));
+            let [v, w] = [0, 3].map(|first| Vec3::from_fn(|k, _| value(first + k)));
+            Some(SurfaceMotion { body: drive.body, v, w: q[drive.body.index()] * w })
+        };
+        self.drives.iter().filter_map(motion).collect()
+    }
+}
+
+impl Scene {
     /// Whether a command of POSTPRO.DAT needs the solver's criteria.
     pub fn has_solver_file(&self) -> bool {
         self.postpro.iter().any(|command| command.kind == PostproKind::SolverInformations)

@@ -2,8 +2,8 @@
 //! about a point, and velocities of their surfaces.
 
 use cd_formats::drv_dof::Evolution;
+use cd_formats::ids::BodyId;
 
-use super::{BodyId, Scene};
 use crate::math::{Quat, Twist, Vec3, rotate_by_vector};
 
 /// Imposed velocity of a body: components along the fixed axes, then about the body's axes; `None` for components without
@@ -82,7 +82,7 @@ impl ImposedVelocity {
 
     /// Motion (world frame) at a time (s) of the body with the orientation `q`, without its servos. Components that are not
     /// imposed are those of `pushed`.
-    fn motion_of_components(&self, time: f64, q: &Quat, pushed: &Twist) -> Twist {
+    pub(super) fn motion_of_components(&self, time: f64, q: &Quat, pushed: &Twist) -> Twist {
         let imposed_component =
             |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.value_at(time));
         let v = Vec3::from_fn(|k, _| imposed_component(k, pushed.v[k]));
@@ -99,7 +99,7 @@ impl StrainDrive {
     /// factor exp(rate h) in the time `h`, s; for h = 0 rate times distance. m/s
     ///
     /// At the rate -0.5 1/s and h = 1 s a distance of 2 m becomes 1.213 m, with a velocity of 0.787 m/s.
-    fn relative_velocity(&self, time: f64, x: &Vec3, opposite_x: &Vec3, h: f64) -> f64 {
+    pub(super) fn relative_velocity(&self, time: f64, x: &Vec3, opposite_x: &Vec3, h: f64) -> f64 {
         let distance = x[self.component] - opposite_x[self.component] - self.closed_distance;
         let rate = self.rate.value_at(time);
         distance * if h > 0.0 { libm::expm1(rate * h) / h } else { rate }
@@ -109,7 +109,7 @@ impl StrainDrive {
 impl WallPivot {
     /// Velocity of the centre `x` (m) of a body with the orientation `q` and the angular velocity `w` (rad/s, world frame) that
     /// takes it in the time `h` (s) to its position on the circle about the point; for h = 0 the tangent. m/s
-    fn centre_velocity(&self, x: &Vec3, q: &Quat, w: &Vec3, h: f64) -> Vec3 {
+    pub(super) fn centre_velocity(&self, x: &Vec3, q: &Quat, w: &Vec3, h: f64) -> Vec3 {
         if h == 0.0 {
             return w.cross(&(x - self.point));
         }
@@ -122,45 +122,6 @@ impl SurfaceMotion {
     pub fn tangential_velocity(&self, arm: &Vec3, n: &Vec3) -> Vec3 {
         let v = self.v + self.w.cross(arm);
         v - n * n.dot(&v)
-    }
-}
-
-impl Scene {
-    /// Motion (world frame) of a driven body at the time `time` (s), of bodies at `x` (m) with the orientations `q`: with a
-    /// servo, so that the body is on its path after the time `h`, s. Components that are not imposed are those of `pushed`.
-    pub fn imposed_motion(
-        &self,
-        drive: &ImposedVelocity,
-        time: f64,
-        x: &[Vec3],
-        q: &[Quat],
-        h: f64,
-        pushed: &Twist,
-    ) -> Twist {
-        let i = drive.body.index();
-        let mut motion = drive.motion_of_components(time, &q[i], pushed);
-        if let Some(pivot) = &drive.pivot {
-            motion.v = pivot.centre_velocity(&x[i], &q[i], &motion.w, h);
-        }
-        if let Some(strain) = &drive.strain {
-            let opposite = strain.opposite.index();
-            let row = self.drives.binary_search_by_key(&strain.opposite, |drive| drive.body);
-            let imposed = row.ok().and_then(|row| self.drives[row].velocity[strain.component].as_ref());
-            let opposite_velocity = imposed.map_or(0.0, |value| value.value_at(time));
-            motion.v[strain.component] = opposite_velocity + strain.relative_velocity(time, &x[i], &x[opposite], h);
-        }
-        motion
-    }
-
-    /// Motions of the surfaces of walls at a time (s), with the orientations `q`, by body; empty if no surface moves.
-    pub fn surface_motions(&self, time: f64, q: &[Quat]) -> Vec<SurfaceMotion> {
-        let motion = |drive: &ImposedVelocity| {
-            let surface = drive.surface.as_ref()?;
-            let value = |k: usize| surface[k].as_ref().map_or(0.0, |value| value.value_at(time));
-            let [v, w] = [0, 3].map(|first| Vec3::from_fn(|k, _| value(first + k)));
-            Some(SurfaceMotion { body: drive.body, v, w: q[drive.body.index()] * w })
-        };
-        self.drives.iter().filter_map(motion).collect()
     }
 }
 
@@ -297,7 +258,7 @@ mod tests {
         };
         let distance = extent([0.0, 1.5, 0.5], Vec3::x()).unwrap();
         assert!((distance - 2.75).abs() < 1e-15);
-        // Beside the plate, away from it, along it.
+        // Next to the plate, away from it, along it.
         assert_eq!(extent([0.0, 0.0, 1.5], Vec3::x()), None);
         assert_eq!(extent([0.0, 0.0, 0.0], -Vec3::x()), None);
         assert_eq!(extent([3.0, 0.0, -5.0], Vec3::z()), None);
