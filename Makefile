@@ -50,7 +50,7 @@ STUDY = $(MAKE) --no-print-directory -C examples/$*
 study-of-accretion study-of-accretion-polyhedra study-of-regolith: study-of-%:
 	+$(STUDY) study
 study-of-triaxial: study-of-%:
-	+$(STUDY) CASES=mu0.4
+	+$(STUDY) CASES="mu0.4-s7 mu0.4-s8 mu0.4-s9"
 study-of-shape-model: study-of-%:
 	+$(STUDY)
 study-of-spin-up: study-of-%:

@@ -1,4 +1,4 @@
-//! `DATBOX/DRV_DOF.DAT`: velocities and forces that are imposed on bodies, as functions of time.
+//! `DATBOX/DRV_DOF.DAT`: velocities, forces and servos that are imposed on bodies, as functions of time.
 
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -34,6 +34,54 @@ pub enum DrivenKind {
     Velocity,
     /// `force`: N or N m.
     Force,
+    /// `press`: pressure on the current area of a wall, Pa, > 0 along the positive axis.
+    Pressure,
+    /// `strai`: rate d ln D/dt of the distance D of a plate from the plate opposite to it, 1/s.
+    StrainRate,
+    /// `surfv`: velocity of the surface of a wall beyond that of the wall, m/s or rad/s.
+    SurfaceVelocity,
+    /// `pivot`: coordinate of the point about which a wall turns, m; constant.
+    Pivot,
+}
+
+impl DrivenKind {
+    /// Kinds with their words in columns 2 to 6. LMGC90 knows the first two.
+    pub const WORDS: [(&'static str, DrivenKind); 6] = [
+        ("vlocy", DrivenKind::Velocity),
+        ("force", DrivenKind::Force),
+        ("press", DrivenKind::Pressure),
+        ("strai", DrivenKind::StrainRate),
+        ("surfv", DrivenKind::SurfaceVelocity),
+        ("pivot", DrivenKind::Pivot),
+    ];
+
+    /// Word in columns 2 to 6.
+    pub fn word(self) -> &'static str {
+        let row = DrivenKind::WORDS.iter().find(|(_, kind)| *kind == self);
+        row.map_or("", |(word, _)| word)
+    }
+
+    /// Whether the component of the velocity is imposed.
+    pub fn imposes_velocity(self) -> bool {
+        matches!(self, DrivenKind::Velocity | DrivenKind::StrainRate)
+    }
+
+    /// Number of the component after the last one of the kind, from 0.
+    fn component_count(self) -> u64 {
+        match self {
+            DrivenKind::Velocity | DrivenKind::Force | DrivenKind::SurfaceVelocity => 6,
+            DrivenKind::Pressure | DrivenKind::StrainRate | DrivenKind::Pivot => 3,
+        }
+    }
+
+    /// Number of the kinds of which a component can have one only: motions and loads, surface velocities, pivots.
+    fn exclusive_group(self) -> u8 {
+        match self {
+            DrivenKind::SurfaceVelocity => 1,
+            DrivenKind::Pivot => 2,
+            _ => 0,
+        }
+    }
 }
 
 /// Function of time.
@@ -193,11 +241,7 @@ impl DrvDof {
             let number = if number > 99_999 { format_integer(number, 9) } else { format_integer(number, 7) };
             let _ = write!(out, "$bdyty\n RBDY3{number}\n$nodty\n NO6xx      1\n{TITLES}");
             for DrivenComponent { component, kind, evolution, .. } in driven {
-                let word = match kind {
-                    DrivenKind::Velocity => "vlocy",
-                    DrivenKind::Force => "force",
-                };
-                let _ = write!(out, " {word}  {:5}", component + 1);
+                let _ = write!(out, " {}  {:5}", kind.word(), component + 1);
                 match evolution {
                     &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
                         let values = [constant, amplitude, omega, phase, ramp_start, ramp_rate];
@@ -246,23 +290,25 @@ fn read_record(
     scan.expect_keyword("dofty")?;
     while scan.next_line_if(|line| line.keyword() == "$$$$$").is_none() {
         let line = scan.expect_line("expected vlocy, force or $$$$$$", TextLine::is_data)?;
-        let kind = match line.keyword() {
-            "vlocy" => DrivenKind::Velocity,
-            "force" => DrivenKind::Force,
-            word => {
-                let found = format!("'{}' is driven", word.trim());
-                scan.add_fault(line.number, found, "expected vlocy or force in columns 2 to 6");
-                continue;
-            }
+        let known_kind = DrivenKind::WORDS.iter().find(|(word, _)| *word == line.keyword());
+        let Some(&(_, kind)) = known_kind else {
+            let found = format!("'{}' is driven", line.keyword().trim());
+            scan.add_fault(line.number, found, "expected vlocy, force, press, strai, surfv or pivot in columns 2 to 6");
+            continue;
         };
         let component = scan.read_integer(line, (9, 13), "component");
         let evolution = read_evolution(scan, line, folder);
         let (Some(component), Some(evolution)) = (component, evolution) else { continue };
-        if !(1..=6).contains(&component) {
-            scan.add_fault(line.number, format!("component is {component}"), "expected 1 to 6");
+        let count = kind.component_count();
+        if !(1..=count).contains(&component) {
+            scan.add_fault(line.number, format!("component is {component}"), format!("expected 1 to {count}"));
             continue;
         }
-        if let Some(earlier) = lines_of_components.insert(component, line.number) {
+        if kind == DrivenKind::Pivot && !evolution.is_constant() {
+            scan.add_fault(line.number, "a pivot that moves", "expected a constant coordinate");
+            continue;
+        }
+        if let Some(earlier) = lines_of_components.insert((kind.exclusive_group(), component), line.number) {
             let found = format!("component {component} is driven already by line {earlier}");
             scan.add_fault(line.number, found, "expected each component once");
         }

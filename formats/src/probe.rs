@@ -43,6 +43,8 @@ pub enum ProbeQuantity {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         about: Option<[f64; 3]>,
     },
+    /// Area (m²) of the wall `on` on which a pressure acts, and pressure (Pa) of the contacts on it.
+    Pressure { on: BodySelection },
     /// Position of the centre of mass (m), its velocity (m/s), and the angular velocity (rad/s) of a rigid body with the
     /// angular momentum and inertia of the bodies `of`.
     Motion { of: BodySelection },
@@ -130,7 +132,7 @@ pub enum EndCondition {
 }
 
 /// Name, unit and meaning of every column of the files of probes. A component y or z has the meaning of its x.
-pub const PROBE_COLUMNS: [(&str, &str, &str); 59] = [
+pub const PROBE_COLUMNS: [(&str, &str, &str); 61] = [
     ("step", "1", "number of the last step of the row"),
     ("time", "s", ""),
     ("h", "s", "length of the steps of the row"),
@@ -140,6 +142,8 @@ pub const PROBE_COLUMNS: [(&str, &str, &str); 59] = [
     ("torque_x", "N m", "torque of contacts with other bodies, mean over the row"),
     ("torque_y", "N m", ""),
     ("torque_z", "N m", ""),
+    ("area", "m^2", "of a wall between its neighbours, mean over the row"),
+    ("wall_pressure", "Pa", "force of contacts along the normal over the area"),
     ("x", "m", "centre of mass"),
     ("y", "m", ""),
     ("z", "m", ""),
@@ -202,6 +206,7 @@ impl ProbeQuantity {
     pub fn columns(&self) -> &'static [&'static str] {
         match self {
             ProbeQuantity::Force { .. } => &["force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z"],
+            ProbeQuantity::Pressure { .. } => &["area", "wall_pressure"],
             ProbeQuantity::Motion { .. } => {
                 &["x", "y", "z", "v_x", "v_y", "v_z", "angular_x", "angular_y", "angular_z"]
             }
@@ -222,6 +227,7 @@ impl ProbeQuantity {
     pub fn bodies(&self) -> Option<&BodySelection> {
         match self {
             ProbeQuantity::Force { on: bodies, .. }
+            | ProbeQuantity::Pressure { on: bodies }
             | ProbeQuantity::Motion { of: bodies }
             | ProbeQuantity::Energy { of: bodies }
             | ProbeQuantity::Region { of: bodies, .. }
@@ -233,7 +239,7 @@ impl ProbeQuantity {
     /// Name of the field with the bodies.
     fn bodies_field(&self) -> &'static str {
         match self {
-            ProbeQuantity::Force { .. } => "on",
+            ProbeQuantity::Force { .. } | ProbeQuantity::Pressure { .. } => "on",
             _ => "of",
         }
     }
@@ -321,7 +327,10 @@ pub fn check_probes(
             }
             ProbeQuantity::Removed { by } => require_name("by", "sink", by, flows.sinks),
             ProbeQuantity::Entered { from } => require_name("from", "source", from, flows.sources),
-            ProbeQuantity::Force { about: None, .. } | ProbeQuantity::Motion { .. } | ProbeQuantity::Energy { .. } => {}
+            ProbeQuantity::Force { about: None, .. }
+            | ProbeQuantity::Pressure { .. }
+            | ProbeQuantity::Motion { .. }
+            | ProbeQuantity::Energy { .. } => {}
         }
     }
     let is_positive = |x: f64| x.is_finite() && x > 0.0;
@@ -387,6 +396,7 @@ mod tests {
         let inside = SpaceRegion::Ball { centre: [0.0; 3], radius: 1.0 };
         let quantities = [
             ProbeQuantity::Force { on: of(), about: None },
+            ProbeQuantity::Pressure { on: of() },
             ProbeQuantity::Motion { of: of() },
             ProbeQuantity::Energy { of: of() },
             ProbeQuantity::Removed { by: "lost".into() },

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::bodies::Bodies;
 use crate::bulk_behav::BulkBehav;
-use crate::drv_dof::{DrivenKind, DrvDof};
+use crate::drv_dof::DrvDof;
 use crate::error::{Fault, Faults};
 use crate::mass::InertialProperties;
 use crate::names::{count_text, number_text};
@@ -148,7 +148,7 @@ impl ComputedSnapshot<'_> {
     pub fn expect_driven(&self, file: &Path, driven: &DrvDof) -> Result<(), Faults> {
         let snapshot_bits = &self.snapshot.bodies.body_driven;
         let mut file_bits = vec![0; snapshot_bits.len()];
-        for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
+        for row in driven.0.iter().filter(|row| row.kind.imposes_velocity()) {
             if let Some(bits) = file_bits.get_mut(row.body) {
                 *bits |= 1 << row.component;
             }
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
     use crate::bodies::{Body, Contactor, ShapeRecord};
     use crate::bulk_behav::Material;
-    use crate::drv_dof::{DrivenComponent, Evolution};
+    use crate::drv_dof::{DrivenComponent, DrivenKind, Evolution};
     use crate::snapshot::{LawName, MaterialName};
     use crate::tact_behav::{LawRecord, VisibilityRow, VisibilitySide};
 

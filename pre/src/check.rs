@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use crate::scene::{
     ContactSurface, Envelope, GrainOrientations, GrainPlacement, GrainShape, Grains, Law, ModelScale, RadiusKind,
-    Rotation, Scene, SceneWall, SizeDistribution, TimeFunction,
+    Revolution, Rotation, Scene, SceneWall, SizeDistribution, TimeFunction,
 };
 use crate::shapes::clump::{BallsError, MAX_CLUMP_BALLS, check_balls};
 use crate::shapes::union::ClumpBall;
@@ -710,14 +710,42 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             axis,
             half_height,
             radius,
-            hollow: _,
+            hollow,
             velocity,
             force,
             spin,
             moment,
+            pressure,
+            revolution,
+            surface_spin,
+            ends,
         } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "axis", axis);
+            let is_still = *spin == TimeFunction::default() && velocity.iter().all(is_zero) && !wall.is_pushed();
+            check_revolution(report, path, revolution.as_deref(), is_still);
+            check_evolution(report, &format!("{path}.surface_spin"), surface_spin, "rad/s");
+            let is_free = |k: usize| is_zero(&velocity[k]) && force[k].is_none() && revolution.is_none();
+            check_along_axis(report, &format!("{path}.pressure"), pressure.as_deref(), ("Pa", axis), is_free);
+            let is_solid = pressure.is_none() || !hollow;
+            report.require(
+                is_solid,
+                &format!("{path}.pressure"),
+                "of a hollow cylinder",
+                "a solid one: the pressure acts on its end",
+            );
+            if let Some(ends) = ends {
+                let end_path = format!("{path}.ends");
+                check_evolution(report, &format!("{end_path}.spin"), &ends.spin, "rad/s");
+                report.require(*hollow, &end_path, "of a solid cylinder", "a hollow one");
+                let is_still = revolution.is_none() && !wall.has_force();
+                report.require(
+                    is_still,
+                    &end_path,
+                    "a cylinder that its ends cannot follow",
+                    "no force and no revolution",
+                );
+            }
             for (name, length) in [("half_height", half_height), ("radius", radius)] {
                 check_positive(report, &format!("{path}.{name}"), *length, "a length > 0 m");
             }
@@ -739,9 +767,21 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             force,
             spin,
             moment,
+            pressure,
+            strain_rate,
+            revolution,
+            surface_velocity,
         } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "normal", normal);
+            let is_still = velocity.iter().chain(spin).all(is_zero) && strain_rate.is_none() && !wall.is_pushed();
+            check_revolution(report, path, revolution.as_deref(), is_still);
+            check_evolutions(report, &format!("{path}.surface_velocity"), surface_velocity.iter(), "m/s");
+            let tilts = !spin[..2].iter().all(is_zero) || moment[..2].iter().any(Option::is_some);
+            let is_free = |k: usize| is_zero(&velocity[k]) && force[k].is_none() && revolution.is_none() && !tilts;
+            check_along_axis(report, &format!("{path}.pressure"), pressure.as_deref(), ("Pa", normal), is_free);
+            let is_free = |k: usize| is_free(k) && pressure.is_none();
+            check_along_axis(report, &format!("{path}.strain_rate"), strain_rate.as_deref(), ("1/s", normal), is_free);
             if let Some(first) = first_axis {
                 check_direction(report, path, "first_axis", first);
                 let (first, normal) = (Vector3::from(*first), Vector3::from(*normal));
@@ -767,7 +807,10 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_positive(report, &format!("{path}.half_thickness"), *half_thickness, "a length > 0 m");
             check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
         }
-        SceneWall::Mesh { scale, position, orientation, velocity, spin, .. } => {
+        SceneWall::Mesh { scale, position, orientation, velocity, spin, revolution, surface_velocity, .. } => {
+            let is_still = velocity.iter().chain(spin).all(is_zero);
+            check_revolution(report, path, revolution.as_deref(), is_still);
+            check_evolutions(report, &format!("{path}.surface_velocity"), surface_velocity.iter(), "m/s");
             check_positive(report, &format!("{path}.scale"), *scale, "a factor > 0");
             check_vector(report, &format!("{path}.position"), position, "m");
             check_rotation(report, &format!("{path}.orientation"), orientation);
@@ -775,6 +818,43 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_evolutions(report, &format!("{path}.spin"), spin, "rad/s");
         }
     }
+}
+
+/// Whether a function is the default, 0.
+fn is_zero(function: &TimeFunction) -> bool {
+    *function == TimeFunction::default()
+}
+
+/// Checks a rotation about an axis; `is_still`: whether nothing else moves the wall.
+fn check_revolution(report: &mut FaultReport, path: &str, revolution: Option<&Revolution>, is_still: bool) {
+    let Some(Revolution { axis, point, rate }) = revolution else { return };
+    let path = format!("{path}.revolution");
+    check_direction(report, &path, "axis", axis);
+    check_vector(report, &format!("{path}.point"), point, "m");
+    check_evolution(report, &format!("{path}.rate"), rate, "rad/s");
+    report.require(is_still, &path, "a wall that also moves otherwise", "no other velocity, spin, force or moment");
+}
+
+/// Component of a normal across the fixed axis of a servo up to which it is along that.
+const MAX_SERVO_TILT: f64 = 1e-6;
+
+/// Checks a servo along `direction`, a normal or axis. `is_free`: whether nothing else moves the wall along this fixed axis, or
+/// turns its normal.
+fn check_along_axis(
+    report: &mut FaultReport,
+    path: &str,
+    servo: Option<&TimeFunction>,
+    (unit, direction): (&str, &[f64; 3]),
+    is_free: impl Fn(usize) -> bool,
+) {
+    let Some(function) = servo else { return };
+    check_evolution(report, path, function, unit);
+    let normal = Vector3::from(*direction).normalize();
+    let component = normal.iamax();
+    let is_along = (0..3).all(|k| k == component || normal[k].abs() <= MAX_SERVO_TILT);
+    report.require(is_along, path, "along an oblique direction", "a wall whose normal or axis is along x, y or z");
+    let expected = "no other motion or load along the axis, and none that tilts the wall";
+    report.require(!is_along || is_free(component), path, "a wall that also moves otherwise", expected);
 }
 
 /// Checks that each axis has a velocity or a force, not both.
@@ -973,10 +1053,12 @@ impl SceneWall {
         }
     }
 
-    /// Whether a force acts on the wall along some axis.
+    /// Whether a force or pressure acts on the wall along some axis.
     pub fn has_force(&self) -> bool {
         match self {
-            SceneWall::Plate { force, .. } | SceneWall::Cylinder { force, .. } => force.iter().any(Option::is_some),
+            SceneWall::Plate { force, pressure, .. } | SceneWall::Cylinder { force, pressure, .. } => {
+                pressure.is_some() || force.iter().any(Option::is_some)
+            }
             SceneWall::Box { .. } | SceneWall::Mesh { .. } => false,
         }
     }

@@ -53,13 +53,18 @@ pub fn report_doubts(
         }
         // Functions of each field by axes.
         let functions: Vec<(&str, Vec<Option<&TimeFunction>>)> = match wall {
-            SceneWall::Plate { velocity, force, spin, moment, .. } => vec![
+            SceneWall::Plate { velocity, force, spin, moment, pressure, strain_rate, surface_velocity, .. } => vec![
+                ("pressure", vec![pressure.as_deref()]),
+                ("strain_rate", vec![strain_rate.as_deref()]),
+                ("surface_velocity", surface_velocity.iter().map(Some).collect()),
                 ("velocity", velocity.iter().map(Some).collect()),
                 ("spin", spin.iter().map(Some).collect()),
                 ("force", force.iter().map(Option::as_ref).collect()),
                 ("moment", moment.iter().map(Option::as_ref).collect()),
             ],
-            SceneWall::Cylinder { velocity, force, spin, moment, .. } => vec![
+            SceneWall::Cylinder { velocity, force, spin, moment, pressure, surface_spin, .. } => vec![
+                ("pressure", vec![pressure.as_deref()]),
+                ("surface_spin", vec![Some(surface_spin)]),
                 ("velocity", velocity.iter().map(Some).collect()),
                 ("spin", vec![Some(spin)]),
                 ("force", force.iter().map(Option::as_ref).collect()),

@@ -8,7 +8,7 @@ use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
-use cd_formats::drv_dof::{DrivenKind, DrvDof};
+use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Faults, RecordFault};
 use cd_formats::names::{number_text, rounded_number};
 use cd_formats::probe::{named_bodies, unknown_bodies};
@@ -46,7 +46,7 @@ pub fn check_files<'a>(
     let (Some(bodies), Some(bulk)) = (bodies, bulk) else { return };
     check_probes(&bodies, options, report);
     let mut is_driven = vec![false; bodies.0.len()];
-    for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
+    for row in driven.0.iter().filter(|row| row.kind.imposes_velocity()) {
         is_driven.get_mut(row.body).into_iter().for_each(|is_driven| *is_driven = true);
     }
     let periods = options.periods();

@@ -6,6 +6,7 @@ use cd_formats::compute::Compute;
 use cd_formats::law_table::{LawModel, SpherePacking};
 use cd_formats::orbit::OrbitSpec;
 use cd_formats::tact_behav::LawRecord;
+use nalgebra::Vector3;
 use serde::{Deserialize, Deserializer};
 
 /// The whole of a `scene.ron`.
@@ -24,7 +25,7 @@ pub struct Scene {
     /// Groups of grains, numbered in this order in the files.
     pub grains: Vec<Grains>,
     /// Walls, numbered after the grains.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "deserialize_walls")]
     pub walls: Vec<SceneWall>,
     /// Options of the run, written to COMPUTE.RON.
     #[serde(default)]
@@ -470,6 +471,18 @@ pub enum SceneWall {
         /// Moment, N m, about the same axes; about an axis with a moment the plate turns freely under it and its contacts.
         #[serde(default)]
         moment: Box<[Option<TimeFunction>; 3]>,
+        /// Pressure, Pa, on the current area, in the direction of the normal, along which the plate moves freely.
+        #[serde(default)]
+        pressure: Option<Box<TimeFunction>>,
+        /// Rate, 1/s, of the logarithm of the distance to the plate opposite to it.
+        #[serde(default)]
+        strain_rate: Option<Box<TimeFunction>>,
+        /// Rotation about an axis anywhere in space, in place of `velocity` and `spin`.
+        #[serde(default)]
+        revolution: Option<Box<Revolution>>,
+        /// Velocity of the surface beyond that of the wall, m/s, along the fixed axes, as of a conveyor belt.
+        #[serde(default)]
+        surface_velocity: Box<[TimeFunction; 3]>,
     },
     /// Five or six plates around an interior, with faces flush with it.
     Box {
@@ -520,6 +533,18 @@ pub enum SceneWall {
         /// Moment, N m, about the axis, under which and its contacts the cylinder turns freely.
         #[serde(default)]
         moment: Option<TimeFunction>,
+        /// Pressure, Pa, on the end of a solid cylinder, in the direction of the axis, along which it moves freely.
+        #[serde(default)]
+        pressure: Option<Box<TimeFunction>>,
+        /// Rotation about an axis anywhere in space, in place of `velocity` and `spin`.
+        #[serde(default)]
+        revolution: Option<Box<Revolution>>,
+        /// Angular velocity of the surface beyond that of the cylinder, rad/s, about the axis.
+        #[serde(default)]
+        surface_spin: TimeFunction,
+        /// Ends of a hollow cylinder as plates of their own.
+        #[serde(default)]
+        ends: Option<Box<DrumEnds>>,
     },
     /// A triangulated surface, open or closed; its whole motion is imposed.
     Mesh {
@@ -545,7 +570,37 @@ pub enum SceneWall {
         /// Angular velocity, rad/s, about the axes of the file.
         #[serde(default)]
         spin: [TimeFunction; 3],
+        /// Rotation about an axis anywhere in space, in place of `velocity` and `spin`.
+        #[serde(default)]
+        revolution: Option<Box<Revolution>>,
+        /// Velocity of the surface beyond that of the wall, m/s, along the fixed axes, as of a conveyor belt.
+        #[serde(default)]
+        surface_velocity: Box<[TimeFunction; 3]>,
     },
+}
+
+/// Rotation of a wall about an axis anywhere in space.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Revolution {
+    /// Direction of the axis, of any length.
+    pub axis: [f64; 3],
+    /// Point on the axis, m.
+    #[serde(default)]
+    pub point: [f64; 3],
+    /// Angular velocity, rad/s.
+    pub rate: TimeFunction,
+}
+
+/// The two ends of a hollow cylinder.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DrumEnds {
+    pub material: String,
+    pub colour: String,
+    /// Angular velocity, rad/s, about the axis of the cylinder.
+    #[serde(default)]
+    pub spin: TimeFunction,
 }
 
 /// Side of a triangulated surface that pushes bodies.
@@ -711,6 +766,49 @@ impl Grains {
     /// Whether the grains are polyhedra.
     pub fn is_polyhedral(&self) -> bool {
         !self.are_spheres() && !self.shape.is_clump()
+    }
+}
+
+/// Half thickness of the ends of a hollow cylinder, divided by its radius.
+const END_HALF_THICKNESS: f64 = 0.05;
+
+/// Reads the walls of a scene; the plates that are ends of hollow cylinders follow after all others. Errors: those of the
+/// deserializer.
+pub fn deserialize_walls<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<SceneWall>, D::Error> {
+    let mut walls = Vec::<SceneWall>::deserialize(deserializer)?;
+    let ends: Vec<SceneWall> = walls.iter_mut().flat_map(SceneWall::split_ends).collect();
+    walls.extend(ends);
+    Ok(walls)
+}
+
+impl SceneWall {
+    /// Returns the ends of a hollow cylinder, and lengthens it so that its own ends are behind them.
+    fn split_ends(&mut self) -> Vec<SceneWall> {
+        let SceneWall::Cylinder { centre, axis, half_height, radius, hollow: true, velocity, ends: Some(ends), .. } =
+            self
+        else {
+            return Vec::new();
+        };
+        let (thickness, unit) = (END_HALF_THICKNESS * *radius, Vector3::from(*axis).normalize());
+        let end = |sign: f64| SceneWall::Plate {
+            material: ends.material.clone(),
+            colour: ends.colour.clone(),
+            centre: (Vector3::from(*centre) + unit * (sign * (*half_height + thickness))).into(),
+            normal: *axis,
+            first_axis: None,
+            half_lengths: [*radius, *radius, thickness],
+            velocity: velocity.clone(),
+            force: Box::default(),
+            spin: [TimeFunction::default(), TimeFunction::default(), ends.spin.clone()],
+            moment: Box::default(),
+            pressure: None,
+            strain_rate: None,
+            revolution: None,
+            surface_velocity: Box::default(),
+        };
+        let plates = [1.0, -1.0].map(end).into();
+        *half_height += 2.0 * thickness;
+        plates
     }
 }
 

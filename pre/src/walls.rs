@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::rotation::rotation_matrix;
 use crate::rounding::{round_8_digits, round_point};
-use crate::scene::{SceneWall, TimeFunction, WallSide};
+use crate::scene::{Revolution, SceneWall, TimeFunction, WallSide};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::shapes::read::{FileTriangles, read_triangles, report_file_faults};
 
@@ -33,6 +33,59 @@ pub struct WallBody {
     pub motion: [TimeFunction; 6],
     /// Forces along the fixed axes, N, and moments about its own axes, N m; each replaces a velocity.
     pub loads: [Option<TimeFunction>; 6],
+    pub servos: WallServos,
+}
+
+/// Servos of a wall; by default none.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct WallServos {
+    /// Fixed axis along which a pressure (Pa) acts, and the pressure, > 0 in the positive direction.
+    pub pressure: Option<(usize, TimeFunction)>,
+    /// Fixed axis along which a strain rate (1/s) moves a plate.
+    pub strain_rate: Option<(usize, TimeFunction)>,
+    /// Point about which the wall turns, m.
+    pub pivot: Option<[f64; 3]>,
+    /// Velocity of the surface, components as of [`WallBody::motion`].
+    pub surface: [Option<TimeFunction>; 6],
+}
+
+impl WallServos {
+    /// Servos along the normal of a plate or the axis of a cylinder, the third row of `axes`.
+    fn normal_servos(
+        axes: &Matrix3<f64>,
+        pressure: Option<&TimeFunction>,
+        strain_rate: Option<&TimeFunction>,
+    ) -> WallServos {
+        let normal = axes.row(2);
+        let component = normal.transpose().iamax();
+        WallServos {
+            pressure: pressure.map(|pressure| (component, pressure.scaled_by(normal[component].signum()))),
+            strain_rate: strain_rate.map(|rate| (component, rate.clone())),
+            ..WallServos::default()
+        }
+    }
+
+    /// The servos with a velocity of the surface, as of a conveyor belt, m/s.
+    fn with_surface_velocity(self, velocity: &[TimeFunction; 3]) -> WallServos {
+        let [x, y, z] = velocity;
+        let is_still = velocity.iter().all(|component| *component == TimeFunction::default());
+        let surface = [Some(x), Some(y), Some(z), None, None, None].map(|component| component.cloned());
+        if is_still { self } else { WallServos { surface, ..self } }
+    }
+
+    /// The servos with a rotation, if there is one, whose angular velocities about the own axes (rows of `axes`) replace those
+    /// of `motion`.
+    fn with_revolution(
+        self,
+        axes: &Matrix3<f64>,
+        revolution: Option<&Revolution>,
+        motion: &mut [TimeFunction; 6],
+    ) -> WallServos {
+        let Some(Revolution { axis, point, rate }) = revolution else { return self };
+        let own = axes * Vector3::from(*axis).normalize();
+        (0..3).for_each(|k| motion[3 + k] = rate.scaled_by(own[k]));
+        WallServos { pivot: Some(*point), ..self }
+    }
 }
 
 impl WallBody {
@@ -136,7 +189,20 @@ pub fn wall_bodies(walls: &[SceneWall], folder: &Path, report: &mut FaultReport)
 
 /// Body of the surface with this index among the walls of the scene; `None` for other walls, and after a fault.
 fn mesh_body(index: usize, wall: &SceneWall, folder: &Path, report: &mut FaultReport) -> Option<WallBody> {
-    let SceneWall::Mesh { material, colour, file, scale, position, orientation, side, velocity, spin } = wall else {
+    let SceneWall::Mesh {
+        material,
+        colour,
+        file,
+        scale,
+        position,
+        orientation,
+        side,
+        velocity,
+        spin,
+        revolution,
+        surface_velocity,
+    } = wall
+    else {
         return None;
     };
     let path = folder.join(file);
@@ -165,6 +231,9 @@ fn mesh_body(index: usize, wall: &SceneWall, folder: &Path, report: &mut FaultRe
     };
     let rows = rotation_matrix(orientation).transpose().add_scalar(0.0); // no negative zeros
     let [[vx, vy, vz], [wx, wy, wz]] = [velocity.clone(), spin.clone()];
+    let mut motion = [vx, vy, vz, wx, wy, wz];
+    let servos = WallServos::default().with_surface_velocity(surface_velocity);
+    let servos = servos.with_revolution(&rows, revolution.as_deref(), &mut motion);
     Some(WallBody {
         wall: index,
         material: material.clone(),
@@ -177,8 +246,9 @@ fn mesh_body(index: usize, wall: &SceneWall, folder: &Path, report: &mut FaultRe
             file: file.as_str().into(),
             surface: Some(Arc::new(mesh)),
         },
-        motion: [vx, vy, vz, wx, wy, wz],
+        motion,
         loads: Default::default(),
+        servos,
     })
 }
 
@@ -200,18 +270,28 @@ fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
             force,
             spin,
             moment,
+            pressure,
+            strain_rate,
+            revolution,
+            surface_velocity,
         } => {
             let ([vx, vy, vz], [wx, wy, wz]) = (velocity.clone(), spin.clone());
             let ([fx, fy, fz], [mx, my, mz]) = (*force.clone(), *moment.clone());
+            let axes = axes_about(&(*normal).into(), first_axis.map(Vector3::from));
+            let mut motion = [vx, vy, vz, wx, wy, wz];
+            let servos = WallServos::normal_servos(&axes, pressure.as_deref(), strain_rate.as_deref())
+                .with_surface_velocity(surface_velocity)
+                .with_revolution(&axes, revolution.as_deref(), &mut motion);
             vec![WallBody {
                 wall: index,
                 material: material.clone(),
                 colour: colour.clone(),
                 centre: round_point(&(*centre).into()),
-                axes: axes_about(&(*normal).into(), first_axis.map(Vector3::from)),
+                axes,
                 shape: ShapeRecord::Plane { half_lengths: round_point(&(*half_lengths).into()).into() },
-                motion: [vx, vy, vz, wx, wy, wz],
+                motion,
                 loads: [fx, fy, fz, mx, my, mz],
+                servos,
             }]
         }
         SceneWall::Cylinder {
@@ -226,22 +306,35 @@ fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
             force,
             spin,
             moment,
+            pressure,
+            revolution,
+            surface_spin,
+            ends: _,
         } => {
             let [vx, vy, vz] = velocity.clone();
             let [fx, fy, fz] = *force.clone();
+            let axes = axes_about(&(*axis).into(), None);
+            let mut motion = [vx, vy, vz, TimeFunction::default(), TimeFunction::default(), spin.clone()];
+            let mut servos = WallServos::normal_servos(&axes, pressure.as_deref(), None).with_revolution(
+                &axes,
+                revolution.as_deref(),
+                &mut motion,
+            );
+            servos.surface[5] = Some(surface_spin.clone()).filter(|spin| *spin != TimeFunction::default());
             vec![WallBody {
                 wall: index,
                 material: material.clone(),
                 colour: colour.clone(),
                 centre: round_point(&(*centre).into()),
-                axes: axes_about(&(*axis).into(), None),
+                axes,
                 shape: ShapeRecord::Cylinder {
                     half_height: round_8_digits(*half_height),
                     radius: round_8_digits(*radius),
                     hollow: *hollow,
                 },
-                motion: [vx, vy, vz, TimeFunction::default(), TimeFunction::default(), spin.clone()],
+                motion,
                 loads: [fx, fy, fz, None, None, moment.clone()],
+                servos,
             }]
         }
         SceneWall::Box { material, colour, centre, lengths, orientation, half_thickness, lid, velocity } => {
@@ -276,6 +369,7 @@ fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
                     },
                     motion: [vx, vy, vz, TimeFunction::default(), TimeFunction::default(), TimeFunction::default()],
                     loads: Default::default(),
+                    servos: WallServos::default(),
                 }
             };
             sides.into_iter().map(plate).collect()
@@ -328,6 +422,21 @@ fn table_name(index: usize) -> String {
 }
 
 impl TimeFunction {
+    /// Function with values `factor` times as large; 0 stays without sign.
+    fn scaled_by(&self, factor: f64) -> TimeFunction {
+        let scaled_value = |value: f64| value * factor + 0.0;
+        match self {
+            TimeFunction::Constant(value) => TimeFunction::Constant(scaled_value(*value)),
+            &TimeFunction::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
+                let (constant, amplitude) = (scaled_value(constant), scaled_value(amplitude));
+                TimeFunction::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate }
+            }
+            TimeFunction::Table(points) => {
+                TimeFunction::Table(points.iter().map(|&(t, v)| (t, scaled_value(v))).collect())
+            }
+        }
+    }
+
     /// Value at time 0.
     pub fn initial_value(&self) -> f64 {
         match self {
@@ -393,6 +502,10 @@ mod tests {
             force: Default::default(),
             spin: TimeFunction::Constant(0.5),
             moment: None,
+            pressure: None,
+            revolution: None,
+            surface_spin: TimeFunction::default(),
+            ends: None,
         }])
         .try_into()
         .unwrap();

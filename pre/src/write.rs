@@ -239,12 +239,21 @@ pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, FunctionTable
         }
     }
     for (k, wall) in population.walls.iter().enumerate() {
+        let (body, servos) = (population.grains.len() + k, &wall.servos);
         for (component, velocity) in wall.motion.iter().enumerate() {
-            let (kind, evolution) = match &wall.loads[component] {
-                Some(load) => (DrivenKind::Force, load),
-                None => (DrivenKind::Velocity, velocity),
+            let (kind, evolution) = match (&servos.pressure, &servos.strain_rate, &wall.loads[component]) {
+                (Some((axis, pressure)), ..) if *axis == component => (DrivenKind::Pressure, pressure),
+                (_, Some((axis, rate)), _) if *axis == component => (DrivenKind::StrainRate, rate),
+                (.., Some(load)) => (DrivenKind::Force, load),
+                (.., None) => (DrivenKind::Velocity, velocity),
             };
-            drive(population.grains.len() + k, component, kind, evolution);
+            drive(body, component, kind, evolution);
+        }
+        for (component, coordinate) in servos.pivot.iter().flatten().enumerate() {
+            drive(body, component, DrivenKind::Pivot, &TimeFunction::Constant(*coordinate));
+        }
+        for (component, velocity) in servos.surface.iter().enumerate() {
+            velocity.iter().for_each(|velocity| drive(body, component, DrivenKind::SurfaceVelocity, velocity));
         }
     }
     (DrvDof(driven), tables)

@@ -33,6 +33,7 @@ pub fn undivided_reason(scene: &Scene, state: &State) -> Option<&'static str> {
         (!state.laws.iter().all(is_plain), "laws with cohesion, bonds, moments, springs or a memory"),
         (scene.roster.is_some(), "bodies that enter or leave"),
         (state.cell.is_some(), "a deforming cell"),
+        (scene.drives.iter().any(|drive| drive.surface.is_some()), "a wall whose surface moves"),
         (!scene.postpro.is_empty(), "commands of POSTPRO.DAT"),
         (!options.probes.is_empty(), "probes"),
         (options.lmgc90_norms, "the criteria of LMGC90"),

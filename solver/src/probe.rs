@@ -12,7 +12,7 @@ use nalgebra::Matrix3;
 use self::region::ProbeRegion;
 use crate::activity;
 use crate::math::{Vec3, to_world};
-use crate::scene::{BodyId, BodyPresence, Scene};
+use crate::scene::{BodyId, BodyPresence, Scene, WallArea};
 use crate::sinks_and_sources::{BodyExchange, BodyFlow};
 use crate::state::State;
 use crate::step::StepStart;
@@ -74,6 +74,9 @@ impl Probes {
                     let bodies = present_bodies(scene, all);
                     start.map_or(Vec::new(), |start| contact_force(scene, state, start, &bodies, *about))
                 }
+                ProbeQuantity::Pressure { .. } => {
+                    start.map_or(Vec::new(), |start| wall_pressure(scene, state, start, all))
+                }
                 ProbeQuantity::Crossing { through, .. } => {
                     let mut flow = BodyFlow::default();
                     for (&body, beyond) in all.iter().zip(&mut self.was_beyond[k]) {
@@ -112,7 +115,10 @@ impl Probes {
         };
         let (sinks, sources) = (&scene.options.sinks, &scene.options.sources);
         let probe_values = |(k, (probe, all)): (usize, (&Probe, &Vec<BodyId>))| match &probe.quantity {
-            ProbeQuantity::Force { .. } | ProbeQuantity::Crossing { .. } | ProbeQuantity::Region { .. } => {
+            ProbeQuantity::Force { .. }
+            | ProbeQuantity::Pressure { .. }
+            | ProbeQuantity::Crossing { .. }
+            | ProbeQuantity::Region { .. } => {
                 step_values.as_mut().map_or(Vec::new(), |values| std::mem::take(&mut values[k]))
             }
             ProbeQuantity::Motion { .. } => motion(scene, state, &present_bodies(scene, all)),
@@ -213,6 +219,16 @@ fn contact_force(
         }
     }
     [force, torque].iter().flat_map(|v| [v.x, v.y, v.z]).collect()
+}
+
+/// Area of a wall between its neighbours, m², and size of the normal force of the contacts on it over that, Pa.
+fn wall_pressure(scene: &Scene, state: &State, start: &StepStart, wall: &[BodyId]) -> Vec<f64> {
+    let Some(WallArea { axis, area, body }) = scene.wall_areas.iter().find(|area| wall == [area.body]) else {
+        return Vec::new();
+    };
+    let area = area.size(*body, &start.x);
+    let force = contact_force(scene, state, start, wall, None)[*axis];
+    vec![area, force.abs() / area]
 }
 
 /// Motion of several bodies as one rigid body.

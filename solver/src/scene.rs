@@ -1,6 +1,8 @@
 //! Data: `Scene`, the constants of a run, which `read` makes of DATBOX: bodies and their shapes, laws, visibility, imposed
 //! motion and options. `state` has the data that change.
 
+mod imposed_motion;
+
 use std::ops::Index;
 use std::sync::Arc;
 
@@ -16,6 +18,10 @@ use cd_formats::region::SpaceRegion;
 use cd_formats::snapshot::{LawName, MaterialName};
 use cd_formats::wall_mesh::WallMesh;
 
+pub use self::imposed_motion::{
+    AreaSide, ImposedLoad, ImposedVelocity, PressedArea, StrainDrive, SurfaceMotion, WallArea, WallPivot,
+    opposite_extent,
+};
 use crate::features::BARE;
 use crate::geometry::Polyhedron;
 use crate::gravity::{GravitySolver, SummationMethod};
@@ -326,42 +332,6 @@ impl RigidBody {
     }
 }
 
-/// Imposed velocity of a body: components along the fixed axes, then about the body's axes; `None` for components without
-/// imposed motion.
-#[derive(Debug, Clone)]
-pub struct ImposedVelocity {
-    pub body: BodyId,
-    pub velocity: [Option<Evolution>; 6],
-}
-
-impl ImposedVelocity {
-    /// Whether some component is ever other than 0.
-    pub fn ever_moves(&self) -> bool {
-        self.velocity.iter().any(|component| *component != Some(Evolution::constant(0.0)))
-    }
-
-    /// Motion (world frame) at a time (s) of the body with the orientation `q`. Components that are not imposed are those
-    /// of `pushed`.
-    pub fn motion_at(&self, time: f64, q: &Quat, pushed: &Twist) -> Twist {
-        let imposed_component =
-            |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.value_at(time));
-        let v = Vec3::from_fn(|k, _| imposed_component(k, pushed.v[k]));
-        if self.velocity[3..].iter().all(Option::is_none) {
-            return Twist { v, w: pushed.w };
-        }
-        let own = q.inverse_transform_vector(&pushed.w);
-        Twist { v, w: q * Vec3::from_fn(|k, _| imposed_component(3 + k, own[k])) }
-    }
-}
-
-/// An imposed force component (0 to 2, N) or moment (3 to 5, about the body's axes, N m).
-#[derive(Debug, Clone)]
-pub struct ImposedLoad {
-    pub body: BodyId,
-    pub component: usize,
-    pub value: Evolution,
-}
-
 /// Law and alert distance (m) of a pair of classes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InteractionRule {
@@ -478,6 +448,8 @@ pub struct Scene {
     pub bodies: Vec<RigidBody>,
     pub drives: Vec<ImposedVelocity>,
     pub loads: Vec<ImposedLoad>,
+    /// Areas of the walls whose pressure a probe follows.
+    pub wall_areas: Vec<WallArea>,
     pub laws: Vec<ContactLaw>,
     pub visibility: VisibilityTable,
     /// Whether there are free bodies without a rule, which pass through each other.
@@ -555,6 +527,45 @@ fn is_polyhedron(shape: &ContactorShape) -> bool {
 }
 
 impl Scene {
+    /// Motion (world frame) of a driven body at the time `time` (s), of bodies at `x` (m) with the orientations `q`: with a
+    /// servo, so that the body is on its path after the time `h`, s. Components that are not imposed are those of `pushed`.
+    pub fn imposed_motion(
+        &self,
+        drive: &ImposedVelocity,
+        time: f64,
+        x: &[Vec3],
+        q: &[Quat],
+        h: f64,
+        pushed: &Twist,
+    ) -> Twist {
+        let i = drive.body.index();
+        let mut motion = drive.motion_of_components(time, &q[i], pushed);
+        if let Some(pivot) = &drive.pivot {
+            motion.v = pivot.centre_velocity(&x[i], &q[i], &motion.w, h);
+        }
+        if let Some(strain) = &drive.strain {
+            let opposite = strain.opposite.index();
+            let row = self.drives.binary_search_by_key(&strain.opposite, |drive| drive.body);
+            let imposed = row.ok().and_then(|row| self.drives[row].velocity[strain.component].as_ref());
+            let opposite_velocity = imposed.map_or(0.0, |value| value.value_at(time));
+            motion.v[strain.component] = opposite_velocity + strain.relative_velocity(time, &x[i], &x[opposite], h);
+        }
+        motion
+    }
+
+    /// Motions of the surfaces of walls at a time (s), with the orientations `q`, by body; empty if no surface moves.
+    pub fn surface_motions(&self, time: f64, q: &[Quat]) -> Vec<SurfaceMotion> {
+        let motion = |drive: &ImposedVelocity| {
+            let surface = drive.surface.as_ref()?;
+            let value = |k: usize| surface[k].as_ref().map_or(0.0, |value| value.value_at(time));
+            let [v, w] = [0, 3].map(|first| Vec3::from_fn(|k, _| value(first + k)));
+            Some(SurfaceMotion { body: drive.body, v, w: q[drive.body.index()] * w })
+        };
+        self.drives.iter().filter_map(motion).collect()
+    }
+}
+
+impl Scene {
     /// Whether a command of POSTPRO.DAT needs the solver's criteria.
     pub fn has_solver_file(&self) -> bool {
         self.postpro.iter().any(|command| command.kind == PostproKind::SolverInformations)
@@ -562,8 +573,12 @@ impl Scene {
 
     /// Whether figures of a step are computed from its start.
     pub fn keeps_step_start(&self) -> bool {
-        let has_forces =
-            |probe: &Probe| matches!(probe.quantity, ProbeQuantity::Force { .. } | ProbeQuantity::Region { .. });
+        let has_forces = |probe: &Probe| {
+            matches!(
+                probe.quantity,
+                ProbeQuantity::Force { .. } | ProbeQuantity::Pressure { .. } | ProbeQuantity::Region { .. }
+            )
+        };
         !self.postpro.is_empty() || self.options.probes.iter().any(has_forces)
     }
 
@@ -660,16 +675,22 @@ impl Scene {
 
     /// Whether an imposed velocity or force depends on time.
     pub fn changes_in_time(&self) -> bool {
-        let velocities = self.drives.iter().flat_map(|drive| drive.velocity.iter().flatten());
-        !velocities.chain(self.loads.iter().map(|load| &load.value)).all(Evolution::is_constant)
+        self.drives.iter().any(ImposedVelocity::depends_on_position)
+            || !self.imposed_functions().all(Evolution::is_constant)
+    }
+
+    /// Functions of time of all imposed velocities, rates and loads.
+    fn imposed_functions(&self) -> impl Iterator<Item = &Evolution> {
+        self.drives.iter().flat_map(ImposedVelocity::functions).chain(self.loads.iter().map(|load| &load.value))
     }
 
     /// Time (s) up to which all imposed velocities and forces remain as they are at `time`: `time` itself while one
     /// changes, infinite if none changes any more.
     pub fn constant_until(&self, time: f64) -> f64 {
-        let velocities = self.drives.iter().flat_map(|drive| drive.velocity.iter().flatten());
-        let all = velocities.chain(self.loads.iter().map(|load| &load.value));
-        all.map(|value| value.constant_until(time)).fold(f64::INFINITY, f64::min)
+        if self.drives.iter().any(ImposedVelocity::depends_on_position) {
+            return time;
+        }
+        self.imposed_functions().map(|value| value.constant_until(time)).fold(f64::INFINITY, f64::min)
     }
 
     /// Radius (m) of the ball that the free bodies would form without pores, and self-gravity at its surface, m/s²;

@@ -19,7 +19,9 @@ use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{Mat3, PAR_MIN_LEN, Quat, Vec3, local_frame, sort_runs_by_key};
 use crate::ranks;
-use crate::scene::{BodyId, BodyPresence, ContactSides, InteractionRule, LawId, PartId, Scene, SphereId};
+use crate::scene::{
+    BodyId, BodyPresence, ContactSides, InteractionRule, LawId, PartId, Scene, SphereId, SurfaceMotion,
+};
 
 /// First feature of a contact of polyhedra that was read from a text file without features; the second is a running
 /// number. In the next step it is identified with the nearest contact of the same contactors.
@@ -35,6 +37,8 @@ pub struct Velocities<'a> {
     /// Velocity gradient L of a deforming cell, 1/s: an image at the distance s from its body moves by L s relative to it.
     /// None if images move with their bodies.
     pub gradient: Option<&'a Mat3>,
+    /// Motions of the surfaces of walls beyond those of the walls.
+    pub surfaces: &'a [SurfaceMotion],
 }
 
 cd_formats::index_types! {
@@ -442,9 +446,9 @@ impl State {
         scene.external_fields(self.time + span, response.as_ref())
     }
 
-    /// Velocities of all bodies, without the motion of images.
+    /// Velocities of all bodies, without the motion of images and surfaces.
     pub fn velocities(&self) -> Velocities<'_> {
-        Velocities { v: &self.v, w: &self.w, gradient: None }
+        Velocities { v: &self.v, w: &self.w, gradient: None, surfaces: &[] }
     }
 
     /// Whether the errors of self-gravity and of the narrow phase are measured in the next step, which is `step_multiple` of `dt`

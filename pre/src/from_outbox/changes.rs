@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use cd_formats::compute::Compute;
 use serde::Deserialize;
 
-use crate::scene::{ColourPairLaw, Grains, Law, Material, Rotation, SceneWall};
+use crate::scene::{ColourPairLaw, Grains, Law, Material, Rotation, SceneWall, deserialize_walls};
 
 /// Changes against the run that is continued; by default none.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
@@ -16,6 +16,7 @@ pub struct Changes {
     /// Further bodies, as in a scene.
     pub grains: Vec<Grains>,
     /// Further walls, as in a scene.
+    #[serde(deserialize_with = "deserialize_walls")]
     pub walls: Vec<SceneWall>,
     /// Seed of the random numbers for `grains`.
     pub seed: u64,

@@ -6,7 +6,7 @@ use std::cell::OnceCell;
 use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::compute::Compute;
 use cd_formats::convex_pieces::convex_surfaces;
-use cd_formats::drv_dof::{DrivenKind, DrvDof};
+use cd_formats::drv_dof::DrvDof;
 use cd_formats::ids::BodyId;
 use cd_formats::report::FaultReport;
 use cd_formats::rotation::nearest_rotation;
@@ -214,7 +214,7 @@ impl<'a> PlacedBodies<'a> {
         centres.extend(new.grains.iter().map(|grain| grain.position));
         centres.extend(new.walls.iter().map(|wall| wall.centre));
         let mut imposed = vec![0; records.0.len()];
-        for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
+        for row in driven.0.iter().filter(|row| row.kind.imposes_velocity()) {
             imposed[row.body] |= 1 << row.component;
         }
         let is_held = imposed.iter().map(|&components: &u8| components == DRIVEN_ALL).collect();
@@ -401,7 +401,7 @@ pub fn check_drums(
     poses.extend(new.grains.iter().map(|grain| new_pose(grain.position, &grain.axes())));
     poses.extend(new.walls.iter().map(|wall| new_pose(wall.centre, &wall.axes)));
     let mut is_driven = vec![false; records.0.len()];
-    for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
+    for row in driven.0.iter().filter(|row| row.kind.imposes_velocity()) {
         is_driven[row.body] = true;
     }
     let can_touch = |a: &Contactor, b: &Contactor| {

@@ -7,7 +7,7 @@ use super::events::{ShakeEvent, shake_loads};
 use super::self_gravity::{GravityReport, mutual_energy, near_field, point_masses, self_gravity};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Mat3, PAR_MIN_LEN, Quat, Twist, Vec3, to_world};
-use crate::scene::{BodyId, Scene};
+use crate::scene::{BodyId, Scene, SurfaceMotion};
 use crate::state::{BodyLoad, GravityHistory, State, Velocities};
 
 /// Velocities at the step's end without contacts, and the contributions of the forces to the ledger.
@@ -18,6 +18,8 @@ pub struct FreeMotion {
     pub w: Vec<Vec3>,
     /// Velocity gradient of a deforming cell at the step's end, 1/s.
     pub gradient: Option<Mat3>,
+    /// Motions of the surfaces of walls at the step's end.
+    pub surfaces: Vec<SurfaceMotion>,
     /// Potential energy of the grains in self-gravity, uniform gravity and outer fields, in the contact configuration, J.
     pub potential: f64,
     pub gravity: GravityReport,
@@ -39,7 +41,7 @@ pub struct FreeMotion {
 impl FreeMotion {
     /// Velocities and angular velocities after the step without contact impulses.
     pub fn velocities(&self) -> Velocities<'_> {
-        Velocities { v: &self.v, w: &self.w, gradient: self.gradient.as_ref() }
+        Velocities { v: &self.v, w: &self.w, gradient: self.gradient.as_ref(), surfaces: &self.surfaces }
     }
 
     /// Adds the change of velocity by a load over the step.
@@ -81,6 +83,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         v: state.v.clone(),
         w: q_c.w.clone(),
         gradient: q_c.end_gradient().copied(),
+        surfaces: Vec::new(),
         potential: self_gravity.energy,
         gravity: self_gravity.report,
         attraction: self_gravity.next,
@@ -163,9 +166,11 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     let end = scene.time_at(state.step + q_c.step_multiple);
     for drive in &scene.drives {
         let i = drive.body.index();
-        let Twist { v, w } = drive.motion_at(end, &q_c.q[i], &Twist { v: free.v[i], w: free.w[i] });
+        let pushed = Twist { v: free.v[i], w: free.w[i] };
+        let Twist { v, w } = scene.imposed_motion(drive, end, &q_c.x, &q_c.q, h, &pushed);
         (free.v[i], free.w[i]) = (v, w);
     }
+    free.surfaces = scene.surface_motions(end, &q_c.q);
     free.reaction_work = scene.held_grains.iter().map(|i| reaction_work(scene, state, q_c, &free, i.index())).sum();
     free
 }
@@ -323,7 +328,8 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     outer_energy + mutual_energy(scene, &positions, &masses) + near_field(scene, x, &state.q).energy
 }
 
-/// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.
+/// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame. Pressures act on the areas in
+/// the contact configuration.
 fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Vec<BodyLoad> {
     let theta = scene.options.theta;
     scene
@@ -333,7 +339,7 @@ fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Ve
             let value = (1.0 - theta) * load.value.value_at(state.time)
                 + theta * load.value.value_at(scene.time_at(state.step + q_c.step_multiple));
             let mut vector = Vec3::zeros();
-            vector[load.component % 3] = value;
+            vector[load.component % 3] = load.load_at(value, &q_c.x);
             let (force, torque) = match load.component {
                 0..3 => (vector, Vec3::zeros()),
                 _ => (Vec3::zeros(), q_c.q[load.body.index()] * vector),

@@ -23,7 +23,7 @@ pub use events::{AppliedEvents, apply_events, apply_torque_and_damping};
 pub use forces::{FreeMotion, free_velocity, potential_energy};
 pub use history::connected_bodies;
 pub use interface_row::InterfaceRow;
-pub use kinematics::{contact_arms, relative_velocity, velocity_at_arms};
+pub use kinematics::{contact_arms, relative_velocity, surface_velocity, velocity_at_arms};
 pub use messages::ConstraintMessage;
 pub use problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
 pub use rows::{contact_problem, keep_problem_memory};

@@ -11,7 +11,7 @@ use super::context::{AssemblyContext, MotionBounds};
 use super::faces::{FaceRows, Joints, has_joints};
 use super::history::{BondState, warm_start};
 use super::interface_row::InterfaceRow;
-use super::kinematics::{contact_arms, relative_velocity, velocity_at_arms};
+use super::kinematics::{contact_arms, relative_surface_velocity, relative_velocity, velocity_at_arms};
 use super::problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
 use crate::integrate::ContactConfiguration;
 use crate::laws::{
@@ -61,7 +61,8 @@ pub fn contact_problem(
 ) -> ContactProblem {
     let mut block_data = block_data(scene, q_c);
     let [start_w, free_w] = [&q_c.w, free.w].map(|w| ContactConfiguration::without_spins(w, &q_c.pushed_at_centre));
-    let start = Velocities { v: &state.v, w: &start_w, gradient: q_c.start_gradient() };
+    let start_surfaces = scene.surface_motions(state.time, &q_c.q);
+    let start = Velocities { v: &state.v, w: &start_w, gradient: q_c.start_gradient(), surfaces: &start_surfaces };
     let free = Velocities { w: &free_w, ..free };
     let (solver_bodies, bounds) = body_data(scene, q_c, free, block_data.is_some());
     let context = AssemblyContext {
@@ -488,6 +489,9 @@ impl AssemblyContext<'_> {
             + elastic_shift;
         if let Some(gradient) = self.free.gradient {
             velocity_shift -= gradient * contact.image; // motion of the antagonist's image relative to its body
+        }
+        if !self.free.surfaces.is_empty() {
+            velocity_shift += relative_surface_velocity(contact, [&arms[0], &arms[1]], self.free.surfaces);
         }
         ContactConstraint {
             bodies,

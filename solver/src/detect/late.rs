@@ -128,7 +128,7 @@ fn contactor_pair(contact: &Contact) -> (BodyId, BodyId, ContactSides<u16>) {
 
 /// Whether a contact's gap closes at these velocities within `span` (s).
 fn gap_closes(contact: &Contact, q_c: &ContactConfiguration, velocities: Velocities, span: f64) -> bool {
-    let Velocities { v, w, gradient } = velocities;
+    let Velocities { v, w, gradient, .. } = velocities; // surfaces move along themselves
     let [a, b] = [contact.candidate.index(), contact.antagonist.index()];
     let velocity_of_point = |i: usize, centre: Vec3| v[i] + w[i].cross(&(contact.point - centre));
     let image_velocity = gradient.map_or(Vec3::zeros(), |gradient| gradient * contact.image);

@@ -299,7 +299,7 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
         let i = body.index();
         (state.q[i], w[i]) = rotate_constrained(&scene.bodies[i], &q_c.q[i], &w[i], time_after);
     }
-    driven.advance_state(scene, state, q_c, Velocities { v: &v, w: &w, gradient: None });
+    driven.advance_state(scene, state, q_c, Velocities { v: &v, w: &w, gradient: None, surfaces: &[] });
     if let (Some(step), Some(cell)) = (&q_c.cell_step, &mut state.cell) {
         *cell = CellState { mean_stress: cell.mean_stress, ..step.end_state(h, time_after) };
     }

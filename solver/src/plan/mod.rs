@@ -152,6 +152,7 @@ fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, mean_velocity: &Vec3,
         |k: usize, from: f64| drive.velocity[k].as_ref().map_or(0.0, |value| value.max_difference(from, times));
     let speed = Vec3::from_fn(|k, _| velocity_change(k, mean_velocity[k])).norm();
     let spin = Vec3::from_fn(|k, _| velocity_change(3 + k, 0.0)).norm();
+    let reach = reach + drive.pivot.map_or(0.0, |pivot| pivot.offset.norm());
     speed + spin * reach
 }
 

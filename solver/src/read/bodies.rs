@@ -86,6 +86,7 @@ pub fn scene_without_laws(
     let mut scene = Scene {
         drives,
         loads,
+        wall_areas: Vec::new(),
         laws: Vec::new(),
         visibility: VisibilityTable::default(),
         has_unseen_pairs: false,
@@ -513,14 +514,16 @@ fn imposed_motion(
             continue;
         }
         match row.kind {
-            DrivenKind::Force => {
+            DrivenKind::Force | DrivenKind::Pressure => {
                 loads.push(ImposedLoad {
                     body: BodyId::new(row.body),
                     component: row.component,
                     value: row.evolution.clone(),
+                    area: None,
                 });
             }
-            DrivenKind::Velocity => {
+            DrivenKind::SurfaceVelocity | DrivenKind::Pivot => {}
+            DrivenKind::Velocity | DrivenKind::StrainRate => {
                 let slot = match velocities.iter().position(|(body, _)| *body == row.body) {
                     Some(k) => k,
                     None => {
@@ -528,7 +531,10 @@ fn imposed_motion(
                         velocities.len() - 1
                     }
                 };
-                if velocities[slot].1[row.component].replace(row.evolution.clone()).is_some() {
+                // The velocity by a strain rate follows from positions.
+                let is_strain = row.kind == DrivenKind::StrainRate;
+                let velocity = if is_strain { Evolution::constant(0.0) } else { row.evolution.clone() };
+                if velocities[slot].1[row.component].replace(velocity).is_some() {
                     add_fault(format!("component {} is driven twice", row.component + 1), "expected once");
                 }
             }
@@ -538,7 +544,7 @@ fn imposed_motion(
     for (body, velocity) in velocities {
         bodies[body].driven = true;
         bodies[body].free_components = std::array::from_fn(|k| velocity[k].is_none());
-        drives.push(ImposedVelocity { body: BodyId::new(body), velocity });
+        drives.push(ImposedVelocity::new(BodyId::new(body), velocity));
     }
     drives.sort_by_key(|drive| drive.body);
     (drives, loads)
@@ -623,7 +629,7 @@ pub fn initial_motion(
     }
     for drive in &scene.drives {
         let i = drive.body.index();
-        let imposed = drive.motion_at(dof.time, &q[i], &Twist { v: v[i], w: w[i] });
+        let imposed = scene.imposed_motion(drive, dof.time, &x, &q, 0.0, &Twist { v: v[i], w: w[i] });
         (v[i], w[i]) = (imposed.v, imposed.w);
     }
     debug_assert_eq!(scene.bodies.len(), count);

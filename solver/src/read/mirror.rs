@@ -12,7 +12,7 @@ pub fn reversible_axis(scene: &Scene, body: BodyId) -> Option<usize> {
     let is_zero = |value: &cd_formats::drv_dof::Evolution| value.is_constant() && value.value_at(0.0) == 0.0;
     let is_imposed = |axis: usize| {
         let drives = scene.drives.iter().filter(|drive| drive.body == body);
-        let driven = drives.filter_map(|drive| drive.velocity[3 + axis].as_ref()).any(|value| !is_zero(value));
+        let driven = drives.flat_map(|drive| drive.rates_about(axis)).any(|value| !is_zero(value));
         let loads = scene.loads.iter().filter(|load| load.body == body && load.component == 3 + axis);
         driven || loads.into_iter().any(|load| !is_zero(&load.value))
     };

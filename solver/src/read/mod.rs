@@ -10,6 +10,7 @@ mod links;
 mod mirror;
 mod parts;
 pub mod resume;
+mod servo_walls;
 mod sinks_and_sources;
 
 use std::path::{Path, PathBuf};
@@ -105,7 +106,8 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     behaviour::check_probes(&scene, &mut event_report);
     behaviour::check_text(&mut scene);
     behaviour::check_cell(&datbox, &scene, &mut faults);
-    let motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
+    let mut motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
+    servo_walls::set_servo_walls(&datbox, &driven, &mut scene, dof.time, &mut motion, &mut faults);
     scene.notes.extend(bodies::period_gap_notes(&scene, &motion.q));
     bodies::check_plates_are_level(&datbox, &bodies, &scene, &motion.q, &mut faults);
     bodies::check_bodies_are_inside_drums(&datbox, &bodies, &scene, &motion.x, &motion.q, &mut faults);

@@ -56,7 +56,7 @@ pub fn solve_until_admissible(
         let (v, w) = solved_velocities(&solution, free, q_c);
         // Velocities with which the bodies move to the step's end, where some keep their orientation.
         let moving_w = ContactConfiguration::without_spins(&w, &q_c.orientation_kept);
-        let moving = Velocities { v: &v, w: &moving_w, gradient: q_c.end_gradient() };
+        let moving = Velocities { v: &v, w: &moving_w, ..free.velocities() };
         let late = detect::late_contacts(scene, q_c, free.velocities(), moving, contacts, &state.detection_cache);
         clock.add_lap(|times| &mut times.detection);
         if activity::is_stopped() {

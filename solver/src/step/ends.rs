@@ -8,11 +8,13 @@ use super::collectives::finish_divided_contacts;
 use super::context::{SolvedProblem, StepContext};
 use super::totals::{ContactTotals, ITEMS_PER_TASK, OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
 use super::velocity_errors::VelocityErrors;
-use crate::assemble::{ContactProblem, FreeMotion, RegularisedRow, SolverBody, contact_arms, velocity_at_arms};
+use crate::assemble::{
+    ContactProblem, FreeMotion, RegularisedRow, SolverBody, contact_arms, surface_velocity, velocity_at_arms,
+};
 use crate::integrate::ContactConfiguration;
 use crate::laws::{ContactMotion, MAX_TOUCHING_GAP};
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
-use crate::scene::{BodyId, Scene};
+use crate::scene::{BodyId, Scene, SurfaceMotion};
 use crate::solve::ContactSolution;
 use crate::state::{Contact, ContactId, ContactStatus, LawMemory, PairVirial, SolvedContact, State, Velocities};
 
@@ -29,9 +31,10 @@ pub struct StepOutcome {
 }
 
 impl StepOutcome {
-    /// Velocities and angular velocities at the step's end, in the contact configuration, without the motion of images.
+    /// Velocities and angular velocities at the step's end, in the contact configuration, without the motion of images and
+    /// surfaces.
     pub fn velocities(&self) -> Velocities<'_> {
-        Velocities { v: &self.v, w: &self.w, gradient: None }
+        Velocities { v: &self.v, w: &self.w, gradient: None, surfaces: &[] }
     }
 }
 
@@ -65,7 +68,8 @@ pub fn finish_contacts(
     let mut solved_contacts = std::mem::take(&mut state.contacts);
     solved_contacts.resize(contacts.len(), SolvedContact::default());
     let warning_depth = OVERLAP_WARNING_SHARE * scene.smallest_radius;
-    let velocities = Velocities { v: &v, w: &w, gradient: q_c.end_gradient() };
+    let velocities = Velocities { v: &v, w: &w, ..free.velocities() };
+    let start_surfaces = scene.surface_motions(state.time, &q_c.q);
     let w_without_rotation = ContactConfiguration::without_spins(&w, &q_c.pushed_at_centre);
     let velocities_without_rotation = Velocities { w: &w_without_rotation, ..velocities };
     let post_solve = PostSolve {
@@ -77,6 +81,7 @@ pub fn finish_contacts(
         velocity_errors,
         velocities,
         velocities_without_rotation,
+        start_surfaces: &start_surfaces,
         warning_depth,
     };
     if state.detection_cache.is_divided() {
@@ -129,6 +134,8 @@ struct PostSolve<'a> {
     /// Velocities at the step's end without the rotation of bodies that contacts push at their centres, for the
     /// work of the impulses.
     velocities_without_rotation: Velocities<'a>,
+    /// Motions of the surfaces of walls at the step's start.
+    start_surfaces: &'a [SurfaceMotion],
     /// Smallest depth that is worth a warning for the smallest bodies, m. Below it a contact is not compared with its radii.
     warning_depth: f64,
 }
@@ -353,7 +360,10 @@ impl PostSolve<'_> {
             // The impulse of a driven body on the other one: minus the impulse on the driven body.
             let force = force * -sign;
             if walls[body] {
-                let doubled_mean_velocity = (v[body] + state.v[body]) + doubled_mean_spin(body).cross(&arm);
+                let mut doubled_mean_velocity = (v[body] + state.v[body]) + doubled_mean_spin(body).cross(&arm);
+                for surfaces in [self.start_surfaces, self.velocities.surfaces] {
+                    doubled_mean_velocity += surface_velocity(BodyId::new(body), &arm, &contact.normal, surfaces);
+                }
                 totals.outside_work +=
                     0.5 * (force.dot(&doubled_mean_velocity) - sign * moment.dot(&doubled_mean_spin(body)));
             } else {

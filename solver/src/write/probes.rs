@@ -31,7 +31,9 @@ impl ProbeFiles {
             // Forces and means over regions are means over the steps of a row, flows sums; other quantities are taken at its
             // last step.
             let kind = match probe.quantity {
-                ProbeQuantity::Force { .. } | ProbeQuantity::Region { .. } => ColumnKind::Mean,
+                ProbeQuantity::Force { .. } | ProbeQuantity::Pressure { .. } | ProbeQuantity::Region { .. } => {
+                    ColumnKind::Mean
+                }
                 ProbeQuantity::Motion { .. } | ProbeQuantity::Energy { .. } => ColumnKind::Last,
                 ProbeQuantity::Crossing { .. } | ProbeQuantity::Removed { .. } | ProbeQuantity::Entered { .. } => {
                     ColumnKind::Sum

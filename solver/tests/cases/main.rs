@@ -49,6 +49,7 @@ mod refusals;
 mod rolling;
 mod rotation;
 mod same_bits;
+mod servo_walls;
 mod sinks_and_sources;
 mod solvers;
 mod statics;
