@@ -8,6 +8,7 @@ mod events;
 mod faces;
 mod forces;
 mod history;
+mod impact_sequence;
 mod interface_row;
 mod kinematics;
 mod messages;

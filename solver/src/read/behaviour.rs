@@ -25,6 +25,7 @@ use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 use crate::gravity::SummationMethod;
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
+use crate::ranks::communicator;
 use crate::read::bodies::InitialMotion;
 use crate::read::contactors::{ContactorNumbers, ContactorTable, NamedContactor, POINT_NAME, part_number_in_scene};
 use crate::scene::{
@@ -388,6 +389,31 @@ pub fn check_cell(datbox: &Path, scene: &Scene, faults: &mut Faults) {
         let (found, expected) =
             ("in a scene whose cell deforms", "expected no POSTPRO.DAT: its positions are those of a cell at rest");
         faults.push(Fault::new(&datbox.join("POSTPRO.DAT"), None, "file", found, expected));
+    }
+}
+
+/// Rejects what impacts one after the other are not computed for: bodies that are neither free spheres nor wholly driven,
+/// deforming cells, and several ranks.
+pub fn check_impacts(datbox: &Path, scene: &Scene, faults: &mut Faults) {
+    if scene.options.impacts.is_simultaneous() {
+        return;
+    }
+    let file = datbox.join("BODIES.DAT");
+    let is_computed = |body: &RigidBody| body.is_imposed() || body.is_sphere() && !body.driven;
+    if let Some(body) = scene.bodies.iter().position(|body| !is_computed(body)) {
+        let found = "neither a free sphere nor a body whose whole motion is imposed, with impacts: in_order";
+        let expected = "expected impacts: simultaneous: the order of impacts is computed for spheres";
+        faults.push(Fault::new(&file, None, format!("body {}", body + 1), found, expected));
+    }
+    let mut add_fault = |found: &str| {
+        let expected = "expected impacts: simultaneous";
+        faults.push(Fault::new(&file, None, "file", format!("impacts: in_order {found}"), expected));
+    };
+    if scene.options.cell.is_some() {
+        add_fault("in a scene whose cell deforms");
+    }
+    if communicator().size() > 1 {
+        add_fault("on several ranks");
     }
 }
 

@@ -105,6 +105,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     behaviour::check_probes(&scene, &mut event_report);
     behaviour::check_text(&mut scene);
     behaviour::check_cell(&datbox, &scene, &mut faults);
+    behaviour::check_impacts(&datbox, &scene, &mut faults);
     let motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
     scene.notes.extend(bodies::period_gap_notes(&scene, &motion.q));
     bodies::check_plates_are_level(&datbox, &bodies, &scene, &motion.q, &mut faults);

@@ -23,6 +23,7 @@ mod flight;
 mod forms;
 mod gravity;
 mod held_energies;
+mod impacts_in_order;
 mod invariants;
 mod joints;
 mod laws;
