@@ -200,6 +200,7 @@ fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed
             reach: sampled.reach,
             polyhedron: sampled.polyhedron,
             clump: sampled.clump,
+            round_solid: sampled.round_solid,
             mass: masses[k],
             position: placed.positions[k],
             velocity: rigid_velocities[k] + thermal_velocities[k],
@@ -316,7 +317,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     // Pieces are made once, and only for grains that are near another.
     let piece_cache: Vec<OnceCell<Vec<ConvexPiece>>> = vec![OnceCell::new(); grains.len()];
     let pieces = |k: usize| piece_cache[k].get_or_init(|| grains[k].convex_pieces()).as_slice();
-    // Penetration of the balls of a grain, moved by `shift`, into a polyhedron, m.
+    // Penetration of the balls of a grain, moved by `shift`, into a polyhedron or round solid, m.
     let overlap_with_balls = |polyhedron: usize, other: usize, shift: Vector3<f64>| {
         let overlap = |ball: ClumpBall, piece: &ConvexPiece| piece.overlap_of_ball(&(ball.centre + shift), ball.radius);
         let ball_overlap = |ball| pieces(polyhedron).iter().map(|piece| overlap(ball, piece)).fold(0.0, f64::max);
@@ -324,7 +325,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     };
     // Penetration of two grains, m, whose bounding balls overlap by `overlap`, the first one moved by `shift`.
     let penetration =
-        |a: usize, b: usize, shift: Vector3<f64>, overlap: f64| match [a, b].map(|k| grains[k].polyhedron.is_some()) {
+        |a: usize, b: usize, shift: Vector3<f64>, overlap: f64| match [a, b].map(|k| grains[k].has_pieces()) {
             [false, false] if grains[a].is_sphere() && grains[b].is_sphere() => overlap,
             [false, false] => {
                 let (first, second) = (grains[a].balls(), grains[b].balls());
@@ -395,7 +396,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
                 if overlap <= TOUCHING_TOLERANCE * grain.radius || grain.is_sphere() {
                     return overlap;
                 }
-                if grain.clump.is_some() {
+                if !grain.has_pieces() {
                     let balls = grain.balls().into_iter();
                     let overlaps = balls.map(|ball| wall.ball_overlap(&(ball.centre - shift), ball.radius));
                     return overlaps.fold(f64::NEG_INFINITY, f64::max);

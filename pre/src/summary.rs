@@ -67,15 +67,29 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
     let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
     let polyhedra = grains.iter().filter(|grain| grain.polyhedron.is_some()).count();
     let clumps: Vec<&OrientedClump> = grains.iter().filter_map(|grain| grain.clump.as_ref()).collect();
-    let spheres = count - polyhedra - clumps.len();
+    let round_solids = |is_capsule: bool| {
+        grains
+            .iter()
+            .filter_map(|grain| grain.round_solid.as_ref())
+            .filter(|round_solid| round_solid.shape.is_capsule == is_capsule)
+            .count()
+    };
+    let [cylinders, capsules] = [round_solids(false), round_solids(true)];
+    let spheres = count - polyhedra - clumps.len() - cylinders - capsules;
     let kind = match (polyhedra, clumps.len()) {
-        (0, 0) => count_text(spheres, "sphere"),
+        (0, 0) if spheres == count => count_text(spheres, "sphere"),
         (polyhedra, 0) if polyhedra == count => {
             format!("{} ({})", count_text(count, "polyhedron"), vertex_count_text(grains))
         }
         (0, number) if number == count => format!("{} ({})", count_text(count, "clump"), ball_count_text(&clumps)),
         (polyhedra, number) => {
-            let counts = [(spheres, "sphere"), (polyhedra, "polyhedron"), (number, "clump")];
+            let counts = [
+                (spheres, "sphere"),
+                (polyhedra, "polyhedron"),
+                (number, "clump"),
+                (cylinders, "cylinder"),
+                (capsules, "capsule"),
+            ];
             let counts = counts.into_iter().filter(|(number, _)| *number > 0);
             counts.map(|(number, name)| count_text(number, name)).collect::<Vec<_>>().join(" and ")
         }

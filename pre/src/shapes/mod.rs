@@ -1,4 +1,4 @@
-//! Polyhedra and clumps: converts the shapes of grains in a scene to solids in their principal axes.
+//! Polyhedra, clumps and cylinders or capsules: converts the shapes of grains in a scene to solids in their principal axes.
 //!
 //! | module | |
 //! |---|---|
@@ -8,6 +8,7 @@
 //! | [`read`], [`model`] | surfaces from files: reading, size, convex pieces |
 //! | `principal` | solids in their principal axes |
 //! | [`clump`], [`union`] | clumps of balls, and the mass properties of their union |
+//! | [`round`] | cylinders and capsules |
 //! | [`inscribed`] | balls that represent a surface |
 //! | [`overlap`] | penetration of convex solids |
 
@@ -20,6 +21,7 @@ mod principal;
 pub mod read;
 pub mod regular;
 pub mod rocks;
+pub mod round;
 pub mod union;
 
 use std::path::Path;
@@ -36,6 +38,7 @@ use crate::sphere::sphere_volume;
 pub use clump::{OrientedClump, PrincipalClump};
 use model::ModelSolid;
 pub use principal::{CentredFrame, OrientedPolyhedron, PrincipalSolid};
+pub use round::{OrientedRoundSolid, RoundSolid};
 use union::ClumpBall;
 
 /// Grain without a position.
@@ -45,25 +48,28 @@ pub struct SampledGrain {
     pub radius: f64,
     /// Radius of the smallest ball about the centre of mass that contains the grain, m.
     pub reach: f64,
-    /// Polyhedron; none for a sphere or clump.
+    /// Polyhedron; none for others.
     pub polyhedron: Option<OrientedPolyhedron>,
-    /// Clump; none for a sphere or polyhedron.
+    /// Clump; none for others.
     pub clump: Option<OrientedClump>,
+    /// Cylinder or capsule; none for others.
+    pub round_solid: Option<OrientedRoundSolid>,
 }
 
 impl SampledGrain {
     /// Sphere of `radius`, m, rounded to the digits of the files.
     pub fn from_radius(radius: f64) -> SampledGrain {
         let radius = round_8_digits(radius);
-        SampledGrain { radius, reach: radius, polyhedron: None, clump: None }
+        SampledGrain { radius, reach: radius, polyhedron: None, clump: None, round_solid: None }
     }
 
     /// Volume, m^3.
     pub fn volume(&self) -> f64 {
-        match (&self.polyhedron, &self.clump) {
-            (Some(polyhedron), _) => polyhedron.volume(),
-            (None, Some(clump)) => clump.volume(),
-            (None, None) => sphere_volume(self.radius),
+        match (&self.polyhedron, &self.clump, &self.round_solid) {
+            (Some(polyhedron), ..) => polyhedron.volume(),
+            (_, Some(clump), _) => clump.volume(),
+            (.., Some(round_solid)) => round_solid.shape.mass_properties().volume,
+            (None, None, None) => sphere_volume(self.radius),
         }
     }
 
@@ -72,13 +78,25 @@ impl SampledGrain {
         let vertices = polyhedron.vertices();
         let reach = vertices.iter().flatten().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
         let radius = round_14_columns(polyhedron.scale * polyhedron.solid.equivalent_radius());
-        SampledGrain { radius, reach, polyhedron: Some(polyhedron), clump: None }
+        SampledGrain { radius, reach, polyhedron: Some(polyhedron), clump: None, round_solid: None }
     }
 
     /// Grain with the shape of a clump.
     pub fn from_clump(clump: OrientedClump) -> SampledGrain {
         let radius = round_8_digits(clump.scale * clump.clump.equivalent_radius());
-        SampledGrain { radius, reach: clump.reach(), polyhedron: None, clump: Some(clump) }
+        SampledGrain { radius, reach: clump.reach(), polyhedron: None, clump: Some(clump), round_solid: None }
+    }
+
+    /// Grain with the shape of a cylinder or capsule.
+    pub fn from_round_solid(round_solid: OrientedRoundSolid) -> SampledGrain {
+        let radius = round_8_digits(round_solid.shape.equivalent_radius());
+        SampledGrain {
+            radius,
+            reach: round_solid.shape.reach(),
+            polyhedron: None,
+            clump: None,
+            round_solid: Some(round_solid),
+        }
     }
 }
 
@@ -89,7 +107,7 @@ pub struct GrainSampler {
     radius: RadiusKind,
     orientations: GrainOrientations,
     random: RandomStream,
-    /// Number of polyhedra or clumps so far.
+    /// Number of grains other than spheres so far.
     count: usize,
 }
 
@@ -119,12 +137,15 @@ enum ShapeSource {
     Rocks(rocks::RockGenerator),
     /// One clump for all grains, and notes on its file.
     Clump(Arc<PrincipalClump>, String),
+    /// One cylinder or capsule for all grains.
+    RoundSolid(RoundSolid),
 }
 
 /// Shape of the next grain.
 enum NextShape {
     Polyhedron(Arc<PrincipalSolid>),
     Clump(Arc<PrincipalClump>),
+    RoundSolid(RoundSolid),
 }
 
 impl GrainSampler {
@@ -153,6 +174,12 @@ impl GrainSampler {
                 let (clump, summary) = clump::read_clump(folder, file, *scale).map_err(ShapeError::File)?;
                 ShapeSource::Clump(Arc::new(clump), summary)
             }
+            &GrainShape::Cylinder { half_height: half_length, radius } => {
+                ShapeSource::RoundSolid(RoundSolid { half_length, radius, is_capsule: false })
+            }
+            &GrainShape::Capsule { half_length, radius } => {
+                ShapeSource::RoundSolid(RoundSolid { half_length, radius, is_capsule: true })
+            }
             other => {
                 let hull = hull::convex_hull(&regular::shape_vertices(other)).map_err(ShapeError::Shape)?;
                 ShapeSource::Same(
@@ -175,7 +202,7 @@ impl GrainSampler {
     pub fn file_summary(&self) -> &str {
         match &self.source {
             ShapeSource::Same(_, summary) | ShapeSource::Clump(_, summary) => summary,
-            ShapeSource::Sphere | ShapeSource::Rocks(_) => "",
+            ShapeSource::Sphere | ShapeSource::Rocks(_) | ShapeSource::RoundSolid(_) => "",
         }
     }
 
@@ -186,11 +213,12 @@ impl GrainSampler {
         let shape = match &self.source {
             ShapeSource::Sphere => {
                 let radius = size.unwrap_or(1.0);
-                return Ok(SampledGrain { radius, reach: radius, polyhedron: None, clump: None });
+                return Ok(SampledGrain { radius, reach: radius, polyhedron: None, clump: None, round_solid: None });
             }
             ShapeSource::Same(solid, _) => NextShape::Polyhedron(solid.clone()),
             ShapeSource::Rocks(rocks) => NextShape::Polyhedron(Arc::new(rocks.draw_rock(&mut self.random)?)),
             ShapeSource::Clump(clump, _) => NextShape::Clump(clump.clone()),
+            ShapeSource::RoundSolid(round_solid) => NextShape::RoundSolid(*round_solid),
         };
         let rotation = match &self.orientations {
             GrainOrientations::Random => self.random.uniform_rotation(),
@@ -203,6 +231,7 @@ impl GrainSampler {
         let (equivalent_radius, reach) = match &shape {
             NextShape::Polyhedron(solid) => (solid.equivalent_radius(), solid.reach),
             NextShape::Clump(clump) => (clump.equivalent_radius(), clump.reach),
+            NextShape::RoundSolid(round_solid) => (round_solid.equivalent_radius(), round_solid.reach()),
         };
         let own_size = match self.radius {
             RadiusKind::EqualVolume => equivalent_radius,
@@ -214,6 +243,9 @@ impl GrainSampler {
                 SampledGrain::from_polyhedron(OrientedPolyhedron::new(solid, scale, &rotation))
             }
             NextShape::Clump(clump) => SampledGrain::from_clump(OrientedClump::new(clump, scale, &rotation)),
+            NextShape::RoundSolid(round_solid) => {
+                SampledGrain::from_round_solid(OrientedRoundSolid::new(round_solid, scale, &rotation))
+            }
         })
     }
 }

@@ -9,11 +9,10 @@
 //! The velocities at the end are the ones at which the contacts must part; the contact problem finds the impulses together
 //! with friction and forces.
 
-use std::sync::Once;
+use std::cell::Cell;
 
 use cd_formats::compute::ImpactOrder;
 use cd_formats::groups::DisjointSets;
-use cd_formats::messages::print_error;
 
 use super::context::AssemblyContext;
 use super::kinematics::{contact_arms, velocity_at_arms};
@@ -32,8 +31,16 @@ const MAX_ROUNDS: usize = 10_000;
 const MAX_ROUND_SWEEPS: usize = 1000;
 const MAX_ROUND_CHANGE: f64 = 1e-15;
 
-/// Prints the warning about clusters whose impacts do not end once.
-static UNENDED_WARNING: Once = Once::new();
+thread_local! {
+    /// Number of contacts of the largest cluster whose impacts have not ended, since [`take_unended_impacts`].
+    static UNENDED_IMPACTS: Cell<usize> = const { Cell::new(0) };
+}
+
+/// Number of contacts of the largest cluster whose impacts have not ended in the contact problems of this thread since the
+/// last call; 0 if all have.
+pub fn take_unended_impacts() -> usize {
+    UNENDED_IMPACTS.take()
+}
 
 /// Contact that may take part in impacts.
 struct ImpactContact<'a> {
@@ -68,13 +75,7 @@ impl AssemblyContext<'_> {
                 Some(velocities) => {
                     cluster.iter().zip(velocities).for_each(|(impact, rebound)| rebounds[impact.index] = rebound);
                 }
-                None => UNENDED_WARNING.call_once(|| {
-                    print_error(format_args!(
-                        "cd-solve: warning: impacts: in_order: the impacts of {} contacts do not end, as those of balls \
-                         between walls that they touch; Newton's law at one instant applies to such clusters",
-                        cluster.len()
-                    ));
-                }),
+                None => UNENDED_IMPACTS.set(UNENDED_IMPACTS.get().max(cluster.len())),
             }
         }
         rebounds
@@ -148,7 +149,7 @@ fn rebounds_of_cluster(cluster: &[&ImpactContact]) -> Option<Vec<Option<f64>>> {
     for _ in 0..MAX_ROUNDS {
         let closing: Vec<usize> = (0..cluster.len()).filter(|&k| velocity(k, &changes) < -tolerance).collect();
         if closing.is_empty() {
-            // Between walls the approach that the tolerance leaves adds up along the cluster, and all must part.
+            // Approaches below the tolerance add up along a cluster at a wall, and all of it must part.
             let has_wall = cluster.iter().any(|impact| impact.inverse_masses.contains(&0.0));
             let least = if has_wall { tolerance * cluster.len() as f64 } else { 0.0 };
             let rebound = |k: usize| (impulses[k] > 0.0).then(|| (velocity(k, &changes) - least).max(0.0));

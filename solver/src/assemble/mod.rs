@@ -23,6 +23,7 @@ pub use closed_by_others::contacts_closed_by_others;
 pub use events::{AppliedEvents, apply_events, apply_torque_and_damping};
 pub use forces::{FreeMotion, free_velocity, potential_energy};
 pub use history::connected_bodies;
+pub use impact_sequence::take_unended_impacts;
 pub use interface_row::InterfaceRow;
 pub use kinematics::{contact_arms, relative_velocity, velocity_at_arms};
 pub use messages::ConstraintMessage;

@@ -103,7 +103,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let mut event_report = FaultReport::new(&source, &text);
     behaviour::check_events(&scene, &mut event_report);
     behaviour::check_probes(&scene, &mut event_report);
-    behaviour::check_text(&mut scene);
+    behaviour::check_text(&datbox, &mut scene, &mut faults);
     behaviour::check_cell(&datbox, &scene, &mut faults);
     behaviour::check_impacts(&datbox, &scene, &mut faults);
     let motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);

@@ -6,6 +6,7 @@ mod adaptive;
 mod beams;
 mod bonds;
 mod breaking;
+mod capsules;
 mod case;
 mod cell;
 mod clumps;
