@@ -38,7 +38,7 @@ fn expect(found: Option<&Manifold>, expected: f64, alert: f64, k: usize) {
 fn gaps_are_those_of_the_nearest_balls() {
     let mut random = Random(57);
     let mut listed = [0; 3];
-    for k in 0..3000 {
+    for k in 0..400 {
         let alert = 0.5;
         let [h, r] = [random.between(0.1, 1.5), random.between(0.2, 0.6)];
         let [qa, qb] = [random.turn(), random.turn()];
@@ -76,7 +76,7 @@ fn gaps_are_those_of_the_nearest_balls() {
             expect(found.as_ref(), expected, alert, k);
         }
     }
-    assert!(listed.iter().all(|count| *count > 300), "{listed:?}");
+    assert!(listed.iter().all(|count| *count > 40), "{listed:?}");
 }
 
 #[test]
@@ -94,7 +94,7 @@ fn capsules_that_lie_on_each_other_touch_at_two_points() {
 #[test]
 fn rims_touch_a_hollow_cylinder_at_their_farthest_points() {
     let mut random = Random(58);
-    for k in 0..1000 {
+    for k in 0..100 {
         let (h, r) = (random.between(0.2, 1.0), random.between(0.2, 1.0));
         let (axes, q) = (random.turn(), random.turn());
         let c = random.direction() * random.between(0.0, 1.0);
@@ -104,16 +104,16 @@ fn rims_touch_a_hollow_cylinder_at_their_farthest_points() {
             q.inverse_transform_vector(&(axes * on_rim - c))
         };
         let points =
-            || [-1.0, 1.0].into_iter().flat_map(|side| (0..20_000).map(move |n| (side, TAU * f64::from(n) / 2e4)));
+            || [-1.0, 1.0].into_iter().flat_map(|side| (0..2000).map(move |n| (side, TAU * f64::from(n) / 2e3)));
         let farthest = points().map(|(side, angle)| local_point(side, angle).xy().norm()).fold(0.0, f64::max);
         let highest = points().map(|(side, angle)| local_point(side, angle).z.abs()).fold(0.0, f64::max);
         let least_gap = |is_end: bool| {
             let of_kind = found.iter().filter(|manifold| (manifold.points[0].features.1 > 0) == is_end);
             of_kind.map(Manifold::gap).fold(f64::INFINITY, f64::min)
         };
-        // Half the square of an interval of the samples.
-        assert!((least_gap(false) - (3.0 - farthest)).abs() < 1e-7, "{k}: {farthest} {found:?}");
-        assert!((least_gap(true) - (4.0 - highest)).abs() < 1e-7, "{k}: {highest} {found:?}");
+        // Half the square of half an interval of the samples, 1.6e-3, with some margin.
+        assert!((least_gap(false) - (3.0 - farthest)).abs() < 5e-6, "{k}: {farthest} {found:?}");
+        assert!((least_gap(true) - (4.0 - highest)).abs() < 5e-6, "{k}: {highest} {found:?}");
         found.iter().for_each(|manifold| check(manifold, f64::INFINITY, 4.0, &|| format!("{k}")));
     }
 }
