@@ -67,6 +67,8 @@ pub enum ShapeRecord {
     Plane { half_lengths: [f64; 3] },
     /// CYLND, and DNLYC with contact on the inside; axis along the third axis.
     Cylinder { half_height: f64, radius: f64, hollow: bool },
+    /// CAPSx: the points up to `radius` from a segment of half length `half_length` along the third axis.
+    Capsule { half_length: f64, radius: f64 },
     /// POLYR: closed triangulated surface; triangles contain 0-based vertex numbers.
     Polyhedron { vertices: Vec<[f64; 3]>, triangles: Vec<[u32; 3]> },
     /// PT3Dx: a point.
@@ -85,6 +87,7 @@ impl ShapeRecord {
             ShapeRecord::Plane { .. } => "PLANx",
             ShapeRecord::Cylinder { hollow: false, .. } => "CYLND",
             ShapeRecord::Cylinder { hollow: true, .. } => "DNLYC",
+            ShapeRecord::Capsule { .. } => "CAPSx",
             ShapeRecord::Polyhedron { .. } => "POLYR",
             ShapeRecord::Point { .. } => "PT3Dx",
             ShapeRecord::Mesh { .. } => "MESHx",
@@ -330,7 +333,7 @@ fn read_body(scan: &mut LineScanner, begin: usize, position: u64) -> Option<Body
             // LMGC90 skips a localframe where it reads none, so that the axes would not be those of the file.
             let is_frame = scan.peek_line().is_some_and(|line| line.columns(30, 39) == "localframe");
             let expected = "expected a contactor or $$$$$$";
-            let no_frame = "expected none: only PLANx and CYLND have one; write the axes into DOF.INI";
+            let no_frame = "expected none: only PLANx, CYLND and CAPSx have one; write the axes into DOF.INI";
             scan.unexpected_line(if is_frame { no_frame } else { expected });
         }
         while scan.next_line_if(TextLine::is_continuation).is_some() {}
@@ -374,6 +377,10 @@ fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
             radius: scan.read_positive(line, 56, "radius"),
             hollow: line.keyword() == "DNLYC",
         },
+        "CAPSx" => ShapeRecord::Capsule {
+            half_length: scan.read_positive(line, 35, "half length"),
+            radius: scan.read_positive(line, 56, "radius"),
+        },
         "POLYR" => read_polyhedron(scan, line)?,
         "POLYF" => read_patches(scan, line)?,
         "PT3Dx" => ShapeRecord::Point { offset: scan.read_grid(line, COORDINATE_LABELS) },
@@ -389,7 +396,9 @@ fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
         }
     };
     let local_frame = match shape {
-        ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { hollow: false, .. } => read_local_frame(scan)?,
+        ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { hollow: false, .. } | ShapeRecord::Capsule { .. } => {
+            read_local_frame(scan)?
+        }
         _ => None,
     };
     Some(Contactor { colour, shape, local_frame })
@@ -589,8 +598,9 @@ fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> Rea
             ShapeRecord::Plane { half_lengths } => {
                 put_grid(out, &head, &["axe1=", "axe2=", "axe3="], half_lengths, real)
             }
-            ShapeRecord::Cylinder { half_height, radius, .. } => {
-                put_grid(out, &head, &["High=", "byrd="], &[*half_height, *radius], real);
+            ShapeRecord::Cylinder { half_height: half_length, radius, .. }
+            | ShapeRecord::Capsule { half_length, radius } => {
+                put_grid(out, &head, &["High=", "byrd="], &[*half_length, *radius], real);
             }
             ShapeRecord::Polyhedron { vertices, triangles } => {
                 let (vertex_count, triangle_count) = (vertices.len(), triangles.len());

@@ -288,6 +288,25 @@ pub enum FaceFriction {
     Corners,
 }
 
+/// Order of impacts of bodies that touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+#[value(rename_all = "snake_case")]
+pub enum ImpactOrder {
+    /// All at one instant, by Newton's law at each contact.
+    #[default]
+    Simultaneous,
+    /// One after the other, as contacts close.
+    InOrder,
+}
+
+impl ImpactOrder {
+    /// Whether impacts are simultaneous.
+    pub fn is_simultaneous(&self) -> bool {
+        *self == ImpactOrder::Simultaneous
+    }
+}
+
 /// Solver of the contact problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
@@ -424,6 +443,9 @@ options! {
     narrow_phase: Option<NarrowPhase> = None, NarrowPhase, [value_enum, value_name = "METHOD"];
     /// Points of faces and edges of polyhedra at which friction resists spinning. uniform: as under a uniform pressure; corners: at their corners, as in LMGC90, where a square resists spinning 1.85 times as much; the default for polyhedra without COMPUTE.RON.
     face_friction: FaceFriction = FaceFriction::Uniform, FaceFriction, [value_enum, value_name = "POINTS"];
+    /// Order of impacts of spheres that touch, with laws that have restitution. simultaneous: at one instant, by Newton's law at each contact; in_order: one after the other, so that an impulse passes on through touching spheres.
+    #[serde(skip_serializing_if = "ImpactOrder::is_simultaneous")]
+    impacts: ImpactOrder = ImpactOrder::Simultaneous, ImpactOrder, [value_enum, value_name = "ORDER"];
     /// Period along x, m (periodic boundary); cannot be combined with self-gravity or fields. Positions are not wrapped.
     xperiode: Option<f64> = None, f64, [value_parser = parse_number, value_name = "M"];
     /// Period along y, m.

@@ -1,7 +1,8 @@
 //! Words of LMGC90's text files: kinds of bodies and contactors.
 
 /// Contactors that can be read.
-pub(crate) const CONTACTOR_TYPES: [&str; 8] = ["SPHER", "SPHEb", "PLANx", "CYLND", "DNLYC", "POLYR", "PT3Dx", "MESHx"];
+pub(crate) const CONTACTOR_TYPES: [&str; 9] =
+    ["SPHER", "SPHEb", "PLANx", "CYLND", "DNLYC", "CAPSx", "POLYR", "PT3Dx", "MESHx"];
 
 /// Types of bodies of BODIES.DAT that are not rigid bodies in 3D, and names of their kind.
 pub(crate) const FOREIGN_BODIES: [(&str, &str); 4] =

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use cd_formats::bodies::{Bodies, Body, ShapeRecord};
+use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::compute::ExternalField;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldShapes;
@@ -19,7 +19,7 @@ use crate::math::Vec3;
 /// Largest difference of the normals of triangles of one face; files with eight digits leave about 1e-7.
 const NORMAL_TOLERANCE: f64 = 1e-5;
 
-/// A polyhedron, a cylinder, off-centre spheres, or a cluster of these, or a triangulated wall, in the body's frame.
+/// A polyhedron, a cylinder, a capsule, off-centre spheres, or a cluster of these, or a triangulated wall, in the body's frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SolidShape {
     /// Vertices of all pieces, about the centre of mass, m.
@@ -45,6 +45,9 @@ pub struct Hollow {
 
 /// Number of sides of the prism that represents a cylinder.
 const CYLINDER_SIDES: u32 = 64;
+/// Number of sides of the polyhedron that represents a capsule, and of rings of faces on each of its ends.
+const CAPSULE_SIDES: u32 = 32;
+const CAPSULE_RINGS: u32 = 8;
 /// Rings of faces, from pole to pole, of a drawn sphere of a cluster, and faces in each ring.
 const SPHERE_RINGS: u32 = 10;
 const SPHERE_SECTORS: u32 = 20;
@@ -77,6 +80,34 @@ impl SolidShape {
         );
         self.faces.push((0..CYLINDER_SIDES).rev().map(lower_vertex).collect());
         self.faces.push((0..CYLINDER_SIDES).map(|k| lower_vertex(k) + 1).collect());
+    }
+
+    /// Adds a capsule about the third axis, as a polyhedron with its vertices on the capsule; `to_body` maps its points to
+    /// the body's frame.
+    fn add_capsule(&mut self, half_length: f64, radius: f64, to_body: impl Fn(Vec3) -> Vec3) {
+        let first = self.vertices.len() as u32;
+        // Circles from the lower to the upper pole, two of them at the ends of the round side.
+        let circles = 2 * CAPSULE_RINGS;
+        for circle in 1..=circles {
+            let (ring, end) = if circle <= CAPSULE_RINGS { (circle, -half_length) } else { (circle - 1, half_length) };
+            let polar = std::f64::consts::PI * f64::from(ring) / f64::from(2 * CAPSULE_RINGS);
+            for k in 0..CAPSULE_SIDES {
+                let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(CAPSULE_SIDES)).sin_cos();
+                let across = radius * polar.sin();
+                self.vertices.push(to_body(Vec3::new(across * cos, across * sin, end - radius * polar.cos())));
+            }
+        }
+        let poles = [-half_length - radius, half_length + radius];
+        self.vertices.extend(poles.map(|z| to_body(Vec3::z() * z)));
+        let vertex = |circle: u32, k: u32| first + circle * CAPSULE_SIDES + k % CAPSULE_SIDES;
+        let [lower_pole, upper_pole] = [0, 1].map(|k| first + circles * CAPSULE_SIDES + k);
+        for k in 0..CAPSULE_SIDES {
+            self.faces.push(vec![vertex(0, k + 1), vertex(0, k), lower_pole]);
+            self.faces.extend((1..circles).map(|upper| {
+                vec![vertex(upper - 1, k), vertex(upper - 1, k + 1), vertex(upper, k + 1), vertex(upper, k)]
+            }));
+            self.faces.push(vec![vertex(circles - 1, k), vertex(circles - 1, k + 1), upper_pole]);
+        }
     }
 
     /// Whether it consists of balls alone.
@@ -219,6 +250,7 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
     let is_single = body.contactors.len() == 1;
     let is_solid = |shape: &ShapeRecord| match shape {
         ShapeRecord::Cylinder { .. }
+        | ShapeRecord::Capsule { .. }
         | ShapeRecord::Polyhedron { .. }
         | ShapeRecord::OffsetSphere { .. }
         | ShapeRecord::Mesh { .. } => true,
@@ -237,16 +269,22 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
             axes = Matrix3::from_rows(&frame.axes.map(|axis| Vec3::from(axis).transpose()));
         }
     }
+    // Map from the frame of a cylinder or capsule to that of the body, which a single one has.
+    let to_body = |contactor: &Contactor| {
+        let frame = contactor.local_frame.as_ref().filter(|_| !is_single);
+        let rotation = frame.map_or(Matrix3::identity(), |frame| Matrix3::from_fn(|i, j| frame.axes[j][i]));
+        let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());
+        move |v: Vec3| axes * (rotation * v + offset - centre)
+    };
     let mut solid = SolidShape::default();
     for contactor in &body.contactors {
         match &contactor.shape {
             ShapeRecord::Cylinder { half_height, radius, hollow } => {
                 solid.hollow = hollow.then_some(Hollow { radius: *radius, half_height: *half_height });
-                // A single cylinder has the frame of its body.
-                let frame = contactor.local_frame.as_ref().filter(|_| !is_single);
-                let rotation = frame.map_or(Matrix3::identity(), |frame| Matrix3::from_fn(|i, j| frame.axes[j][i]));
-                let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());
-                solid.add_cylinder(*half_height, *radius, |v| axes * (rotation * v + offset - centre));
+                solid.add_cylinder(*half_height, *radius, to_body(contactor));
+            }
+            ShapeRecord::Capsule { half_length, radius } => {
+                solid.add_capsule(*half_length, *radius, to_body(contactor));
             }
             ShapeRecord::Polyhedron { vertices, triangles } => {
                 let surface = Surface::new(vertices, triangles)?;
@@ -325,7 +363,6 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use cd_formats::bodies::Contactor;
     use cd_formats::snapshot::MaterialName;
 
     /// A box of half lengths 1, 2, 3 moved by `to`.
@@ -434,13 +471,36 @@ mod tests {
         assert_eq!((solid.vertices.len(), solid.faces.len(), solid.hollow), (128, 66, inside));
         assert!((solid.bounding_radius() - 2.5).abs() < 1e-14);
         // The 64-gon has 32 sin(2π/64) r² over the height.
+        let expected = 3.0 * 4.0 * 32.0 * (std::f64::consts::TAU / 64.0).sin();
+        assert!((outward_volume(&solid) - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_capsule_is_a_closed_polyhedron_on_its_surface() {
+        let mut capsule = body(0.0, None);
+        capsule.contactors[0].shape = ShapeRecord::Capsule { half_length: 1.5, radius: 2.0 };
+        let solid = body_solid(&capsule).unwrap().unwrap();
+        assert_eq!((solid.vertices.len(), solid.faces.len()), (514, 544));
+        for v in &solid.vertices {
+            let from_segment = v - Vec3::z() * v.z.clamp(-1.5, 1.5);
+            assert!((from_segment.norm() - 2.0).abs() < 1e-14);
+        }
+        let sides = solid.faces.iter().flat_map(|face| (0..face.len()).map(|k| (face[k], face[(k + 1) % face.len()])));
+        let sides: BTreeSet<(u32, u32)> = sides.collect();
+        assert!(sides.iter().all(|&(a, b)| sides.contains(&(b, a))));
+        // A 32-gon has 0.9936 of the circle, and the rings of 11° less of the ends.
+        let filled = outward_volume(&solid) / (std::f64::consts::PI * 4.0 * (3.0 + 4.0 / 3.0 * 2.0));
+        assert!((0.985..0.994).contains(&filled), "{filled}");
+    }
+
+    /// Volume of a solid all of whose faces look away from its centre.
+    fn outward_volume(solid: &SolidShape) -> f64 {
         let cone = |face: &Vec<u32>| -> f64 {
             let at = |k: u32| solid.vertices[k as usize];
             face[1..].windows(2).map(|pair| at(face[0]).dot(&at(pair[0]).cross(&at(pair[1]))) / 6.0).sum()
         };
-        let volume: f64 = solid.faces.iter().map(cone).sum();
-        assert!((volume - 3.0 * 4.0 * 32.0 * (std::f64::consts::TAU / 64.0).sin()).abs() < 1e-12);
         assert!(solid.faces.iter().all(|face| cone(face) > 0.0));
+        solid.faces.iter().map(cone).sum()
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::scene::Scene;
 const MAX_NAMED_COLOURS: usize = 3;
 
 /// Reports, once for each law, the colours between which an attraction acts at several contact points of two bodies.
-/// Polyhedra touch each other and walls in up to one point for each corner; bodies of several pieces touch in up to that
+/// Polyhedra touch each other and walls in up to one point for each corner, cylinders or capsules in two along a line; bodies of several pieces touch in up to that
 /// number for each piece, clumps in one for each ball.
 pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let any_body_of_colour = |colour: &str, counts: &dyn Fn(usize) -> bool| {
@@ -17,7 +17,13 @@ pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut 
         polyhedra
             .any(|(group, polyhedron)| scene.grains[group].colour == colour && counts(polyhedron.solid.pieces.len()))
     };
-    let is_polyhedral = |colour: &str| any_body_of_colour(colour, &|_| true);
+    let has_round_solids = |colour: &str| {
+        population
+            .grains
+            .iter()
+            .any(|grain| grain.shape.round_solid().is_some() && scene.grains[grain.group].colour == colour)
+    };
+    let is_polyhedral = |colour: &str| any_body_of_colour(colour, &|_| true) || has_round_solids(colour);
     let has_clumps = |colour: &str| {
         population
             .grains

@@ -314,7 +314,8 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
             let has_own_size = grains.shape.has_own_size();
             let has_given_sizes =
                 matches!(grains.placement, GrainPlacement::Fragments { .. } | GrainPlacement::File { .. });
-            let expected = "sizes, or a shape with a size of its own (Box, Vertices, Model, Clump, ClumpFile)";
+            let expected =
+                "sizes, or a shape with a size of its own (Box, Cylinder, Capsule, Vertices, Model, Clump, ClumpFile)";
             report.require(has_own_size || has_given_sizes, path, "no sizes", expected);
         }
     }
@@ -378,6 +379,11 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
         GrainShape::Box { lengths } => {
             check_each(report, &format!("{shape}.lengths"), lengths, is_positive, "a length > 0 m");
         }
+        &GrainShape::Cylinder { half_height: half_length, radius } | &GrainShape::Capsule { half_length, radius } => {
+            let name = if grains.contactor() == "CYLND" { "half_height" } else { "half_length" };
+            check_positive(report, &format!("{shape}.{name}"), half_length, "a length > 0 m");
+            check_positive(report, &format!("{shape}.radius"), radius, "a radius > 0 m");
+        }
         &GrainShape::Prism { sides, slenderness } => {
             let expected = format!("{} to {}", CORNER_RANGE.start(), CORNER_RANGE.end() / 2);
             let fits = (*CORNER_RANGE.start()..=CORNER_RANGE.end() / 2).contains(&sides);
@@ -434,7 +440,7 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
                 has_default_orientation_and_radius(grains),
                 path,
                 "grain_orientation or radius given for spheres",
-                "neither: they are for polyhedra and clumps",
+                "neither: they are for polyhedra, clumps, cylinders and capsules",
             );
         }
         GrainShape::Sphere
@@ -645,7 +651,12 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
         );
     }
     if let GrainPlacement::DensePacking { .. } = grains.placement {
-        let kind = if grains.is_polyhedral() { "polyhedra" } else { "clumps" };
+        let kind = match grains.contactor() {
+            "POLYR" => "polyhedra",
+            "CYLND" => "cylinders",
+            "CAPSx" => "capsules",
+            _ => "clumps",
+        };
         let expected = format!("spheres: {kind} are poured or compressed to a dense packing by cd-solve");
         let found = format!("a DensePacking of {kind}");
         report.require(grains.are_spheres(), &format!("{path}.placement"), found, &expected);
@@ -989,6 +1000,17 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
             |colour: &String| wall_colours.contains(&&colour[..]) && !grain_colours.contains(&&colour[..]);
         let is_wall_law = contact.law.is_some() && is_of_walls(a) && is_of_walls(b) && !walls_meet(&scene.walls, a, b);
         report.require(!is_wall_law, &path, format!("a law between the walls '{a}' and '{b}'"), NO_WALL_LAW);
+        let has_round_solids = |colour: &String| {
+            scene.grains.iter().any(|grains| grains.colour == *colour && grains.shape.is_round_solid())
+        };
+        let has_surfaces =
+            |colour: &String| scene.walls.iter().any(|wall| wall.colour() == colour && wall.contactor() == "MESHx");
+        let meets_surface = has_round_solids(a) && has_surfaces(b) || has_round_solids(b) && has_surfaces(a);
+        let is_round_on_surface = contact.law.is_some() && meets_surface;
+        let found = format!("a law between '{a}' and '{b}', which are cylinders or capsules and a Mesh");
+        let expected =
+            "no law: a Mesh has contacts with spheres, polyhedra and clumps; use Plate, Box or Cylinder as wall";
+        report.require(!is_round_on_surface, &path, found, expected);
         let exist = [a, b].iter().all(|colour| all_colours.contains(&colour.as_str()));
         let are_imposed = exist && is_imposed(scene, a) && is_imposed(scene, b);
         // A scene in which nothing is free has another fault.

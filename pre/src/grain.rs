@@ -29,7 +29,7 @@ impl Population {
     }
 }
 
-/// One sphere, polyhedron or clump; numbers have the digits of the files.
+/// One sphere, polyhedron, clump or round solid; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grain {
     /// Index of its group, an entry of `grains` in the scene.
@@ -61,6 +61,7 @@ impl Grain {
             OrientedShape::Sphere => Matrix3::identity(),
             OrientedShape::Polyhedron(polyhedron) => polyhedron.axes,
             OrientedShape::Clump(clump) => clump.axes,
+            OrientedShape::RoundSolid(round_solid) => round_solid.axes,
         }
     }
 
@@ -69,11 +70,17 @@ impl Grain {
         matches!(self.shape, OrientedShape::Sphere)
     }
 
-    /// Balls of a sphere or clump at its position; none for a polyhedron.
+    /// Whether the grain is a solid of convex pieces: a polyhedron or cylinder.
+    pub(crate) fn has_pieces(&self) -> bool {
+        self.shape.polyhedron().is_some() || self.shape.round_solid().is_some_and(|solid| !solid.shape.is_capsule)
+    }
+
+    /// Balls of a sphere, clump or capsule at its position; none for others.
     pub(crate) fn balls(&self) -> Vec<ClumpBall> {
         match &self.shape {
             OrientedShape::Sphere => vec![ClumpBall { centre: self.position, radius: self.radius }],
             OrientedShape::Polyhedron(_) => Vec::new(),
+            OrientedShape::RoundSolid(round_solid) => round_solid.balls(self.position).collect(),
             OrientedShape::Clump(clump) => {
                 let to_fixed_axes = clump.axes.transpose();
                 let placed_ball =
@@ -83,8 +90,11 @@ impl Grain {
         }
     }
 
-    /// Convex pieces of a polyhedron in its orientation, at its position.
+    /// Convex pieces of a polyhedron, or the prism inscribed in a cylinder, in its orientation, at its position.
     pub(crate) fn convex_pieces(&self) -> Vec<ConvexPiece> {
+        if let OrientedShape::RoundSolid(round_solid) = &self.shape {
+            return round_solid.convex_piece(self.position).into_iter().collect();
+        }
         let Some(polyhedron) = self.shape.polyhedron() else { return Vec::new() };
         let to_fixed_axes = polyhedron.axes.transpose();
         let pieces = polyhedron.vertices().into_iter().zip(&polyhedron.solid.pieces);

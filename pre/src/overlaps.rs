@@ -44,7 +44,7 @@ impl<'a> ShapedGrain<'a> {
     /// is at most that of touching grains, any such value may be returned.
     pub fn overlap_with(&self, other: &ShapedGrain, shift: Vector3<f64>, ball_overlap: f64) -> f64 {
         let (a, b) = (self.grain, other.grain);
-        match [a, b].map(|grain| grain.shape.polyhedron().is_some()) {
+        match [a, b].map(|grain| grain.has_pieces()) {
             [false, false] if a.is_sphere() && b.is_sphere() => ball_overlap,
             [false, false] => {
                 let (first, second) = (a.balls(), b.balls());
@@ -76,7 +76,7 @@ impl<'a> ShapedGrain<'a> {
             if overlap <= TOUCHING_TOLERANCE * grain.radius || grain.is_sphere() {
                 return overlap;
             }
-            if grain.shape.clump().is_some() {
+            if !grain.has_pieces() {
                 let balls = grain.balls().into_iter();
                 let overlaps = balls.map(|ball| wall.ball_overlap(&(ball.centre - shift), ball.radius));
                 return overlaps.fold(f64::NEG_INFINITY, f64::max);

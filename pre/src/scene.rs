@@ -105,13 +105,13 @@ pub struct Grains {
     pub solid_fraction: Option<f64>,
     #[serde(default)]
     pub shape: GrainShape,
-    /// None for grains with a size of their own: `Box`, `Vertices`, `Model`, `Clump`, `ClumpFile`, and `Fragments`.
+    /// None for grains with a size of their own: `Box`, `Cylinder`, `Capsule`, `Vertices`, `Model`, `Clump`, `ClumpFile`, and `Fragments`.
     #[serde(default)]
     pub sizes: Option<SizeDistribution>,
-    /// Radius of a polyhedron or clump that the sizes give.
+    /// Radius of a polyhedron, clump or round solid that the sizes give.
     #[serde(default)]
     pub radius: RadiusKind,
-    /// Orientation of polyhedra and clumps.
+    /// Orientation of polyhedra, clumps and cylinders or capsules.
     #[serde(default)]
     pub grain_orientation: GrainOrientations,
     /// Positions of the grains.
@@ -193,6 +193,20 @@ pub enum GrainShape {
         sides: usize,
         /// Ratio of the height to the diameter of the circle around the polygon.
         slenderness: f64,
+    },
+    /// Cylinder along the third axis.
+    Cylinder {
+        /// m
+        half_height: f64,
+        /// m
+        radius: f64,
+    },
+    /// All points up to `radius` from a segment along the third axis.
+    Capsule {
+        /// Half length of the segment, m.
+        half_length: f64,
+        /// m
+        radius: f64,
     },
     /// The convex hull of these points, m.
     Vertices(Vec<[f64; 3]>),
@@ -679,7 +693,7 @@ impl Law {
 impl GrainShape {
     /// Whether the shape is given in axes that need not be the principal ones.
     pub fn has_axes(&self) -> bool {
-        self.has_own_size() && !matches!(self, GrainShape::Box { .. })
+        self.has_own_size() && !self.is_round_solid() && !matches!(self, GrainShape::Box { .. })
     }
 
     /// Whether the shape has a size, which grains without `sizes` keep.
@@ -687,11 +701,18 @@ impl GrainShape {
         matches!(
             self,
             GrainShape::Box { .. }
+                | GrainShape::Cylinder { .. }
+                | GrainShape::Capsule { .. }
                 | GrainShape::Vertices(_)
                 | GrainShape::Model { .. }
                 | GrainShape::Clump(_)
                 | GrainShape::ClumpFile { .. }
         )
+    }
+
+    /// Whether the shape is a cylinder or capsule.
+    pub fn is_round_solid(&self) -> bool {
+        matches!(self, GrainShape::Cylinder { .. } | GrainShape::Capsule { .. })
     }
 
     /// Whether the contacts of the shape are those of several balls.
@@ -765,7 +786,17 @@ impl Grains {
 
     /// Whether the grains are polyhedra.
     pub fn is_polyhedral(&self) -> bool {
-        !self.are_spheres() && !self.shape.is_clump()
+        !self.are_spheres() && !self.shape.is_clump() && !self.shape.is_round_solid()
+    }
+
+    /// Name of the contactors in the files.
+    pub fn contactor(&self) -> &'static str {
+        match self.shape {
+            GrainShape::Cylinder { .. } => "CYLND",
+            GrainShape::Capsule { .. } => "CAPSx",
+            _ if self.is_polyhedral() => "POLYR",
+            _ => "SPHER",
+        }
     }
 }
 

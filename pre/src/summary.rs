@@ -67,15 +67,29 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
     let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
     let polyhedra = grains.iter().filter(|grain| grain.shape.polyhedron().is_some()).count();
     let clumps: Vec<&OrientedClump> = grains.iter().filter_map(|grain| grain.shape.clump()).collect();
-    let spheres = count - polyhedra - clumps.len();
+    let round_solids = |is_capsule: bool| {
+        grains
+            .iter()
+            .filter_map(|grain| grain.shape.round_solid())
+            .filter(|round_solid| round_solid.shape.is_capsule == is_capsule)
+            .count()
+    };
+    let [cylinders, capsules] = [round_solids(false), round_solids(true)];
+    let spheres = count - polyhedra - clumps.len() - cylinders - capsules;
     let kind = match (polyhedra, clumps.len()) {
-        (0, 0) => count_text(spheres, "sphere"),
+        (0, 0) if spheres == count => count_text(spheres, "sphere"),
         (polyhedra, 0) if polyhedra == count => {
             format!("{} ({})", count_text(count, "polyhedron"), vertex_count_text(grains))
         }
         (0, number) if number == count => format!("{} ({})", count_text(count, "clump"), ball_count_text(&clumps)),
         (polyhedra, number) => {
-            let counts = [(spheres, "sphere"), (polyhedra, "polyhedron"), (number, "clump")];
+            let counts = [
+                (spheres, "sphere"),
+                (polyhedra, "polyhedron"),
+                (number, "clump"),
+                (cylinders, "cylinder"),
+                (capsules, "capsule"),
+            ];
             let counts = counts.into_iter().filter(|(number, _)| *number > 0);
             counts.map(|(number, name)| count_text(number, name)).collect::<Vec<_>>().join(" and ")
         }
@@ -97,7 +111,7 @@ pub fn group_lines(scene: &Scene, population: &Population) -> String {
             && let Some(grain) = grains.first()
         {
             match &grain.shape {
-                OrientedShape::Sphere => {}
+                OrientedShape::Sphere | OrientedShape::RoundSolid(_) => {}
                 OrientedShape::Polyhedron(shape) => text += &frame_change_text(&shape.solid.shift, &shape.solid.axes),
                 OrientedShape::Clump(shape) => {
                     text += &frame_change_text(&shape.clump.frame.shift, &shape.clump.frame.axes);

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::grain::{Grain, Population};
 use crate::scene::{Law, Scene, SceneWall, TimeFunction};
 use crate::shapes::union::ClumpBall;
-use crate::shapes::{OrientedClump, OrientedPolyhedron, OrientedShape};
+use crate::shapes::{OrientedClump, OrientedPolyhedron, OrientedRoundSolid, OrientedShape};
 use crate::sphere::sphere_volume;
 use crate::walls::{FunctionTables, WallBody};
 
@@ -56,6 +56,10 @@ pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
             }
             OrientedShape::Polyhedron(polyhedron) => (polyhedron.moments(), polyhedron_shapes(polyhedron)),
             OrientedShape::Clump(clump) => (clump.moments(), clump_shapes(clump)),
+            OrientedShape::RoundSolid(OrientedRoundSolid { shape, .. }) => {
+                let inertia = shape.mass_properties().inertia;
+                ([0, 1, 2].map(|k| inertia[k][k]), vec![shape.to_record()])
+            }
         };
         Body {
             line: 0,
@@ -111,39 +115,37 @@ fn no_law_comments(scene: &Scene) -> String {
     pairs_without_law.map(|contact| TactBehav::no_law_comment(&contact.between.0, &contact.between.1)).collect()
 }
 
-/// Contactors of grains, then of walls, in the order in which LMGC90 has the candidate before the antagonist, whatever their
+/// Contactors of grains, and of walls, in the order in which LMGC90 has the candidate before the antagonist, whatever their
 /// order in the scene.
-const GRAIN_CONTACTORS: [&str; 2] = ["SPHER", "POLYR"];
+const GRAIN_CONTACTORS: [&str; 4] = ["SPHER", "CAPSx", "POLYR", "CYLND"];
 const WALL_CONTACTORS: [&str; 4] = ["PLANx", "CYLND", "DNLYC", "MESHx"];
 
-/// Contactors of one kind and colour in a scene.
+/// Contactors of one kind and colour of the grains or walls of a scene.
 #[derive(Clone, Copy)]
 struct ContactorGroup<'a> {
     contactor: &'static str,
     colour: &'a str,
+    is_of_walls: bool,
 }
 
 impl<'a> ContactorGroup<'a> {
     /// Groups of a colour in a scene.
     fn groups_of_colour(scene: &Scene, colour: &'a str) -> Vec<ContactorGroup<'a>> {
         let has_grains = |contactor: &str| {
-            let is_polyhedral = contactor == "POLYR";
-            scene.grains.iter().any(|grains| grains.colour == colour && grains.is_polyhedral() == is_polyhedral)
+            scene.grains.iter().any(|grains| grains.colour == colour && grains.contactor() == contactor)
         };
         let grains = GRAIN_CONTACTORS.into_iter().filter(|contactor| has_grains(contactor));
         let has_walls =
             |contactor: &str| scene.walls.iter().any(|wall| wall.colour() == colour && wall.contactor() == contactor);
         let walls = WALL_CONTACTORS.into_iter().filter(|contactor| has_walls(contactor));
-        grains.chain(walls).map(|contactor| ContactorGroup { contactor, colour }).collect()
-    }
-
-    fn is_of_walls(self) -> bool {
-        WALL_CONTACTORS.contains(&self.contactor)
+        let group = |is_of_walls| move |contactor| ContactorGroup { contactor, colour, is_of_walls };
+        grains.map(group(false)).chain(walls.map(group(true))).collect()
     }
 
     /// Position in the order of candidates; the same for all walls.
     fn candidate_order(self) -> usize {
-        GRAIN_CONTACTORS.iter().position(|known| *known == self.contactor).unwrap_or(GRAIN_CONTACTORS.len())
+        let position_of_grains = || GRAIN_CONTACTORS.iter().position(|known| *known == self.contactor);
+        if self.is_of_walls { GRAIN_CONTACTORS.len() } else { position_of_grains().unwrap_or(0) }
     }
 
     /// Walls of the group with their indices in the scene.
@@ -178,7 +180,7 @@ fn candidate_and_antagonist<'a>(
 ) -> Option<[ContactorGroup<'a>; 2]> {
     // Within one colour each two contactors occur in both orders.
     let occurs_reversed = first.colour == second.colour;
-    let is_in_order = if first.is_of_walls() && second.is_of_walls() {
+    let is_in_order = if first.is_of_walls && second.is_of_walls {
         if !first.can_touch_wall_of(second, scene) {
             return None;
         }
@@ -204,7 +206,11 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
             for &second in &second_groups {
                 let Some(sides) = candidate_and_antagonist(scene, first, second) else { continue };
                 let [candidate, antagonist] = sides.map(ContactorGroup::to_side);
-                visibility.push(VisibilityRow { line: 0, candidate, law: law.clone(), antagonist, alert });
+                let row = VisibilityRow { line: 0, candidate, law: law.clone(), antagonist, alert };
+                // Cylinders may be grains and walls of one colour.
+                if !visibility.contains(&row) {
+                    visibility.push(row);
+                }
             }
         }
     }

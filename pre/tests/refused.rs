@@ -347,12 +347,12 @@ fn shapes_and_how_they_stand() {
     at(
         shape,
         "shape: Cube,",
-        "6:14: grains 1: no sizes; expected sizes, or a shape with a size of its own (Box, Vertices, Model, Clump, ClumpFile)",
+        "6:14: grains 1: no sizes; expected sizes, or a shape with a size of its own (Box, Cylinder, Capsule, Vertices, Model, Clump, ClumpFile)",
     );
     at(
         shape,
         "",
-        "6:14: grains 1: no sizes; expected sizes, or a shape with a size of its own (Box, Vertices, Model, Clump, ClumpFile)",
+        "6:14: grains 1: no sizes; expected sizes, or a shape with a size of its own (Box, Cylinder, Capsule, Vertices, Model, Clump, ClumpFile)",
     );
     at(
         shape,
@@ -367,7 +367,7 @@ fn shapes_and_how_they_stand() {
     at(
         shape,
         "sizes: Single(1), radius: Circumscribed,",
-        "6:14: grains 1: grain_orientation or radius given for spheres; expected neither: they are for polyhedra and clumps",
+        "6:14: grains 1: grain_orientation or radius given for spheres; expected neither: they are for polyhedra, clumps, cylinders and capsules",
     );
     at(
         shape,

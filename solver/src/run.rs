@@ -16,7 +16,7 @@ use cd_formats::snapshot::RunParameters;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
-use crate::assemble::potential_energy;
+use crate::assemble::{potential_energy, take_unended_impacts};
 use crate::contact_division::undivided_reason;
 use crate::detect;
 use crate::integrate::{ContactConfiguration, predict_configuration};
@@ -152,7 +152,8 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             return Err(stopped_failure(&state, last, &progress));
         };
         expect_finite(&state).inspect_err(|_| progress.finish())?;
-        let warnings = overlap_warnings(&mut statistics, &state, &report, reported_share);
+        let mut warnings = overlap_warnings(&mut statistics, &state, &report, reported_share);
+        warnings.extend(impact_warning(&mut statistics));
         warnings.iter().for_each(|message| progress.warn(message));
         statistics.add_step(scene, &state, &report, previous_step);
         statistics.contact_parts.iter_mut().for_each(|parts| parts.add_part(state.contacts.len()));
@@ -529,6 +530,18 @@ fn overlap_warnings(
         statistics.inert_overlap = deeper_overlap(statistics.inert_overlap, overlap);
     }
     warnings
+}
+
+/// Returns a warning about the first impacts one after the other that do not end.
+fn impact_warning(statistics: &mut RunStatistics) -> Option<String> {
+    let contacts = take_unended_impacts();
+    let is_first = contacts > 0 && !std::mem::replace(&mut statistics.has_unended_impacts, true);
+    is_first.then(|| {
+        format!(
+            "impacts: in_order: the impacts of a cluster of {contacts} contacts do not end, as those of a ball between two \
+             walls that it touches; Newton's law at one instant applies to such clusters"
+        )
+    })
 }
 
 /// Adds the overlaps that the last step made, which no step has measured, to the statistics; returns a warning if they are

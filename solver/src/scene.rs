@@ -54,6 +54,11 @@ pub enum ContactorShape {
         radius: f64,
         hollow: bool,
     },
+    /// All points up to `radius` from a segment about the centre along the third axis.
+    Capsule {
+        half_length: f64,
+        radius: f64,
+    },
     /// Rectangular plate; the cuboid is the same plate as a polyhedron.
     Plane {
         half_lengths: Vec3,
@@ -68,7 +73,7 @@ impl ContactorShape {
     /// behind which all is wall.
     pub fn inner_radius(&self) -> f64 {
         match self {
-            ContactorShape::Sphere { radius } => *radius,
+            ContactorShape::Sphere { radius } | ContactorShape::Capsule { radius, .. } => *radius,
             ContactorShape::Polyhedron(shape) => shape.inradius(),
             ContactorShape::Cylinder { hollow: true, .. } | ContactorShape::Mesh(_) => f64::INFINITY,
             ContactorShape::Cylinder { half_height, radius, .. } => half_height.min(*radius),
@@ -86,6 +91,9 @@ impl ContactorShape {
             ContactorShape::Cylinder { half_height, radius, .. } => {
                 let local = axes.inverse_transform_vector(n);
                 half_height * local.z.abs() + radius * local.xy().norm()
+            }
+            ContactorShape::Capsule { half_length, radius } => {
+                half_length * axes.inverse_transform_vector(n).z.abs() + radius
             }
             ContactorShape::Mesh(mesh) => {
                 let local = axes.inverse_transform_vector(n);
@@ -754,12 +762,14 @@ impl Scene {
     }
 
     /// Curvature of a contactor: next to a sphere, as in LMGC90, plates and cylinders are flat. Otherwise a polyhedron, and a
-    /// plate or cylinder that is not a wall, has the curvature of the sphere of its body's volume; walls are flat.
+    /// plate or cylinder that is not a wall, has the curvature of the sphere of its body's volume; walls are flat. A capsule
+    /// has that of its ends.
     pub fn part_curvature(&self, part: &BodyPart) -> ContactorCurvature {
         let body = &self.bodies[part.body.index()];
         match part.geometry {
             ContactorShape::Sphere { radius } => ContactorCurvature::sphere(radius),
             ContactorShape::Polyhedron(_) => ContactorCurvature::new(1.0 / body.radius),
+            ContactorShape::Capsule { radius, .. } => ContactorCurvature::new(1.0 / radius),
             ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } | ContactorShape::Mesh(_) => {
                 body.curvature_of_flat_part()
             }
@@ -847,14 +857,16 @@ impl Scene {
     }
 
     /// Sort key that determines the candidate of a contact, as in LMGC90: the lower of the two. Spheres come before
-    /// polyhedra before cylinders before plates, then in general bodies that are not driven, then the lower number.
+    /// capsules before polyhedra before cylinders before plates, surfaces and hollow cylinders, then in general bodies that
+    /// are not driven, then the lower number.
     pub fn candidate_order(&self, body: BodyId, part_number: u16) -> (u8, bool, BodyId, u16) {
         let kind =
             match (self.find_part(body, part_number).map(|part| &part.geometry), &self.bodies[body.index()].shape) {
                 (Some(ContactorShape::Sphere { .. }), _) | (None, BodyShape::Sphere { .. }) => 0,
-                (Some(ContactorShape::Polyhedron(_)), _) => 1,
-                (Some(ContactorShape::Cylinder { .. }), _) => 2,
-                (Some(ContactorShape::Plane { .. } | ContactorShape::Mesh(_)) | None, _) => 3,
+                (Some(ContactorShape::Capsule { .. }), _) => 1,
+                (Some(ContactorShape::Polyhedron(_)), _) => 2,
+                (Some(ContactorShape::Cylinder { hollow: false, .. }), _) => 3,
+                (Some(_) | None, _) => 4,
             };
         (kind, self.has_parts() && self.bodies[body.index()].driven, body, part_number)
     }
@@ -934,6 +946,7 @@ impl Scene {
         let free_planes = self.planes.iter().filter(|&&i| !self.bodies[i.index()].driven).count();
         let sphere = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Sphere { .. });
         let cylinder = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Cylinder { .. });
+        let capsule = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Capsule { .. });
         let mesh = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Mesh(_));
         let counts = [
             (spheres(is_free), "sphere"),
@@ -943,6 +956,8 @@ impl Scene {
             (parts(is_free, sphere) + parts(is_driven, sphere), "spherical contactor"),
             (parts(is_driven, cylinder), "cylinder"),
             (parts(is_free, cylinder), "free cylinder"),
+            (parts(is_driven, capsule), "driven capsule"),
+            (parts(is_free, capsule), "capsule"),
             (parts(is_driven, mesh), "triangulated wall"),
             (self.planes.len() - free_planes, "plane"),
             (free_planes, "free plane"),

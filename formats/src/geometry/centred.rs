@@ -77,9 +77,11 @@ impl Contactor {
             }
             // A surface has the frame of its body.
             ShapeRecord::Mesh { .. } => {}
-            // The body has the frame of its only plate or cylinder.
-            ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } if is_single => local_frame = None,
-            ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {
+            // The body has the frame of its only plate, cylinder or capsule.
+            ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } | ShapeRecord::Capsule { .. } if is_single => {
+                local_frame = None
+            }
+            ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } | ShapeRecord::Capsule { .. } => {
                 let fixed = LocalFrame { axes: Matrix3::identity().into(), offset: [0.0; 3] };
                 let frame = local_frame.map_or(fixed, |frame| *frame);
                 let axes = frame.axes.map(|axis| (axes * Vec3::from(axis)).into());

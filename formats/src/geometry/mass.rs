@@ -46,6 +46,13 @@ impl Contactor {
                 let across = volume * (radius * radius / 4.0 + half_height * half_height / 3.0);
                 centred_at_offset(volume, [across, across, volume * radius * radius / 2.0])
             }
+            ShapeRecord::Capsule { half_length: h, radius: r } => {
+                // A cylinder and two hemispheres, whose centres of mass are 3 r/8 beyond its ends.
+                let [barrel, ball] = [2.0 * PI * r * r * h, 4.0 / 3.0 * PI * r.powi(3)];
+                let across = barrel * (r * r / 4.0 + h * h / 3.0) + ball * (0.4 * r * r + h * h + 0.75 * h * r);
+                let along = r * r * (0.5 * barrel + 0.4 * ball);
+                centred_at_offset(barrel + ball, [across, across, along])
+            }
             ShapeRecord::Polyhedron { vertices, triangles } => Surface::new(vertices, triangles)?.mass_properties(),
             ShapeRecord::Point { offset } => MassProperties { volume: 0.0, centre: *offset, inertia: [[0.0; 3]; 3] },
             // The motion of a surface is imposed: its mass has no effect.
@@ -107,6 +114,7 @@ impl CheckedBody {
                 (ShapeRecord::Mesh { radius, .. }, _) => *radius,
                 (ShapeRecord::Plane { half_lengths }, _) => Vector3::from(*half_lengths).norm(),
                 (ShapeRecord::Cylinder { half_height, radius, .. }, _) => libm::hypot(*radius, *half_height),
+                (ShapeRecord::Capsule { half_length, radius }, _) => half_length + radius,
                 (ShapeRecord::Polyhedron { .. } | ShapeRecord::Point { .. }, _) => 0.0,
             };
             (Vector3::from(piece.volume_properties.centre) - shift).norm() + radius
@@ -154,7 +162,7 @@ impl Body {
         }
         if pieces.is_empty() {
             let expected =
-                "expected SPHER, SPHEb, PLANx, POLYR, CYLND, DNLYC or MESHx: points have no mass and no surface";
+                "expected SPHER, SPHEb, PLANx, POLYR, CYLND, DNLYC, CAPSx or MESHx: points have no mass and no surface";
             return Err(RecordFault::new("no contactor but PT3Dx", expected));
         }
         let is_mesh = |contactor: &Contactor| matches!(contactor.shape, ShapeRecord::Mesh { .. });
@@ -211,8 +219,8 @@ impl Body {
     }
 
     /// Principal axes in the frame of the file, if they have to be found: of a polyhedron or of several contactors without
-    /// given inertia. `whole` are the mass properties of all contactors together. A lone sphere, plate or cylinder keeps its
-    /// own axes; with a given inertia the axes of the file are the principal ones.
+    /// given inertia. `whole` are the mass properties of all contactors together. A lone sphere, plate, cylinder or
+    /// capsule keeps its own axes; with a given inertia the axes of the file are the principal ones.
     pub fn computed_frame(&self, whole: &MassProperties) -> Option<PrincipalFrame> {
         let has_own_axes =
             matches!(self.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::Polyhedron { .. }));
@@ -221,7 +229,7 @@ impl Body {
     }
 
     /// Mass properties at a density (kg/m^3); `whole` are the mass properties of all contactors together at density 1.
-    /// Given values of `avrd` and `I1 I2 I3` are used, except for the moments of a single sphere, plate or cylinder, about
+    /// Given values of `avrd` and `I1 I2 I3` are used, except for the moments of a single sphere, plate, cylinder or capsule, about
     /// its own axes, and the mass of a centred sphere. Moments that are not given are those of the contactors about the centre of
     /// mass, with their own volumes.
     pub fn inertial_properties(&self, whole: &MassProperties, density: f64) -> InertialProperties {
@@ -234,9 +242,12 @@ impl Body {
         let declared_volume = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
         let uses_declared_volume = match simple.map(|contactor| &contactor.shape) {
             // Computed directly, the volume has more digits.
-            Some(ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } | ShapeRecord::OffsetSphere { .. }) => {
-                (declared_volume / whole.volume - 1.0).abs() > VOLUME_ROUNDING
-            }
+            Some(
+                ShapeRecord::Plane { .. }
+                | ShapeRecord::Cylinder { .. }
+                | ShapeRecord::Capsule { .. }
+                | ShapeRecord::OffsetSphere { .. },
+            ) => (declared_volume / whole.volume - 1.0).abs() > VOLUME_ROUNDING,
             Some(_) => false,
             None => true,
         };

@@ -79,7 +79,8 @@ fn body_numbers(body: &Body) -> Vec<(&'static str, f64)> {
                 add("coo", offset);
             }
             ShapeRecord::Plane { half_lengths } => add("axe", half_lengths),
-            ShapeRecord::Cylinder { half_height, radius, .. } => {
+            ShapeRecord::Cylinder { half_height, radius, .. }
+            | ShapeRecord::Capsule { half_length: half_height, radius } => {
                 add("High", &[*half_height]);
                 add("byrd", &[*radius]);
             }

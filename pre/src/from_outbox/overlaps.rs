@@ -21,6 +21,7 @@ use crate::overlaps::nearest_images;
 use crate::placement::cells::SphereGrid;
 use crate::population::check_extent;
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
+use crate::shapes::{OrientedRoundSolid, RoundSolid};
 use crate::walls::{self, WallBody};
 
 type Vec3 = Vector3<f64>;
@@ -87,7 +88,10 @@ impl PosedBody {
                         solid.pieces.push(ConvexPiece::new(*x, vertices, &piece.triangles));
                     }
                 }
-                ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } | ShapeRecord::Mesh { .. } => {
+                ShapeRecord::Plane { .. }
+                | ShapeRecord::Cylinder { .. }
+                | ShapeRecord::Capsule { .. }
+                | ShapeRecord::Mesh { .. } => {
                     let columns = frame.map_or(Matrix3::identity(), |f| Matrix3::from_columns(&f.axes.map(Vec3::from)));
                     let local_axes = nearest_rotation(&columns).into_inner();
                     let q = q.to_rotation_matrix().into_inner();
@@ -97,7 +101,14 @@ impl PosedBody {
                     } else {
                         (to_fixed_frame(offset), q * own_axes.transpose() * local_axes)
                     };
-                    solid.walls.push(PosedWall { shape: shape.clone(), centre, axes: axes.transpose() });
+                    match *shape {
+                        ShapeRecord::Capsule { half_length, radius } => {
+                            let shape = RoundSolid { half_length, radius, is_capsule: true };
+                            let capsule = OrientedRoundSolid { shape, axes: axes.transpose() };
+                            solid.balls.extend(capsule.balls(centre).map(|ball| (ball.centre, ball.radius)));
+                        }
+                        _ => solid.walls.push(PosedWall { shape: shape.clone(), centre, axes: axes.transpose() }),
+                    }
                 }
                 ShapeRecord::Point { .. } => {}
             }
@@ -281,7 +292,7 @@ impl<'a> PlacedBodies<'a> {
                 PosedBody::from_body(&part.records[row], &part_pose(part, row))
             }
             Some(number) => match self.new.grains.get(number) {
-                Some(grain) if grain.shape.polyhedron().is_some() => {
+                Some(grain) if grain.has_pieces() => {
                     PosedBody { pieces: grain.convex_pieces(), ..PosedBody::default() }
                 }
                 Some(grain) => {

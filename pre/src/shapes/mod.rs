@@ -1,4 +1,4 @@
-//! Polyhedra and clumps: converts the shapes of grains in a scene to solids in their principal axes.
+//! Polyhedra, clumps and cylinders or capsules: converts the shapes of grains in a scene to solids in their principal axes.
 //!
 //! | module | |
 //! |---|---|
@@ -8,6 +8,7 @@
 //! | [`read`], [`model`] | surfaces from files: reading, size, convex pieces |
 //! | `principal` | solids in their principal axes |
 //! | [`clump`], [`union`] | clumps of balls, and the mass properties of their union |
+//! | [`round`] | cylinders and capsules |
 //! | [`inscribed`] | balls that represent a surface |
 //! | [`overlap`] | penetration of convex solids |
 
@@ -20,6 +21,7 @@ mod principal;
 pub mod read;
 pub mod regular;
 pub mod rocks;
+pub mod round;
 pub mod union;
 
 use std::path::Path;
@@ -36,6 +38,7 @@ use crate::sphere::sphere_volume;
 pub use clump::{OrientedClump, PrincipalClump};
 use model::ModelSolid;
 pub use principal::{CentredFrame, OrientedPolyhedron, PrincipalSolid};
+pub use round::{OrientedRoundSolid, RoundSolid};
 use union::ClumpBall;
 
 /// Shape of a grain in its orientation.
@@ -44,6 +47,8 @@ pub enum OrientedShape {
     Sphere,
     Polyhedron(OrientedPolyhedron),
     Clump(OrientedClump),
+    /// Cylinder or capsule.
+    RoundSolid(OrientedRoundSolid),
 }
 
 impl OrientedShape {
@@ -53,6 +58,7 @@ impl OrientedShape {
             OrientedShape::Sphere => sphere_volume(radius),
             OrientedShape::Polyhedron(polyhedron) => polyhedron.volume(),
             OrientedShape::Clump(clump) => clump.volume(),
+            OrientedShape::RoundSolid(round_solid) => round_solid.shape.mass_properties().volume,
         }
     }
 
@@ -64,6 +70,11 @@ impl OrientedShape {
     /// Clump; none for other shapes.
     pub fn clump(&self) -> Option<&OrientedClump> {
         if let OrientedShape::Clump(clump) = self { Some(clump) } else { None }
+    }
+
+    /// Cylinder or capsule; none for other shapes.
+    pub fn round_solid(&self) -> Option<&OrientedRoundSolid> {
+        if let OrientedShape::RoundSolid(round_solid) = self { Some(round_solid) } else { None }
     }
 }
 
@@ -102,6 +113,13 @@ impl SampledGrain {
         let radius = round_8_digits(clump.scale * clump.clump.equivalent_radius());
         SampledGrain { radius, reach: clump.reach(), shape: OrientedShape::Clump(clump) }
     }
+
+    /// Grain with the shape of a cylinder or capsule.
+    pub fn from_round_solid(round_solid: OrientedRoundSolid) -> SampledGrain {
+        let radius = round_8_digits(round_solid.shape.equivalent_radius());
+        let reach = round_solid.shape.reach();
+        SampledGrain { radius, reach, shape: OrientedShape::RoundSolid(round_solid) }
+    }
 }
 
 /// Sampler that returns the grains of one group of grains one after the other.
@@ -111,7 +129,7 @@ pub struct GrainSampler {
     radius: RadiusKind,
     orientations: GrainOrientations,
     random: RandomStream,
-    /// Number of polyhedra or clumps so far.
+    /// Number of grains other than spheres so far.
     count: usize,
 }
 
@@ -141,12 +159,15 @@ enum ShapeSource {
     Rocks(rocks::RockGenerator),
     /// One clump for all grains, and notes on its file.
     Clump(Arc<PrincipalClump>, String),
+    /// One cylinder or capsule for all grains.
+    RoundSolid(RoundSolid),
 }
 
 /// Shape of the next grain.
 enum NextShape {
     Polyhedron(Arc<PrincipalSolid>),
     Clump(Arc<PrincipalClump>),
+    RoundSolid(RoundSolid),
 }
 
 impl GrainSampler {
@@ -175,6 +196,12 @@ impl GrainSampler {
                 let (clump, summary) = clump::read_clump(folder, file, *scale).map_err(ShapeError::File)?;
                 ShapeSource::Clump(Arc::new(clump), summary)
             }
+            &GrainShape::Cylinder { half_height: half_length, radius } => {
+                ShapeSource::RoundSolid(RoundSolid { half_length, radius, is_capsule: false })
+            }
+            &GrainShape::Capsule { half_length, radius } => {
+                ShapeSource::RoundSolid(RoundSolid { half_length, radius, is_capsule: true })
+            }
             other => {
                 let hull = hull::convex_hull(&regular::shape_vertices(other)).map_err(ShapeError::Shape)?;
                 ShapeSource::Same(
@@ -197,7 +224,7 @@ impl GrainSampler {
     pub fn file_summary(&self) -> &str {
         match &self.source {
             ShapeSource::Same(_, summary) | ShapeSource::Clump(_, summary) => summary,
-            ShapeSource::Sphere | ShapeSource::Rocks(_) => "",
+            ShapeSource::Sphere | ShapeSource::Rocks(_) | ShapeSource::RoundSolid(_) => "",
         }
     }
 
@@ -213,6 +240,7 @@ impl GrainSampler {
             ShapeSource::Same(solid, _) => NextShape::Polyhedron(solid.clone()),
             ShapeSource::Rocks(rocks) => NextShape::Polyhedron(Arc::new(rocks.draw_rock(&mut self.random)?)),
             ShapeSource::Clump(clump, _) => NextShape::Clump(clump.clone()),
+            ShapeSource::RoundSolid(round_solid) => NextShape::RoundSolid(*round_solid),
         };
         let rotation = match &self.orientations {
             GrainOrientations::Random => self.random.uniform_rotation(),
@@ -225,6 +253,7 @@ impl GrainSampler {
         let (equivalent_radius, reach) = match &shape {
             NextShape::Polyhedron(solid) => (solid.equivalent_radius(), solid.reach),
             NextShape::Clump(clump) => (clump.equivalent_radius(), clump.reach),
+            NextShape::RoundSolid(round_solid) => (round_solid.equivalent_radius(), round_solid.reach()),
         };
         let own_size = match self.radius {
             RadiusKind::EqualVolume => equivalent_radius,
@@ -236,6 +265,9 @@ impl GrainSampler {
                 SampledGrain::from_polyhedron(OrientedPolyhedron::new(solid, scale, &rotation))
             }
             NextShape::Clump(clump) => SampledGrain::from_clump(OrientedClump::new(clump, scale, &rotation)),
+            NextShape::RoundSolid(round_solid) => {
+                SampledGrain::from_round_solid(OrientedRoundSolid::new(round_solid, scale, &rotation))
+            }
         })
     }
 }

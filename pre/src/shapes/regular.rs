@@ -23,6 +23,8 @@ pub fn shape_vertices(shape: &GrainShape) -> Vec<[f64; 3]> {
         }
         GrainShape::Vertices(vertices) => vertices.clone(),
         GrainShape::Sphere
+        | GrainShape::Cylinder { .. }
+        | GrainShape::Capsule { .. }
         | GrainShape::Random { .. }
         | GrainShape::Model { .. }
         | GrainShape::Clump(_)

@@ -65,7 +65,7 @@ impl AssemblyContext<'_> {
         (change(contact.candidate) - change(contact.antagonist)) * (0.5 * self.q_c.h / time_before)
     }
 
-    /// Axis of a cylinder whose round side is the candidate's surface at a contact, and 1/(1/R_a + 1/R_b), m, with the radius
+    /// Axis of a cylinder or capsule whose round side is the candidate's surface at a contact, and 1/(1/R_a + 1/R_b), m, with the radius
     /// of the antagonist if that is the side of a parallel cylinder. `None` at other contacts.
     fn rolling_cylinder(&self, contact: &Contact) -> Option<(Vec3, f64)> {
         let &AssemblyContext { scene, q_c, .. } = self;
@@ -74,7 +74,11 @@ impl AssemblyContext<'_> {
         }
         let side = |body: BodyId, part_number: u16| {
             let part = scene.find_part(body, part_number)?;
-            let ContactorShape::Cylinder { radius, hollow: false, .. } = part.geometry else { return None };
+            let (ContactorShape::Cylinder { radius, hollow: false, .. } | ContactorShape::Capsule { radius, .. }) =
+                part.geometry
+            else {
+                return None;
+            };
             let axis = q_c.q[body.index()] * part.axes * Vec3::z();
             (axis.dot(&contact.normal).abs() < MAX_SIDE_COSINE).then_some((axis, radius))
         };
@@ -84,10 +88,17 @@ impl AssemblyContext<'_> {
         Some((axis, 1.0 / (1.0 / radius + parallel.map_or(0.0, |(_, radius)| 1.0 / radius))))
     }
 
-    /// 1/(1/R_a + 1/R_b) of a sphere and the surface on which it rolls, m; 0 for corners and edges, which are fixed on their
-    /// bodies.
+    /// 1/(1/R_a + 1/R_b) of a sphere or the round end of a capsule and the surface on which it rolls, m; 0 for corners and
+    /// edges, which are fixed on their bodies.
     fn rolling_radius(&self, contact: &Contact) -> f64 {
-        let Some(own) = self.sphere_radius(contact.candidate, contact.part_numbers.candidate) else { return 0.0 };
+        let (body, part_number) = (contact.candidate, contact.part_numbers.candidate);
+        let capsule_radius = || match self.scene.find_part(body, part_number)?.geometry {
+            ContactorShape::Capsule { radius, .. } => Some(radius),
+            _ => None,
+        };
+        let own = self.sphere_radius(body, part_number);
+        let own = if self.scene.has_rollers { own.or_else(capsule_radius) } else { own };
+        let Some(own) = own else { return 0.0 };
         let of_antagonist = self.sphere_radius(contact.antagonist, contact.part_numbers.antagonist);
         1.0 / (1.0 / own + of_antagonist.map_or(0.0, f64::recip))
     }
@@ -113,11 +124,13 @@ impl AssemblyContext<'_> {
         if contact.normal.dot(&axis).abs() > 0.5 {
             return 0.0; // a flat end
         }
-        // The centre of a sphere, the vertex of a polyhedron.
+        // The centre of a sphere, the axis of a rolling cylinder, the vertex of a polyhedron or rim.
         let height_over_contact =
             match scene.find_part(contact.candidate, contact.part_numbers.candidate).map(|part| &part.geometry) {
-                Some(ContactorShape::Sphere { radius }) => radius + 0.5 * contact.gap,
-                _ => 0.5 * contact.gap,
+                Some(ContactorShape::Sphere { radius } | ContactorShape::Capsule { radius, .. }) => {
+                    radius + 0.5 * contact.gap
+                }
+                _ => self.rolling_cylinder(contact).map_or(0.0, |(_, radius)| radius) + 0.5 * contact.gap,
             };
         let [at_a, at_b] = contact_arms(contact, &q_c.x).map(|arm| arm + contact.normal * height_over_contact);
         let from_axis = at_b - q_c.q[b] * drum.offset;

@@ -242,12 +242,14 @@ impl AssemblyContext<'_> {
         pair_attractions: &[f64],
     ) -> Vec<ContactConstraint> {
         let bond_states = self.bond_states(contacts, history);
+        let rebounds = self.rebound_velocities(contacts);
         let constraint_of = |(k, old): (usize, &Option<ContactId>)| {
             self.prefetch(contacts, k + PREFETCH_CONTACTS);
             let memory = memories.get(k).copied().unwrap_or_default();
             let bond_state = bond_states.get(k).copied().unwrap_or_default();
             let attraction = pair_attractions.get(k).copied().unwrap_or_default();
-            self.contact_constraint(&contacts[k], self.previous_end(*old), bond_state, memory, attraction)
+            let rebound = rebounds.get(k).copied().flatten();
+            self.contact_constraint(&contacts[k], self.previous_end(*old), bond_state, memory, attraction, rebound)
         };
         let mut rows = ROW_MEMORY.take();
         history.par_iter().enumerate().with_min_len(256).map(constraint_of).collect_into_vec(&mut rows);
@@ -389,7 +391,7 @@ impl AssemblyContext<'_> {
     }
 
     /// Row of a contact, with its history of the last step, the bond of its bodies, the memory of its law and its share in the
-    /// attraction of its pair, N.
+    /// attraction of its pair, N. `rebound`: normal velocity after impacts one after the other, m/s, in place of that of its law.
     fn contact_constraint(
         &self,
         contact: &Contact,
@@ -397,6 +399,7 @@ impl AssemblyContext<'_> {
         bond_state: BondState,
         memory: LawMemory,
         pair_attraction: f64,
+        rebound: Option<f64>,
     ) -> ContactConstraint {
         let &AssemblyContext { scene, state, q_c, solver_bodies, has_blocks, .. } = self;
         let h = q_c.h;
@@ -458,7 +461,7 @@ impl AssemblyContext<'_> {
         });
         let acts = shift.is_some();
         let shift = shift.unwrap_or_default();
-        let shift = LawShift { normal: shift.normal - curve, ..shift };
+        let shift = LawShift { normal: rebound.map_or(shift.normal, |rebound| -rebound) - curve, ..shift };
         let compliance = law.bond_compliance(radius, h, closing_time).filter(|_| bonded && shift.impulse != 0.0);
         let elastic_shift = compliance.map_or(Vec3::zeros(), |compliance| {
             let opening = gap - bond_state.bond.unwrap_or(gap);
@@ -504,6 +507,7 @@ impl AssemblyContext<'_> {
             impulse_shift: shift.impulse,
             acts,
             can_close: is_coupled
+                || rebound.is_some()
                 || memory.soundness > 0.0
                 || shift.solved && (shift.impulse != 0.0 || self.can_close_gap(contact, gap, &arms)),
             warm_start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
@@ -602,7 +606,7 @@ impl AssemblyContext<'_> {
     ///
     /// `impulse_velocity`: change of its normal velocity by its own impulse in the last step, m/s.
     #[inline]
-    fn gap_forecast(
+    pub(super) fn gap_forecast(
         &self,
         contact: &Contact,
         law: &ContactLaw,

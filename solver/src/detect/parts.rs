@@ -17,8 +17,9 @@ use super::{joints, narrow, periodic, rank_pairs};
 use crate::activity;
 use crate::geometry::{
     CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairRequest, PairResult, Separated,
-    WallContacts, cylinder_cylinder, far_walls, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_mesh,
-    polyhedron_sphere, vertices_at_far_walls,
+    WallContacts, capsule_capsule, capsule_cylinder, cylinder_cylinder, cylinder_hollow_cylinder, far_walls,
+    nearest_of_segment, polyhedron_capsule, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_mesh,
+    polyhedron_sphere, rims_at_far_walls, segment_ends, vertices_at_far_walls,
 };
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
@@ -429,10 +430,7 @@ fn narrow_phase_pair<'a>(
     record: &mut impl FnMut(CandidatePair<'a>, PairResult),
 ) {
     let CandidatePair { a, b, c, range, .. } = pair;
-    let one_point = |found: narrow::ContactGeometry| {
-        let point = ContactPoint { position: found.point, gap: found.gap, features: (0, found.feature) };
-        Manifold { normal: found.normal, points: std::iter::once(point).collect(), area: 0.0 }
-    };
+    let one_point = |found: narrow::ContactGeometry| point_manifold(&found, 0);
     let zero = Vec3::zeros();
     if let (PosedShape::Sphere { radius }, PosedShape::Mesh(mesh)) = (&a.shape, &b.shape) {
         match narrow::sphere_mesh(mesh, *radius, &c, &b.axes, range.alert) {
@@ -493,7 +491,22 @@ fn narrow_phase_pair<'a>(
             PosedShape::Cylinder { half_height: h, radius: r, hollow: false },
             PosedShape::Cylinder { half_height, radius, hollow: false },
         ) => cylinder_cylinder(&a.axes, [*h, *r], &c, &b.axes, [*half_height, *radius], range).into_iter().collect(),
-        // Pairs of two plates, of a hollow cylinder and a wall, or of a surface and cylinders or plates are rejected on
+        (
+            PosedShape::Cylinder { half_height: h, radius: r, hollow: false },
+            PosedShape::Cylinder { half_height, radius, hollow: true },
+        ) => {
+            let (size, hollow_size, travel) = ([*h, *r], [*half_height, *radius], a.travel + b.travel);
+            let mut found = cylinder_hollow_cylinder(&a.axes, size, &c, &b.axes, hollow_size, range.alert);
+            found.extend(rims_at_far_walls(&a.axes, size, (&c, &b.axes), hollow_size, travel));
+            found.into_iter().collect()
+        }
+        (PosedShape::Sphere { radius: r }, PosedShape::Capsule { half_length, radius }) => {
+            let (nearest, feature) = nearest_of_segment(&c, &b.axes, *half_length);
+            let found = narrow::sphere_sphere(&zero, *r, &nearest, *radius);
+            [one_point(narrow::ContactGeometry { feature, ..found })].into_iter().collect()
+        }
+        (PosedShape::Capsule { half_length, radius }, _) => capsule_manifolds(pair, [*half_length, *radius]),
+        // Pairs of two plates, of a hollow cylinder and a plate, or of a surface and cylinders or plates are rejected on
         // input if one can move.
         _ => SmallVec::new(),
     };
@@ -503,6 +516,41 @@ fn narrow_phase_pair<'a>(
     }
     for manifold in &found {
         record(pair, Ok((CachedFeature::default(), manifold)));
+    }
+}
+
+/// Manifold of one point; `feature`: that of the candidate.
+fn point_manifold(found: &narrow::ContactGeometry, feature: u32) -> Manifold {
+    let point = ContactPoint { position: found.point, gap: found.gap, features: (feature, found.feature) };
+    Manifold { normal: found.normal, points: std::iter::once(point).collect(), area: 0.0 }
+}
+
+/// Manifolds of a capsule of `[half length, radius]` (m) and another contactor that is no sphere.
+fn capsule_manifolds(pair: CandidatePair, size: [f64; 2]) -> SmallVec<[Manifold; 1]> {
+    let CandidatePair { a, b, c, range, .. } = pair;
+    match &b.shape {
+        PosedShape::Capsule { half_length, radius } => {
+            capsule_capsule(&a.axes, size, &c, &b.axes, [*half_length, *radius], range).into_iter().collect()
+        }
+        PosedShape::Polyhedron(q) | PosedShape::Plane { cuboid: q, .. } => {
+            let found = polyhedron_capsule(q, &-c, &a.axes, size, range);
+            found.map(|found| swapped_manifold(&found, &c)).into_iter().collect()
+        }
+        PosedShape::Cylinder { half_height, radius, hollow: false } => {
+            capsule_cylinder(&a.axes, size, &c, &b.axes, [*half_height, *radius], range).into_iter().collect()
+        }
+        // The inside is convex: only the ends touch it.
+        PosedShape::Cylinder { half_height, radius, hollow: true } => {
+            let hollow_size = [*half_height, *radius];
+            let end_manifolds = |(end, feature): (Vec3, u32)| {
+                let found = narrow::sphere_cylinder(&end, size[1], &c, &b.axes, hollow_size, true);
+                let near = found.into_iter().flatten().map(move |found| point_manifold(&found, feature));
+                near.chain(far_walls(&end, size[1], feature, (&c, &b.axes), hollow_size, a.travel + b.travel))
+            };
+            segment_ends(&a.axes, size[0]).into_iter().flat_map(end_manifolds).collect()
+        }
+        // Rows for capsules and surfaces are rejected on input.
+        PosedShape::Mesh(_) | PosedShape::Sphere { .. } => SmallVec::new(),
     }
 }
 

@@ -53,6 +53,7 @@ pub enum PosedShape<'a> {
     Sphere { radius: f64 },
     Polyhedron(PosedPolyhedron<'a>),
     Cylinder { half_height: f64, radius: f64, hollow: bool },
+    Capsule { half_length: f64, radius: f64 },
     Plane { half_lengths: Vec3, cuboid: PosedPolyhedron<'a> },
     Mesh(&'a WallMesh),
 }
@@ -103,6 +104,9 @@ fn posed_contactor<'a>(
             ContactorShape::Polyhedron(shape) => PosedShape::Polyhedron(shape.posed_by(&axes)),
             ContactorShape::Cylinder { half_height, radius, hollow } => {
                 PosedShape::Cylinder { half_height: *half_height, radius: *radius, hollow: *hollow }
+            }
+            ContactorShape::Capsule { half_length, radius } => {
+                PosedShape::Capsule { half_length: *half_length, radius: *radius }
             }
             ContactorShape::Plane { half_lengths, cuboid } => {
                 PosedShape::Plane { half_lengths: *half_lengths, cuboid: cuboid.posed_by(&axes) }

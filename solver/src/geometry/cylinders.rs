@@ -1,4 +1,5 @@
-//! Two solid cylinders.
+//! Two solid cylinders, two capsules, and a capsule and a cylinder: a capsule is a cylinder of radius 0, its core, and all
+//! points up to its radius from it.
 //!
 //! As for a [polyhedron and a cylinder](super::cylinder), s(m) = min_A m·a - max_B m·b for a unit m from B to A is a lower
 //! bound of their distance, and -s a translation that separates them if they overlap. With d = x_A - x_B, axes u, half heights
@@ -12,6 +13,7 @@
 //! at the normal of an end, at the common perpendicular of the axes, on the circle m·u = 0 of one of the two, where the side
 //! meets a rim, or where two rims meet. All of these are tried.
 
+use super::capsule::rounded_manifold;
 use super::cylinder::{CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_RIM, CYLINDER_SIDE, rim_maximum};
 use super::manifold::{ContactPoint, ListingRange, Manifold};
 use super::pair::PatchCorner;
@@ -43,10 +45,64 @@ pub fn cylinder_cylinder(
     [half_b, radius_b]: [f64; 2],
     range: impl Into<ListingRange>,
 ) -> Option<Manifold> {
-    let range = range.into();
-    let a = PosedCylinder { centre: Vec3::zeros(), axes: axes_a, half_height: half_a, radius: radius_a };
-    let b = PosedCylinder { centre: *c, axes: axes_b, half_height: half_b, radius: radius_b };
-    if c.norm() - a.size() - b.size() > range.alert {
+    let a = PosedCylinder { centre: Vec3::zeros(), axes: axes_a, half_height: half_a, radius: radius_a, rounding: 0.0 };
+    let b = PosedCylinder { centre: *c, axes: axes_b, half_height: half_b, radius: radius_b, rounding: 0.0 };
+    core_contact(a, b, range.into())
+}
+
+/// Contact of capsule A of `[half length, radius]` (m) with solid cylinder B, with the other arguments and results of
+/// [`cylinder_cylinder`].
+///
+/// ```
+/// # use cd_solve::geometry::capsule_cylinder;
+/// # use cd_solve::math::{Quat, Vec3};
+/// // A capsule stands on a cylinder.
+/// let q = Quat::identity();
+/// let found = capsule_cylinder(&q, [1.0, 0.5], &Vec3::new(0.0, 0.0, -2.75), &q, [1.0, 2.0], 0.5).unwrap();
+/// assert_eq!((found.normal, found.gap(), found.points[0].position.z), (Vec3::z(), 0.25, -1.625));
+/// ```
+pub fn capsule_cylinder(
+    axes_a: &Quat,
+    [half_a, radius_a]: [f64; 2],
+    c: &Vec3,
+    axes_b: &Quat,
+    [half_b, radius_b]: [f64; 2],
+    range: impl Into<ListingRange>,
+) -> Option<Manifold> {
+    let a = PosedCylinder { centre: Vec3::zeros(), axes: axes_a, half_height: half_a, radius: 0.0, rounding: radius_a };
+    let b = PosedCylinder { centre: *c, axes: axes_b, half_height: half_b, radius: radius_b, rounding: 0.0 };
+    let found = core_contact(a, b, range.into().widened_by(radius_a))?;
+    Some(rounded_manifold(&found, [radius_a, 0.0]))
+}
+
+/// Contact of two capsules of `[half length, radius]` (m), with the other arguments and results of [`cylinder_cylinder`].
+///
+/// ```
+/// # use cd_solve::geometry::capsule_capsule;
+/// # use cd_solve::math::{Quat, Vec3};
+/// // Side by side they touch along a line.
+/// let q = Quat::identity();
+/// let found = capsule_capsule(&q, [1.0, 0.5], &Vec3::new(1.25, 0.0, 1.0), &q, [1.0, 0.25], 0.5).unwrap();
+/// assert_eq!((found.normal, found.gap(), found.points.len()), (-Vec3::x(), 0.5, 2));
+/// assert_eq!(found.points[0].position.x, 0.75);
+/// ```
+pub fn capsule_capsule(
+    axes_a: &Quat,
+    [half_a, radius_a]: [f64; 2],
+    c: &Vec3,
+    axes_b: &Quat,
+    [half_b, radius_b]: [f64; 2],
+    range: impl Into<ListingRange>,
+) -> Option<Manifold> {
+    let a = PosedCylinder { centre: Vec3::zeros(), axes: axes_a, half_height: half_a, radius: 0.0, rounding: radius_a };
+    let b = PosedCylinder { centre: *c, axes: axes_b, half_height: half_b, radius: 0.0, rounding: radius_b };
+    let found = core_contact(a, b, range.into().widened_by(radius_a + radius_b))?;
+    Some(rounded_manifold(&found, [radius_a, radius_b]))
+}
+
+/// Contact of two cylinders, A at the origin, without their rounding; `None` if they are farther apart than `range` lists.
+fn core_contact(a: PosedCylinder, b: PosedCylinder, range: ListingRange) -> Option<Manifold> {
+    if b.centre.norm() - a.size() - b.size() > range.alert {
         return None;
     }
     let smaller = a.size().min(b.size());
@@ -76,6 +132,8 @@ struct PosedCylinder<'a> {
     axes: &'a Quat,
     half_height: f64,
     radius: f64,
+    /// Distance of the surface from the cylinder, m: the radius of a capsule, whose core has the radius 0.
+    rounding: f64,
 }
 
 impl PosedCylinder<'_> {
@@ -371,8 +429,9 @@ impl TwoCylinders<'_> {
         let skew = along.cross(&w).dot(m).abs();
         // Heights along A's axis.
         let (middle, reach) = (along.dot(&self.b.centre), self.b.half_height * w.dot(&along).abs());
+        let smaller_radius = (self.a.radius + self.a.rounding).min(self.b.radius + self.b.rounding);
         let (from, to) = ((middle - reach).max(-self.a.half_height), (middle + reach).min(self.a.half_height));
-        if from > to || (to - from).max(self.smaller) * skew > MAX_SIDE_SKEW * self.a.radius.min(self.b.radius) {
+        if from > to || (to - from).max(self.smaller) * skew > MAX_SIDE_SKEW * smaller_radius {
             return;
         }
         for (k, z) in [from, to].into_iter().enumerate() {

@@ -69,6 +69,19 @@ pub struct ListingRange {
     pub area: f64,
 }
 
+impl ListingRange {
+    /// Range of the cores of bodies whose surfaces are at the distance `rounding`, m, in sum, from these cores.
+    pub fn widened_by(self, rounding: f64) -> Self {
+        let ListingRange { alert, patch, joint, area } = self;
+        ListingRange {
+            alert: alert + rounding,
+            patch: patch + rounding,
+            joint: joint + rounding,
+            area: area + rounding,
+        }
+    }
+}
+
 impl From<f64> for ListingRange {
     /// Range that lists all points up to `alert` and the area of the whole patch.
     fn from(alert: f64) -> Self {

@@ -1,5 +1,5 @@
 //! Kernel: contact geometry of convex polyhedra - with each other, with spheres, plates, cylinders and triangulated walls -
-//! and of cylinders; and the search for near pairs.
+//! and of cylinders and capsules; and the search for near pairs.
 //!
 //! All lengths are relative to the centre of body A, so that precision does not depend on the distance from the origin:
 //! `c` is x_B - x_A. Normals point from B, the antagonist, to A, the candidate.
@@ -14,7 +14,8 @@
 //! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
 //! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | contact of a polyhedron with other shapes |
-//! | `cylinders` | contact of two cylinders |
+//! | `cylinders` | contact of two cylinders or capsules |
+//! | `capsule` | contact of a polyhedron with a capsule |
 //! | `mesh` | contact of a polyhedron with a triangulated wall |
 //! | `flush` | heights and contact along a given direction |
 //! | `outline` | the corners of the common part of two faces seen along the normal |
@@ -23,6 +24,7 @@
 //! | `patch` | contact points and area from these corners |
 
 mod cache;
+mod capsule;
 mod cylinder;
 mod cylinders;
 mod flush;
@@ -42,12 +44,15 @@ mod sphere;
 mod triangles;
 
 pub use cache::CachedFeature;
+pub use capsule::{nearest_of_segment, polyhedron_capsule, segment_ends};
 pub use cylinder::{
     CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_RIM, CYLINDER_SIDE, polyhedron_cylinder, polyhedron_end_along,
 };
-pub use cylinders::cylinder_cylinder;
+pub use cylinders::{capsule_capsule, capsule_cylinder, cylinder_cylinder};
 pub use flush::polyhedra_along;
-pub use hollow_cylinder::{FAR_WALL, far_walls, polyhedron_hollow_cylinder, vertices_at_far_walls};
+pub use hollow_cylinder::{
+    FAR_WALL, cylinder_hollow_cylinder, far_walls, polyhedron_hollow_cylinder, rims_at_far_walls, vertices_at_far_walls,
+};
 pub use manifold::{
     ContactPoint, ContactPoints, ListingRange, Manifold, NarrowPhaseMode, Separated, WallContacts, edge_feature,
     face_feature, vertex_feature,

@@ -484,7 +484,27 @@ impl ContactLaw {
 
     /// Whether a contact of a law that acts on touching contacts is closed, to rounding.
     fn is_closed(&self, input: &LawInput) -> bool {
-        input.gap <= CLOSED_GAP * input.radius
+        self.is_closed_gap(input.gap, input.radius)
+    }
+
+    /// Whether a gap, m, of a contact of the radius `radius`, m, of a law that acts on touching contacts is closed, to rounding.
+    pub fn is_closed_gap(&self, gap: f64, radius: f64) -> bool {
+        gap <= CLOSED_GAP * radius
+    }
+
+    /// Coefficient of restitution at the normal velocity `u_n`, m/s; `None` for a law other than those of Newton's restitution.
+    pub fn restitution_at(&self, u_n: f64) -> Option<f64> {
+        match self.unilateral {
+            UnilateralLaw::Restitution { normal, decline, .. } => {
+                Some(decline.map_or(normal, |decline| normal * decline.factor(u_n)))
+            }
+            UnilateralLaw::InelasticShock { .. }
+            | UnilateralLaw::Gap
+            | UnilateralLaw::Velocity
+            | UnilateralLaw::Spring { .. }
+            | UnilateralLaw::Coupling
+            | UnilateralLaw::Link(_) => None,
+        }
     }
 
     /// Whether an approaching pair is thrown back: the velocity at the start alone closes it.

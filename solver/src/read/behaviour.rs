@@ -25,6 +25,7 @@ use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 use crate::gravity::SummationMethod;
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
+use crate::ranks::communicator;
 use crate::read::bodies::InitialMotion;
 use crate::read::contactors::{ContactorNumbers, ContactorTable, NamedContactor, POINT_NAME, part_number_in_scene};
 use crate::scene::{
@@ -34,7 +35,7 @@ use crate::scene::{
 use crate::state::{Contact, ContactStatus, LawMemory, SolvedContact, UNKNOWN_FEATURE};
 
 /// Names of the contactors that the visibility table distinguishes.
-const CONTACTOR_NAMES: [&str; 6] = ["SPHER", "PLANx", "POLYR", "CYLND", "DNLYC", "MESHx"];
+const CONTACTOR_NAMES: [&str; 7] = ["SPHER", "PLANx", "POLYR", "CYLND", "DNLYC", "MESHx", "CAPSx"];
 
 /// Index of the kind of a contactor in [`CONTACTOR_NAMES`].
 fn contactor_kind(geometry: &ContactorShape) -> usize {
@@ -45,6 +46,7 @@ fn contactor_kind(geometry: &ContactorShape) -> usize {
         ContactorShape::Cylinder { hollow: false, .. } => 3,
         ContactorShape::Cylinder { hollow: true, .. } => 4,
         ContactorShape::Mesh(_) => 5,
+        ContactorShape::Capsule { .. } => 6,
     }
 }
 
@@ -223,8 +225,9 @@ fn uncomputed_pair(names: [&str; 2]) -> Option<&'static str> {
             "expected no such row: LMGC90 has no contact of two plates; make one of them a POLYR with the eight corners of \
              the plate",
         ),
-        ["DNLYC", "PLANx" | "CYLND" | "DNLYC"] | ["PLANx" | "CYLND", "DNLYC"] => Some(
-            "expected no such row: a hollow cylinder has contacts with SPHER and POLYR alone; make the other a POLYR",
+        ["DNLYC", "PLANx" | "DNLYC"] | ["PLANx", "DNLYC"] => Some(
+            "expected no such row: a hollow cylinder has no contacts with plates and other hollow cylinders; make the \
+             other a POLYR",
         ),
         ["MESHx", other] | [other, "MESHx"] if !["SPHER", "POLYR"].contains(&other) => Some(
             "expected no such row: a surface MESHx has contacts with SPHER and POLYR alone; make the other a POLYR",
@@ -397,6 +400,31 @@ pub fn check_cell(datbox: &Path, scene: &Scene, faults: &mut Faults) {
     }
 }
 
+/// Rejects what impacts one after the other are not computed for: bodies that are neither free spheres nor wholly driven,
+/// deforming cells, and several ranks.
+pub fn check_impacts(datbox: &Path, scene: &Scene, faults: &mut Faults) {
+    if scene.options.impacts.is_simultaneous() {
+        return;
+    }
+    let file = datbox.join("BODIES.DAT");
+    let is_computed = |body: &RigidBody| body.is_imposed() || body.is_sphere() && !body.driven;
+    if let Some(body) = scene.bodies.iter().position(|body| !is_computed(body)) {
+        let found = "neither a free sphere nor a body whose whole motion is imposed, with impacts: in_order";
+        let expected = "expected impacts: simultaneous: the order of impacts is computed for spheres";
+        faults.push(Fault::new(&file, None, format!("body {}", body + 1), found, expected));
+    }
+    let mut add_fault = |found: &str| {
+        let expected = "expected impacts: simultaneous";
+        faults.push(Fault::new(&file, None, "file", format!("impacts: in_order {found}"), expected));
+    };
+    if scene.options.cell.is_some() {
+        add_fault("in a scene whose cell deforms");
+    }
+    if communicator().size() > 1 {
+        add_fault("on several ranks");
+    }
+}
+
 /// Contactors of a class.
 #[derive(Default)]
 struct ClassMembers {
@@ -474,8 +502,14 @@ fn unseen_contactors_note(scene: &Scene, unseen: &[UnseenPair], declared: &[[Str
         .then(|| format!("TACT_BEHAV.DAT: no row for {}: they pass through each other", missed.join(", ")))
 }
 
-/// Adds notes on contacts for which LMGC90 has no kind, if the state is also written as text.
-pub fn check_text(scene: &mut Scene) {
+/// Adds notes on contacts for which LMGC90 has no kind, if the state is also written as text; rejects capsules then.
+pub fn check_text(datbox: &Path, scene: &mut Scene, faults: &mut Faults) {
+    let is_capsule = |part: &&BodyPart| matches!(part.geometry, ContactorShape::Capsule { .. });
+    if let Some(capsule) = scene.parts.iter().find(is_capsule).filter(|_| scene.options.text) {
+        let (object, found) = (format!("body {}", capsule.body.number()), "a CAPSx, and the option text");
+        let expected = "expected text: false: the text files of LMGC90 have no contacts of capsules";
+        faults.push(Fault::new(&datbox.join("BODIES.DAT"), None, object, found, expected));
+    }
     let polyhedra = scene.parts.iter().filter(|part| matches!(part.geometry, ContactorShape::Polyhedron(_)));
     let polyhedron_classes: Vec<u16> = polyhedra.map(|part| part.class).collect();
     let cylinders = scene.parts.iter().filter(|part| matches!(part.geometry, ContactorShape::Cylinder { .. }));

@@ -109,8 +109,11 @@ pub fn scene_without_laws(
         planes,
         has_round_parts: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Sphere { .. })),
         has_rollers: parts.iter().any(|part| {
-            let is_solid = matches!(part.geometry, ContactorShape::Cylinder { hollow: false, .. });
-            is_solid && !bodies[part.body.index()].is_imposed()
+            let is_round = matches!(
+                part.geometry,
+                ContactorShape::Cylinder { hollow: false, .. } | ContactorShape::Capsule { .. }
+            );
+            is_round && !bodies[part.body.index()].is_imposed()
         }),
         has_drums: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Cylinder { hollow: true, .. })),
         parts,

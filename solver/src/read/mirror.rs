@@ -64,7 +64,7 @@ fn corners(part: &BodyPart) -> Vec<Vec3> {
     let body_point = |local: Vec3| part.offset + part.axes * local;
     match &part.geometry {
         ContactorShape::Sphere { .. } => vec![part.offset],
-        ContactorShape::Cylinder { half_height, .. } => {
+        ContactorShape::Cylinder { half_height, .. } | ContactorShape::Capsule { half_length: half_height, .. } => {
             [1.0, -1.0].map(|side| body_point(Vec3::z() * side * *half_height)).into()
         }
         ContactorShape::Polyhedron(shape) => shape.vertices().iter().map(|vertex| body_point(*vertex)).collect(),

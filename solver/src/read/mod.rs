@@ -104,8 +104,9 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let mut event_report = FaultReport::new(&source, &text);
     behaviour::check_events(&scene, &mut event_report);
     behaviour::check_probes(&scene, &mut event_report);
-    behaviour::check_text(&mut scene);
+    behaviour::check_text(&datbox, &mut scene, &mut faults);
     behaviour::check_cell(&datbox, &scene, &mut faults);
+    behaviour::check_impacts(&datbox, &scene, &mut faults);
     let mut motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
     servo_walls::set_servo_walls(&datbox, &driven, &mut scene, dof.time, &mut motion, &mut faults);
     scene.notes.extend(bodies::period_gap_notes(&scene, &motion.q));

@@ -72,7 +72,7 @@ pub fn body_from_record(
     let shift = Vec3::from(record.centre_of_mass_offset(&solid_properties));
     pieces.iter_mut().for_each(|piece| piece.centre -= shift);
     let frame = record.computed_frame(&solid_properties);
-    // A lone sphere, plate or cylinder keeps its own axes, so that its orientation keeps its meaning.
+    // A lone sphere, plate, cylinder or capsule keeps its own axes, so that its orientation keeps its meaning.
     let own_axes = || if keeps_own_axes { pieces[0].axes } else { Quat::identity() };
     let axes = frame.as_ref().map_or_else(own_axes, frame_rotation);
     let InertialProperties { mass, inertia, radius } = inertial;
@@ -153,6 +153,10 @@ fn contactor_piece(contactors: &[Contactor], solid: SolidPiece, colours: &mut Ve
         bodies::ShapeRecord::Cylinder { half_height, radius, hollow } => {
             let (half_height, radius, hollow) = (*half_height, *radius, *hollow);
             (ContactorShape::Cylinder { half_height, radius, hollow }, centre, libm::hypot(radius, half_height))
+        }
+        bodies::ShapeRecord::Capsule { half_length, radius } => {
+            let (half_length, radius) = (*half_length, *radius);
+            (ContactorShape::Capsule { half_length, radius }, centre, half_length + radius)
         }
         bodies::ShapeRecord::Mesh { radius, surface: Some(surface), .. } => {
             (ContactorShape::Mesh(surface.clone()), centre, *radius)

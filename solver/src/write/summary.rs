@@ -30,6 +30,8 @@ pub struct RunStatistics {
     pub longest_step: f64,
     /// Number of sweeps over all steps.
     pub sweeps: u64,
+    /// Whether impacts one after the other did not end in some step.
+    pub has_unended_impacts: bool,
     /// Number of steps that did not converge.
     pub unconverged: u64,
     /// Last measured error of self-gravity.

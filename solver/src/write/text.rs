@@ -107,6 +107,7 @@ fn contactor_name(part: &BodyPart) -> &'static str {
         ContactorShape::Polyhedron(_) => "POLYR",
         ContactorShape::Cylinder { hollow: false, .. } => "CYLND",
         ContactorShape::Cylinder { hollow: true, .. } => "DNLYC",
+        ContactorShape::Capsule { .. } => "CAPSx",
         ContactorShape::Mesh(_) => "MESHx",
     }
 }

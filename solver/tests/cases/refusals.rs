@@ -169,7 +169,8 @@ fn bodies_that_do_not_exist() {
 fn shapes_that_are_not_computed() {
     let mut case = sound();
     case.bodies[1].contactors[0].shape = ShapeRecord::Point { offset: [0.0; 3] };
-    let expected = "expected SPHER, SPHEb, PLANx, POLYR, CYLND, DNLYC or MESHx: points have no mass and no surface";
+    let expected =
+        "expected SPHER, SPHEb, PLANx, POLYR, CYLND, DNLYC, CAPSx or MESHx: points have no mass and no surface";
     written_refused(&case, &[], &[&format!("CASE/DATBOX/BODIES.DAT:11: body 2: no contactor but PT3Dx; {expected}")]);
     case.bodies[1].contactors[0].shape = ShapeRecord::Cylinder { half_height: 1.0, radius: 1.0, hollow: true };
     let line = "CASE/DATBOX/BODIES.DAT:11: body 2: a DNLYC that may move freely; expected vlocy lines in DRV_DOF.DAT \

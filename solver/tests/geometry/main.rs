@@ -1,5 +1,6 @@
 //! Contact geometry against trying everything: random pairs, degenerate ones, symmetry, continuity.
 
+mod capsules;
 mod cylinder;
 mod degenerate;
 mod oracle;

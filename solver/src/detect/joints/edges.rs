@@ -61,7 +61,9 @@ fn has_common_surfaces(contactors: &[PosedContactor]) -> bool {
 fn polyhedron<'a>(contactor: &'a PosedContactor<'a>) -> Option<&'a PosedPolyhedron<'a>> {
     match &contactor.shape {
         PosedShape::Polyhedron(posed) | PosedShape::Plane { cuboid: posed, .. } => Some(posed),
-        PosedShape::Sphere { .. } | PosedShape::Cylinder { .. } | PosedShape::Mesh(_) => None,
+        PosedShape::Sphere { .. } | PosedShape::Cylinder { .. } | PosedShape::Capsule { .. } | PosedShape::Mesh(_) => {
+            None
+        }
     }
 }
 
