@@ -141,6 +141,53 @@ fn a_polyhedron_on_an_orbit_moves_as_seen_by_the_one_that_falls() {
     }
 }
 
+/// The attraction of a homogeneous body is continuous on its edges and corners, where its derivative is infinite by a logarithm.
+#[test]
+fn grains_on_edges_and_corners_move_as_those_next_to_them() {
+    let shape = body();
+    let corner = |k: usize| Vec3::from(shape.vertices()[k]);
+    let mut starts: Vec<Vec3> = (0..shape.vertices().len()).map(corner).collect();
+    for triangle in shape.triangles() {
+        let [a, b, c] = triangle.map(|k| corner(k as usize));
+        // Edges, the diagonals of the faces among them, at points that numbers can and cannot hold, and the face itself.
+        starts.extend([(a + b) * 0.5, b + (c - b) * 0.3, (a + b + c) / 3.0]);
+    }
+    let (away, steps) = (1e-6, 40);
+    let run = |rate: [f64; 3], offset: Vec3| {
+        let mut case = Case::new();
+        (case.options.gravity_constant, case.options.dt) = (1.0, 1.0 / 64.0);
+        let surface = "body.obj".into();
+        case.options.fields = vec![ExternalField::Polyhedron {
+            surface,
+            scale: 1.0,
+            density: 1.0,
+            position: [0.0; 3],
+            rate,
+            orbit: None,
+        }];
+        for x in &starts {
+            case.sphere(1e-3, (x + offset).into());
+        }
+        case.write();
+        fs::write(case.path().join("DATBOX/body.obj"), surface_text(&shape)).unwrap();
+        case.run(steps)
+    };
+    for rate in [[0.0; 3], [0.2, -0.3, 0.9]] {
+        let on = run(rate, Vec3::zeros());
+        let ledger = &on.meta.ledger;
+        assert!([ledger.energy_start, ledger.outside_work, ledger.momentum_scale].iter().all(|sum| sum.is_finite()));
+        for direction in [Vec3::x(), -Vec3::y(), Vec3::new(0.6, 0.0, 0.8)] {
+            let next = run(rate, direction * away);
+            for (i, start) in starts.iter().enumerate() {
+                assert!((on.x(i) - start).norm() > 0.01, "{start} is attracted");
+                // The tide of G rho = 1 is some 2 pi ln(1/away) < 100 /s², over 0.6 s.
+                near(on.x(i), next.x(i) - direction * away, 50.0 * away);
+                near(on.v(i), next.v(i), 200.0 * away);
+            }
+        }
+    }
+}
+
 #[test]
 fn runs_about_a_polyhedron_resume_to_the_same_bytes() {
     let state = |parts: &[u64], threads: &str| {

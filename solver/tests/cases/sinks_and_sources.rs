@@ -237,6 +237,60 @@ fn bodies_that_enter_touch_and_pile_up() {
     );
 }
 
+/// Bodies that fall by 0.5 m onto a floor under 8 m/s² take √(1/8) s. A run until they are at rest waits for those of sources.
+#[test]
+fn a_run_until_rest_waits_for_the_bodies_of_sources() {
+    let fallen = |from: &[f64]| {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        case.gravity = [0.0, 0.0, -8.0];
+        for k in 0..3 {
+            case.sphere(0.5, [3.0 * f64::from(k), 0.0, 1.0]);
+        }
+        case.floor();
+        let source = |(k, from): (usize, &f64)| Source {
+            name: format!("source{k}"),
+            bodies: BodySelection::Body(2 + k),
+            from: *from,
+            rate: 1.0,
+        };
+        case.options.sources = from.iter().enumerate().map(source).collect();
+        case.options.until = vec![EndCondition::AtRest { speed: 1e-3, during: 0.25 }];
+        (case.options.dt, case.options.steps) = (1.0 / 64.0, Some(640));
+        case
+    };
+    let fall = (1.0f64 / 8.0).sqrt();
+    for from in [&[][..], &[1.0], &[1.0, 3.0], &[0.125, 0.25]] {
+        let case = fallen(from);
+        case.write();
+        assert_eq!(case.solve(&[]), 0);
+        let last = case.last();
+        // The ball touches within a step after its fall, and rests from the beginning of the step that stops it.
+        let rests = from.last().unwrap_or(&0.0) + fall + 0.25;
+        let end = last.meta.time - rests;
+        assert!((-1.0 / 64.0..=2.0 / 64.0).contains(&end), "{from:?}: {end}");
+        for i in last.free() {
+            near(last.x(i), [3.0 * i as f64, 0.0, 0.5], 1e-3);
+            assert!(last.v(i).norm() <= 1e-3, "{from:?}: {}", last.v(i));
+        }
+        // Interrupted where all bodies of the run are at rest and others wait, it continues to the same end.
+        let resumed = fallen(from);
+        resumed.write();
+        for flags in [&["--steps", "60"][..], &["--steps", "640", "--resume"]] {
+            assert_eq!(resumed.solve(flags), 0);
+        }
+        let state = |case: &Case| fs::read(case.path().join(format!("OUTBOX/snapshot-{:06}.npz", last.meta.step)));
+        assert!(state(&case).unwrap() == state(&resumed).unwrap(), "{from:?}");
+    }
+    // A body that never finds its position: the run does not end by rest, although all others are at rest.
+    let mut blocked = fallen(&[1.0]);
+    blocked.dof[1].displacement[0] = -3.0;
+    blocked.write();
+    assert_eq!(blocked.solve(&[]), 0);
+    assert_eq!(blocked.last().meta.step, 640);
+    assert_eq!(presence(&blocked.last())[1], PRESENCE_WAITING);
+}
+
 /// Grains of any shape that rain into an open tub with a drain, with their own gravity and bonds.
 pub fn mixed(polyhedra: bool) -> Case {
     let mut case = Case::new();
