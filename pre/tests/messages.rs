@@ -246,6 +246,24 @@ fn doubtful_values_are_asked_about_and_accepted() {
             "11:70: grains 1, orientation, angle: 45; did you mean degrees? 45 degrees are 0.785 rad",
         ),
         (
+            "0.1),\n    )]",
+            "0.1),\n    ), (material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.5), placement: List(positions: [(0, 0, 0)]),
+        orbit: (about: Colour(\"BLUEx\"), path: Elements(periapsis: 50, eccentricity: 0, inclination: 30, node: -6.28)))]",
+            "13:101: grains 2, orbit, path, inclination: 30; did you mean degrees? 30 degrees are 0.524 rad",
+        ),
+        (
+            "self_gravity: true",
+            "self_gravity: true, fields: [PointMass(mass: 1e9, orbit: Elements(periapsis: 5e3, eccentricity: 0.5, \
+             inclination: 6.2832, node: -90))]",
+            "14:173: compute, field 1, orbit, node: -90; did you mean degrees? -90 degrees are -1.571 rad",
+        ),
+        (
+            "self_gravity: true",
+            "self_gravity: true, fields: [PointMass(mass: 1e9, orbit: Elements(periapsis: 5e3, eccentricity: 0.5, \
+             argument: 400))]",
+            "14:156: compute, field 1, orbit, argument: 400; did you mean degrees? 400 degrees are 6.981 rad",
+        ),
+        (
             "walls: [",
             "walls: [Plate(material: \"ROCKx\", colour: \"WALLx\", centre: (0, 0, 20), half_lengths: (1, 1, 1), \
              force: (None, None, Constant(-5))), ",
