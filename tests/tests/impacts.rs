@@ -83,6 +83,41 @@ fn a_rebound_off_a_bed_counts_the_momentum_of_the_floor() {
     assert_last(&columns, "beta_z", -1.5, 1e-3);
 }
 
+/// One grain has neither a plane of its surface nor rings around the axis, wherever it is hit.
+#[test]
+fn a_target_of_one_grain_has_finite_figures_and_no_crater() {
+    for (gravity, offset) in [0.0, 0.01].into_iter().flat_map(|g| [0.0, 0.3, 0.9, 1.2, 3.0].map(|x| (g, x))) {
+        let law = "RST_CLB(normal_restitution: 0.5, tangential_restitution: 0.0, friction: 0.3)";
+        let target = "sizes: Single(1.0), placement: List(positions: [(0.0, 0.0, 1.0)])";
+        let shot = format!(
+            "sizes: Single(0.25), placement: List(positions: [({offset:?}, 0.0, 4.0)]), velocity: (0.0, 0.0, -5.0)"
+        );
+        let parts = format!(
+            r#"gravity: (0.0, 0.0, -{gravity:?}),
+            walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0, 0, -0.5), half_lengths: (5, 5, 0.5))],
+            compute: (dt: 0.01, end_time: 1.5, output_every: 50, tol: 1e-9)"#
+        );
+        let case = Case::of(&scene(law, target, &shot, &parts)).solved(&["--threads", "1"]);
+        // 1: with a note that there is no crater.
+        assert_eq!(impact(case.path(), &[]), 1, "{gravity} {offset}");
+        let table = |name: &str| csv(&case.path().join("POSTPRO/impact").join(name)).unwrap();
+        let betas = table("beta.csv");
+        // Without self-gravity there is no escape speed, without a hit no normal, and in a bed no level that momenta refer to.
+        let is_hit = offset < 1.25;
+        let is_defined_in_a_missed_bed = |name: &str| ["time", "target_mass", "ejecta", "ejecta_mass"].contains(&name);
+        let is_empty = |name: &str| {
+            name.starts_with("escaping")
+                || !is_hit && (name == "beta_normal" || gravity > 0.0 && !is_defined_in_a_missed_bed(name))
+        };
+        for (name, values) in &betas {
+            assert!(values.iter().all(|x| x.is_finite() != is_empty(name)), "{gravity} {offset}: {name} {values:?}");
+        }
+        for name in ["crater-size.csv", "crater-profile.csv"] {
+            assert!(table(name).values().all(Vec::is_empty), "{gravity} {offset}: {name}");
+        }
+    }
+}
+
 #[test]
 fn all_momentum_is_in_the_target_or_carried_away() {
     // A loose cluster under its own gravity, which the projectile scatters; twice with other numbers of threads.
