@@ -97,7 +97,7 @@ fn a_target_of_one_grain_has_finite_figures_and_no_crater() {
             walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0, 0, -0.5), half_lengths: (5, 5, 0.5))],
             compute: (dt: 0.01, end_time: 1.5, output_every: 50, tol: 1e-9)"#
         );
-        let case = Case::of(&scene(law, target, &shot, &parts)).solved(&["--threads", "1"]);
+        let case = Case::from_scene(&scene(law, target, &shot, &parts)).solved(&["--threads", "1"]);
         // 1: with a note that there is no crater.
         assert_eq!(impact(case.path(), &[]), 1, "{gravity} {offset}");
         let table = |name: &str| csv(&case.path().join("POSTPRO/impact").join(name)).unwrap();

@@ -147,18 +147,18 @@ fn rebounds_of_cluster(cluster: &[&ImpactContact]) -> Option<Vec<Option<f64>>> {
         cluster[k].u_n + cluster[k].normal.dot(&(changes[a] - changes[b]))
     };
     for _ in 0..MAX_ROUNDS {
-        let closing: Vec<usize> = (0..cluster.len()).filter(|&k| velocity(k, &changes) < -tolerance).collect();
-        if closing.is_empty() {
+        let closing_contacts: Vec<usize> = (0..cluster.len()).filter(|&k| velocity(k, &changes) < -tolerance).collect();
+        if closing_contacts.is_empty() {
             // Approaches below the tolerance add up along a cluster at a wall, and all of it must part.
             let has_wall = cluster.iter().any(|impact| impact.inverse_masses.contains(&0.0));
             let least = if has_wall { tolerance * cluster.len() as f64 } else { 0.0 };
             let rebound = |k: usize| (impulses[k] > 0.0).then(|| (velocity(k, &changes) - least).max(0.0));
             return Some((0..cluster.len()).map(rebound).collect());
         }
-        let restitution = shared_restitution(cluster, &local_bodies, &closing, |k| velocity(k, &changes));
+        let restitution = shared_restitution(cluster, &local_bodies, &closing_contacts, |k| velocity(k, &changes));
         let mut stopped = changes.clone();
-        let stops = stopping_impulses(cluster, &local_bodies, &closing, &mut stopped, &velocity);
-        for ((&k, stop), e) in closing.iter().zip(stops).zip(restitution) {
+        let stops = stopping_impulses(cluster, &local_bodies, &closing_contacts, &mut stopped, &velocity);
+        for ((&k, stop), e) in closing_contacts.iter().zip(stops).zip(restitution) {
             let impulse = (1.0 + e) * stop;
             add_impulse(cluster[k], local_bodies[k], impulse, &mut changes);
             impulses[k] += impulse;
@@ -172,15 +172,15 @@ fn rebounds_of_cluster(cluster: &[&ImpactContact]) -> Option<Vec<Option<f64>>> {
 fn shared_restitution(
     cluster: &[&ImpactContact],
     local_bodies: &[[usize; 2]],
-    closing: &[usize],
+    closing_contacts: &[usize],
     velocity: impl Fn(usize) -> f64,
 ) -> Vec<f64> {
     let coefficient = |&k: &usize| cluster[k].law.restitution_at(velocity(k)).unwrap_or(0.0);
-    let mut restitution: Vec<f64> = closing.iter().map(coefficient).collect();
+    let mut restitution: Vec<f64> = closing_contacts.iter().map(coefficient).collect();
     loop {
         let mut has_changed = false;
-        for (i, &k) in closing.iter().enumerate() {
-            for (j, &other) in closing.iter().enumerate() {
+        for (i, &k) in closing_contacts.iter().enumerate() {
+            for (j, &other) in closing_contacts.iter().enumerate() {
                 let shares_body = local_bodies[k]
                     .iter()
                     .zip(cluster[k].inverse_masses)
@@ -201,14 +201,14 @@ fn shared_restitution(
 fn stopping_impulses(
     cluster: &[&ImpactContact],
     local_bodies: &[[usize; 2]],
-    closing: &[usize],
+    closing_contacts: &[usize],
     changes: &mut [Vec3],
     velocity: &impl Fn(usize, &[Vec3]) -> f64,
 ) -> Vec<f64> {
-    let mut impulses = vec![0.0; closing.len()];
+    let mut impulses = vec![0.0; closing_contacts.len()];
     for _ in 0..MAX_ROUND_SWEEPS {
         let mut largest_change: f64 = 0.0;
-        for (impulse, &k) in impulses.iter_mut().zip(closing) {
+        for (impulse, &k) in impulses.iter_mut().zip(closing_contacts) {
             let [a, b] = cluster[k].inverse_masses;
             let next = (*impulse - velocity(k, changes) / (a + b)).max(0.0);
             let change = next - *impulse;

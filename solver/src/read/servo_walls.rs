@@ -182,7 +182,7 @@ fn pressed_area(
         let extent = |sides: &[AreaSide; 2]| sides[0].half_length + sides[1].half_length;
         return Ok(PressedArea::Constant(extent(&sides[0]) * extent(&sides[1])));
     }
-    Ok(PressedArea::Rectangle(sides))
+    Ok(PressedArea::Rectangle(Box::new(sides)))
 }
 
 /// Radius of the narrowest hollow cylinder about the normal of a plate whose disc the plate covers, m.

@@ -142,7 +142,7 @@ pub enum PressedArea {
     /// The same area at all times, m².
     Constant(f64),
     /// Rectangle on a plate; the sides along its first and second axis.
-    Rectangle([[AreaSide; 2]; 2]),
+    Rectangle(Box<[[AreaSide; 2]; 2]>),
 }
 
 /// Side of the rectangle on which a pressure acts.
