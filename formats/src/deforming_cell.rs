@@ -332,9 +332,9 @@ mod tests {
              zero stress; use Rate",
             "COMPUTE.RON:1:37: cell, x, gain: 2.0; expected a largest rate times dt of at most 0.01: a smaller dt, gain or \
              max_rate",
-            "COMPUTE.RON:1:83: cell, y, max_rate: 4.0; expected a largest rate times dt of at most 0.01: a smaller dt, gain \
+            "COMPUTE.RON:1:86: cell, y, max_rate: 4.0; expected a largest rate times dt of at most 0.01: a smaller dt, gain \
              or max_rate",
-            "COMPUTE.RON:1:99: cell, shear_xz: 3.0; expected a rate times dt of at most 0.01: a smaller dt or rate",
+            "COMPUTE.RON:1:102: cell, shear_xz: 3.0; expected a rate times dt of at most 0.01: a smaller dt or rate",
         ];
         assert_eq!(found, expected);
     }
