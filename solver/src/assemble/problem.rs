@@ -164,9 +164,46 @@ impl RollingConstraint {
             (across, about)
         }
     }
+
+    /// Whether the moment `m` (N m s) is within the limits of the law by more than rounding, of a row with the impulse `r` and the
+    /// normal `n`.
+    pub fn holds_moment(&self, r: &Vec3, n: &Vec3, m: &Vec3) -> bool {
+        let (across_bound, along_bound) = self.moment_bounds(r, n);
+        let m = m / self.radius;
+        let along = n.dot(&m);
+        (m - n * along).norm() < MAX_SHARE_OF_LIMIT * across_bound && along.abs() < MAX_SHARE_OF_LIMIT * along_bound
+    }
+
+    /// Moment `m` (N m s) reduced to the limits of the law, of a row with the impulse `r` and the normal `n`.
+    pub fn limited_moment(&self, r: &Vec3, n: &Vec3, m: &Vec3) -> Vec3 {
+        let (across_bound, along_bound) = self.moment_bounds(r, n);
+        let [across_bound, along_bound] = [across_bound, along_bound].map(|bound| bound.max(0.0) * self.radius);
+        let along = n.dot(m);
+        let across = m - n * along;
+        let size = across.norm();
+        let limited = if size > across_bound { across * (across_bound / size) } else { across };
+        limited + n * along.clamp(-along_bound, along_bound)
+    }
 }
 
+/// Share of a limit up to which an impulse or moment is within it: those at the limit are on its side to rounding.
+const MAX_SHARE_OF_LIMIT: f64 = 1.0 - 1e-9;
+
 impl ContactConstraint {
+    /// Load of an elastic bond by its strain, without its limits: -C⁻¹ `motion`, with the compliances C along the normal and
+    /// across. Of the velocity û without compliances (m/s; 1/kg) it is the impulse, N s; of the angular velocity ŵ (rad/s;
+    /// 1/(kg m²)) the moment, N m s.
+    pub fn strain_load(&self, [along, across]: [f64; 2], motion: &Vec3) -> Vec3 {
+        let normal = self.normal * self.normal.dot(motion);
+        (normal - motion) / across - normal / along
+    }
+
+    /// Whether the impulse `r` (N s) is within the cone of friction by more than rounding.
+    pub fn holds_impulse(&self, r: &Vec3) -> bool {
+        let normal = self.normal.dot(r);
+        normal > 0.0 && (r - self.normal * normal).norm() < MAX_SHARE_OF_LIMIT * self.friction * normal
+    }
+
     /// r̂_n that keeps the row's own attraction from moving the bodies, as far as its shift leaves the contact closed, N s; 0
     /// without an attraction. It is the solution of a contact without other loads.
     pub fn balancing_impulse(&self) -> f64 {
@@ -215,6 +252,13 @@ impl ContactProblem {
     /// Whether bonds carry moments.
     pub fn has_bond_moments(&self) -> bool {
         self.rolling_constraints.iter().any(RollingConstraint::is_bond)
+    }
+
+    /// Angular velocity of the candidate relative to the antagonist of a rolling constraint, with its shift, at the motions of
+    /// `solver_bodies`, rad/s.
+    pub fn shifted_spin(&self, roll: &RollingConstraint, solver_bodies: &[SolverBody]) -> Vec3 {
+        let [a, b] = self.rows[roll.row.index()].bodies.map(|body| solver_bodies[body.index()].w);
+        a - b + roll.shift
     }
 
     /// Regularisation of row `k`, if it has one.

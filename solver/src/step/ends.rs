@@ -258,32 +258,28 @@ impl PostSolve<'_> {
         *velocity = to_local(&frame, &self.contact_velocity(k, contact, velocities));
         *end_status = status;
         *bond = row.bond.filter(|_| law.keeps_bond(contact.gap, motion));
-        if let (Some(&RegularisedRow::Bond { sliding, .. }), Some(_)) = (regularised, &bond) {
-            let [shear, strained_moment] = self.bond_strain_load(k, sliding);
-            let shear = to_local(&frame, &shear);
+        if let (Some(&RegularisedRow::Bond { opening, sliding, .. }), Some(_)) = (regularised, &bond) {
+            let [load, strained_moment] = self.bond_strain_load(k, [opening, sliding]);
+            let shear = to_local(&frame, &load);
             (impulse.y, impulse.z) = (shear.y, shear.z);
             *moment = to_local(&frame, &strained_moment);
         }
     }
 
-    /// Shear impulse (N s) and moment (N m s) of an elastic bond by its strain at the step's end, world frame. They differ from those
+    /// Impulse (N s) and moment (N m s) of an elastic bond by its strain at the step's end, world frame. They differ from those
     /// that the solver has found by its residual, and the next step starts from them: errors of solutions do not accumulate
     /// as creep.
-    fn bond_strain_load(&self, k: usize, sliding: f64) -> [Vec3; 2] {
+    fn bond_strain_load(&self, k: usize, compliance: [f64; 2]) -> [Vec3; 2] {
         let &PostSolve { contact_problem, solution, .. } = self;
         let row = &contact_problem.rows[k];
-        let u = contact_problem.shifted_velocity(k, &solution.solver_bodies);
-        let shear = (row.normal * row.normal.dot(&u) - u) / sliding;
+        let load = row.strain_load(compliance, &contact_problem.shifted_velocity(k, &solution.solver_bodies));
         let rolls = &contact_problem.rolling_constraints;
         let moment = rolls.binary_search_by_key(&ContactId::new(k), |roll| roll.row).map_or(Vec3::zeros(), |index| {
             let roll = &rolls[index];
-            let [a, b] = row.bodies.map(|body| solution.solver_bodies[body.index()].w);
-            let w = a - b + roll.shift;
-            let along = row.normal * row.normal.dot(&w);
-            let [bending, torsion] = roll.compliance;
-            (along - w) / bending - along / torsion
+            let [across, along] = roll.compliance;
+            row.strain_load([along, across], &contact_problem.shifted_spin(roll, &solution.solver_bodies))
         });
-        [shear, moment]
+        [load, moment]
     }
 
     /// Motion of an elastic bond beyond its limits: it yields where its impulse (contact frame, N s) or its moment (world frame,

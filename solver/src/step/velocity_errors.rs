@@ -361,15 +361,9 @@ fn bond_moments(contact_problem: &ContactProblem, k: usize) -> Option<&RollingCo
     position(contact_problem, k).map(|index| &contact_problem.rolling_constraints[index])
 }
 
-/// Relative angular velocity of the two bodies of a bond, rad/s.
-fn relative_spin(contact_problem: &ContactProblem, solution: &ContactSolution, roll: &RollingConstraint) -> Vec3 {
-    let [a, b] = contact_problem.rows[roll.row.index()].bodies.map(|body| solution.solver_bodies[body.index()].w);
-    a - b + roll.shift
-}
-
 /// Relative angular velocity of the two bodies of a bond times the radius of the bond, m/s.
 fn turning_speed(contact_problem: &ContactProblem, solution: &ContactSolution, roll: &RollingConstraint) -> f64 {
-    roll.radius * relative_spin(contact_problem, solution, roll).norm()
+    roll.radius * contact_problem.shifted_spin(roll, &solution.solver_bodies).norm()
 }
 
 /// |F| R/ρ of the moment of a bond, with F = m - P(m - ρ w), the projection P on its bounds and ρ the inverse of W, and the
@@ -381,14 +375,8 @@ fn turning_error(
     moment: &Vec3,
 ) -> f64 {
     let (k, n) = (roll.row.index(), contact_problem.rows[roll.row.index()].normal);
-    let (across_bound, along_bound) = roll.moment_bounds(&solution.impulses[k], &n);
-    let z = moment - relative_spin(contact_problem, solution, roll) * roll.inverse_w;
-    let along = n.dot(&z);
-    let across = z - n * along;
-    let length = across.norm();
-    let (across_bound, along_bound) = (across_bound * roll.radius, along_bound * roll.radius);
-    let share = if length > across_bound { across_bound / length } else { 1.0 };
-    let nearest = across * share + n * along.clamp(-along_bound, along_bound);
+    let z = moment - contact_problem.shifted_spin(roll, &solution.solver_bodies) * roll.inverse_w;
+    let nearest = roll.limited_moment(&solution.impulses[k], &n, &z);
     let rounding = roll.shift.norm() + moment.norm() / roll.inverse_w;
     ((moment - nearest).norm() / roll.inverse_w + ROUNDING_SHARE * rounding) * roll.radius
 }
