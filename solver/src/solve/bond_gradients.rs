@@ -8,9 +8,10 @@
 //! (Hᵀ M⁻¹ H + C) λ = -(û, ω),
 //! ```
 //!
-//! with the compliances C of elastic bonds and springs, here by conjugate gradients with the diagonal of the matrix, which is not stored. Redundant bonds make it singular, but the
-//! right side is in its range, as all rows can be at rest; where they cannot, the gradients end at their limit of iterations.
-//! Sweeps then find out which contacts reach their limits.
+//! with the compliances C of elastic bonds and springs, here by conjugate gradients with the diagonal of the matrix, which is not
+//! stored. Redundant bonds make it singular, but the right side is in its range, as all rows can be at rest; where they cannot, the
+//! gradients end at their limit of iterations. Sweeps then find out which contacts reach their limits. Elastic bonds are part of
+//! the system until one of their loads has been beyond its limit.
 //!
 //! Source: M.R. Hestenes, E. Stiefel, J. Res. Natl. Bur. Stand. 49 (1952) 409-436.
 
@@ -18,9 +19,7 @@ use crate::activity;
 use crate::assemble::{ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
 use crate::math::{Twist, Vec3};
 use crate::solve::types::ContactReactions;
-
-/// Share of a limit up to which an impulse is within it: impulses at the limit are on its side to rounding.
-const MAX_SHARE_OF_LIMIT: f64 = 1.0 - 1e-9;
+use crate::state::ContactId;
 
 /// Three equations of the system, one along each axis.
 enum StickingRow<'a> {
@@ -42,17 +41,30 @@ struct StickingSystem<'a> {
 }
 
 impl<'a> StickingSystem<'a> {
-    /// Equations of the contacts whose reactions are within their limits.
-    fn new(problem: &'a ContactProblem, reactions: &ContactReactions) -> Self {
+    /// Equations of the elastic bonds but `yielding` ones, and of the contacts whose reactions are within their limits. A yielding
+    /// bond is one of these if the load by its strain is within its limits, too: sweeps put loads that balance each other at limits
+    /// that the strain does not reach.
+    fn new(
+        problem: &'a ContactProblem,
+        reactions: &ContactReactions,
+        solver_bodies: &[SolverBody],
+        yielding: &[ContactId],
+    ) -> Self {
+        let may_yield = |row: usize| yielding.binary_search(&ContactId::new(row)).is_ok();
         let sticking_row = |k: usize| {
-            let (row, r) = (&problem.rows[k], &reactions.impulses[k]);
-            let normal = row.normal.dot(r);
-            let is_within =
-                normal > 0.0 && (r - row.normal * normal).norm() < MAX_SHARE_OF_LIMIT * row.friction * normal;
-            let compliance = match problem.regularised_row(k).filter(|_| is_within) {
-                None => [0.0; 2],
-                Some(&RegularisedRow::Spring { compliance, .. }) => [compliance, 0.0],
-                Some(&RegularisedRow::Bond { opening, sliding, .. }) => [opening, sliding],
+            let row = &problem.rows[k];
+            let is_within = row.holds_impulse(&reactions.impulses[k]);
+            let (is_within, compliance) = match problem.regularised_row(k) {
+                None => (is_within, [0.0; 2]),
+                Some(&RegularisedRow::Spring { compliance, .. }) => (is_within, [compliance, 0.0]),
+                Some(&RegularisedRow::Bond { opening, sliding, .. }) => {
+                    let compliance = [opening, sliding];
+                    let by_strain = || {
+                        let u = problem.shifted_velocity(k, solver_bodies);
+                        row.strain_load(compliance, &u)
+                    };
+                    (is_within || !may_yield(k) || row.holds_impulse(&by_strain()), compliance)
+                }
                 // Their impulses stay.
                 Some(
                     RegularisedRow::Coupled { .. } | RegularisedRow::Link { .. } | RegularisedRow::Interface { .. },
@@ -62,12 +74,12 @@ impl<'a> StickingSystem<'a> {
         };
         let impulses = (0..problem.rows.len()).filter_map(sticking_row);
         let moments = problem.rolling_constraints.iter().enumerate().filter_map(|(index, roll)| {
-            let (row, r) = (&problem.rows[roll.row.index()], &reactions.impulses[roll.row.index()]);
-            let m = reactions.moments[index] / roll.radius;
-            let along = row.normal.dot(&m);
-            let (across_bound, along_bound) = roll.moment_bounds(r, &row.normal);
-            let is_within = (m - row.normal * along).norm() < MAX_SHARE_OF_LIMIT * across_bound
-                && along.abs() < MAX_SHARE_OF_LIMIT * along_bound;
+            let k = roll.row.index();
+            let (n, r) = (&problem.rows[k].normal, &reactions.impulses[k]);
+            let [across, along] = roll.compliance;
+            let by_strain = || problem.rows[k].strain_load([along, across], &problem.shifted_spin(roll, solver_bodies));
+            let is_within = roll.holds_moment(r, n, &reactions.moments[index])
+                || across > 0.0 && (!may_yield(k) || roll.holds_moment(r, n, &by_strain()));
             is_within.then_some(StickingRow::Moment(index, roll))
         });
         let rows = impulses.chain(moments).collect();
@@ -156,14 +168,16 @@ pub struct GradientLimits {
     pub iterations: u64,
 }
 
-/// Corrected reactions, where `solver_bodies` have the velocities after them, and the number of iterations.
+/// Corrected reactions, where `solver_bodies` have the velocities after them, and the number of iterations. The elastic bonds that
+/// are not in the sorted list `yielding` are solved without their limits.
 pub fn corrected_reactions(
     problem: &ContactProblem,
     mut reactions: ContactReactions,
     solver_bodies: &[SolverBody],
+    yielding: &[ContactId],
     limits: GradientLimits,
 ) -> (ContactReactions, u64) {
-    let system = StickingSystem::new(problem, &reactions);
+    let system = StickingSystem::new(problem, &reactions, solver_bodies, yielding);
     let motions: Vec<Twist> = solver_bodies.iter().map(|body| Twist { v: body.v, w: body.w }).collect();
     let shift = |row: &StickingRow| match *row {
         StickingRow::Impulse(k, _) => problem.rows[k].shift,

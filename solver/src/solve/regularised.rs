@@ -12,6 +12,15 @@
 //! soft and of stiff springs differ by many orders of magnitude. Moments, of elastic bonds or by rolling friction, follow the
 //! impulses of their rows. Sweeps alternate with the gradients of [`bond_gradients`](super::bond_gradients) where there are elastic
 //! bonds.
+//!
+//! Elastic bonds are first solved without their limits, and those whose loads are then beyond a limit keep it from there on, until
+//! no further bond is beyond: the solution is that of the law. Where nothing else slides or opens, the first problem is linear.
+//!
+//! F does not measure the loads of stiff bonds. Those that balance each other, as between the points of a face or in a ring of
+//! bodies, change û by C only, which is small against W where k h² S is large against the masses: with E alone they would be
+//! known to E W/C. The load of a bond by its strain, -C⁻¹ (û - C r̂) within its limits, is therefore compared with r̂, and their
+//! difference over the strength of the bond counts as E, too. It is no less than the error of the load. Sweeps change these loads
+//! by C/W only; the gradients find them.
 
 use nalgebra::Matrix3;
 
@@ -58,6 +67,8 @@ struct SweptRow {
 enum RowKind {
     /// Signorini and Coulomb, with compliances along the normal and across, 1/kg; 0 for most rows.
     Contact { compliance: f64, sliding: f64 },
+    /// Elastic bond within its limits, with its compliances along the normal and across, 1/kg: û = 0.
+    LinearBond { opening: f64, sliding: f64 },
     /// No relative velocity where the bodies can move.
     Coupled(CoupledBlock),
     /// Wire or rod with a compliance, 1/kg, along the normal, and no impulse across.
@@ -130,7 +141,8 @@ impl InterfaceBlock {
 }
 
 impl SweptRow {
-    fn new(contact_problem: &ContactProblem, row: ContactId) -> Self {
+    /// Row that `may_yield`, if it is an elastic bond.
+    fn new(contact_problem: &ContactProblem, row: ContactId, may_yield: bool) -> Self {
         let (k, constraint) = (row.index(), &contact_problem.rows[row.index()]);
         let along = constraint.normal * constraint.normal.transpose();
         let block = match &contact_problem.block_data {
@@ -142,7 +154,10 @@ impl SweptRow {
             Some(RegularisedRow::Spring { compliance, .. }) => {
                 RowKind::Contact { compliance: *compliance, sliding: 0.0 }
             }
-            Some(&RegularisedRow::Bond { opening, sliding, .. }) => RowKind::Contact { compliance: opening, sliding },
+            Some(&RegularisedRow::Bond { opening, sliding, .. }) if may_yield => {
+                RowKind::Contact { compliance: opening, sliding }
+            }
+            Some(&RegularisedRow::Bond { opening, sliding, .. }) => RowKind::LinearBond { opening, sliding },
             Some(RegularisedRow::Coupled { .. }) => RowKind::Coupled(CoupledBlock::new(&block)),
             Some(&RegularisedRow::Link { compliance, is_wire, .. }) => RowKind::Link { compliance, is_wire },
             Some(RegularisedRow::Interface { interface, .. }) => RowKind::Interface(*interface),
@@ -154,7 +169,7 @@ impl SweptRow {
     /// W with the compliance, 1/kg.
     fn regularised_block(&self, n: &Vec3) -> Matrix3<f64> {
         match self.kind {
-            RowKind::Contact { compliance, sliding } => {
+            RowKind::Contact { compliance, sliding } | RowKind::LinearBond { opening: compliance, sliding } => {
                 self.block + n * n.transpose() * (compliance - sliding) + Matrix3::identity() * sliding
             }
             RowKind::Link { compliance, .. } => self.block + n * n.transpose() * compliance,
@@ -165,7 +180,9 @@ impl SweptRow {
     /// û of the row with the impulse `r`, whose velocity without the compliance is `u`.
     fn regularised_velocity(&self, n: &Vec3, u: &Vec3, r: &Vec3) -> Vec3 {
         match self.kind {
-            RowKind::Contact { compliance, sliding } => u + n * ((compliance - sliding) * n.dot(r)) + r * sliding,
+            RowKind::Contact { compliance, sliding } | RowKind::LinearBond { opening: compliance, sliding } => {
+                u + n * ((compliance - sliding) * n.dot(r)) + r * sliding
+            }
             RowKind::Link { compliance, .. } => u + n * (compliance * n.dot(r)),
             RowKind::Coupled(_) | RowKind::Interface(_) => *u,
         }
@@ -181,6 +198,8 @@ impl SweptRow {
                 let n = &row.normal;
                 n * link_impulse(n.dot(r), n.dot(&u), 1.0 / n.dot(&(w * n)), is_wire)
             }
+            // The compliances are positive, so that the block has an inverse.
+            RowKind::LinearBond { .. } => w.try_inverse().map_or(*r, |inverse| r - inverse * u),
             RowKind::Coupled(coupled) => r - coupled.inverse * u,
             RowKind::Interface(interface) => {
                 let n = &row.normal;
@@ -200,6 +219,27 @@ impl SweptRow {
         }
     }
 
+    /// Moment that solves a rolling constraint of the row alone, where the row has the impulse `r` and the moment `m`.
+    fn solve_moment(&self, contact_problem: &ContactProblem, roll: &RollingConstraint, r: &Vec3, m: &Vec3) -> Vec3 {
+        let n = &contact_problem.rows[self.row.index()].normal;
+        let w = contact_problem.shifted_spin(roll, &contact_problem.bodies);
+        let stopping = stopping_moment(roll, n, &w, m);
+        match self.kind {
+            RowKind::LinearBond { .. } => stopping,
+            _ => roll.limited_moment(r, n, &stopping),
+        }
+    }
+
+    /// Whether the row is an elastic bond that is solved without its limits, and a load of it is not within them.
+    fn is_beyond_limits(&self, contact_problem: &ContactProblem, reactions: &ContactReactions) -> bool {
+        let RowKind::LinearBond { .. } = self.kind else { return false };
+        let (row, r) = (&contact_problem.rows[self.row.index()], &reactions.impulses[self.row.index()]);
+        let turns = |index: usize| {
+            !contact_problem.rolling_constraints[index].holds_moment(r, &row.normal, &reactions.moments[index])
+        };
+        !row.holds_impulse(r) || self.roll.is_some_and(turns)
+    }
+
     /// Natural map F of the row, N s.
     fn natural_map(&self, contact_problem: &ContactProblem, u: &Vec3, r: &Vec3) -> Vec3 {
         let row = &contact_problem.rows[self.row.index()];
@@ -208,6 +248,7 @@ impl SweptRow {
         let mut r = *r;
         match &self.kind {
             RowKind::Coupled(coupled) => return coupled.range * u * rho,
+            RowKind::LinearBond { .. } => return u * rho,
             RowKind::Link { is_wire, .. } => {
                 let along = n.dot(&r);
                 return n * (along - link_impulse(along, n.dot(&u), rho, *is_wire));
@@ -236,27 +277,56 @@ fn link_impulse(r: f64, u: f64, rho: f64, is_wire: bool) -> f64 {
     if is_wire { new.min(0.0) } else { new }
 }
 
-/// Moment of a contact with the impulse `r` and the moment `m` that stops the relative angular velocity `w` (rad/s), without
-/// limits, and with the limits of its law.
-fn rolling_moments(roll: &RollingConstraint, n: &Vec3, w: &Vec3, r: &Vec3, m: &Vec3) -> [Vec3; 2] {
-    let w = w + roll.shift;
+/// Moment of a contact with the moment `m` that stops the shifted angular velocity `w` (rad/s), without limits.
+fn stopping_moment(roll: &RollingConstraint, n: &Vec3, w: &Vec3, m: &Vec3) -> Vec3 {
     let [across, along] = roll.compliance;
     let [m_n, w_n] = [m, &w].map(|vector| n.dot(vector));
     let [m_t, w_t] = [m - n * m_n, w - n * w_n];
     let mobility = 1.0 / roll.inverse_w;
     let new_t = m_t - (w_t + m_t * across) / (mobility + across);
     let new_n = m_n - (w_n + m_n * along) / (mobility + along);
-    let (across_bound, along_bound) = roll.moment_bounds(r, n);
-    let [across_bound, along_bound] = [across_bound, along_bound].map(|bound| bound.max(0.0) * roll.radius);
-    let size = new_t.norm();
-    let limited_t = if size > across_bound { new_t * (across_bound / size) } else { new_t };
-    [new_t + n * new_n, limited_t + n * new_n.clamp(-along_bound, along_bound)]
+    new_t + n * new_n
 }
 
-/// Angular velocity of the candidate of a row relative to its antagonist, rad/s.
-fn relative_spin(contact_problem: &ContactProblem, row: ContactId) -> Vec3 {
-    let [a, b] = contact_problem.rows[row.index()].bodies.map(|body| contact_problem.bodies[body.index()].w);
-    a - b
+/// Largest ratio of the errors of the loads of an elastic bond to its strengths, in traction and shear, bending and torsion; 0 of
+/// other rows. The error is the difference between the load and that of the strain, within the limits of the bond. Up to the load of
+/// the strain that is rounding of the velocities and of those that the impulse of the row gives, it counts as 0.
+fn bond_load_error(contact_problem: &ContactProblem, swept: &SweptRow, u: &Vec3, reactions: &ContactReactions) -> f64 {
+    let (opening, sliding, is_linear) = match swept.kind {
+        RowKind::Contact { compliance, sliding } if sliding > 0.0 => (compliance, sliding, false),
+        RowKind::LinearBond { opening, sliding } => (opening, sliding, true),
+        _ => return 0.0,
+    };
+    let (row, r) = (&contact_problem.rows[swept.row.index()], &reactions.impulses[swept.row.index()]);
+    let (n, strength) = (&row.normal, -row.impulse_shift);
+    let share = |error: &Vec3, [along, across]: [f64; 2]| {
+        let normal = n.dot(error);
+        let limit_share = |size: f64, limit: f64| if limit > 0.0 { size / limit } else { 0.0 };
+        limit_share(normal.abs(), along).max(limit_share((error - n * normal).norm(), across))
+    };
+    let by_strain = row.strain_load([opening, sliding], u);
+    let by_strain = if is_linear { by_strain } else { limited_impulse(n, row.friction, &by_strain) };
+    let impulse_share = share(&(r - by_strain), [strength, row.friction * strength]);
+    let (w_n, w_t) = contact_problem.delassus_diagonal(swept.row.index());
+    let speed_rounding = ROUNDING_FLOOR * (speed_scale(contact_problem, swept.row) + w_n.max(w_t) * r.norm());
+    let rounding = speed_rounding / (opening.min(sliding) * strength * row.friction.min(1.0));
+    let beyond_rounding = |share: f64| if share <= rounding { 0.0 } else { share };
+    let Some(index) = swept.roll else { return beyond_rounding(impulse_share) };
+    let (roll, m) = (&contact_problem.rolling_constraints[index], &reactions.moments[index]);
+    let [across, along] = roll.compliance;
+    let spin = contact_problem.shifted_spin(roll, &contact_problem.bodies);
+    let by_strain = row.strain_load([along, across], &spin);
+    let by_strain = if is_linear { by_strain } else { roll.limited_moment(r, n, &by_strain) };
+    let (across_limit, along_limit) = roll.moment_bounds(&(n * strength), n);
+    beyond_rounding(impulse_share.max(share(&(m - by_strain), [along_limit * roll.radius, across_limit * roll.radius])))
+}
+
+/// Impulse `r` reduced to the cone of the friction coefficient `friction` about `n`, along n and across.
+fn limited_impulse(n: &Vec3, friction: f64, r: &Vec3) -> Vec3 {
+    let along = n.dot(r).max(0.0);
+    let across = r - n * n.dot(r);
+    let (size, bound) = (across.norm(), friction * along);
+    n * along + if size > bound { across * (bound / size) } else { across }
 }
 
 /// Gives the two bodies of a row the moment `m` on the candidate and -m on the antagonist, N m s.
@@ -268,30 +338,61 @@ fn apply_moment(contact_problem: &mut ContactProblem, row: ContactId, m: &Vec3) 
     }
 }
 
-/// Norm of F over the swept rows, N s, and the row with the largest part. The part of a moment is its error divided by R.
-fn residual_norm(
-    contact_problem: &ContactProblem,
-    rows: &[SweptRow],
-    reactions: &ContactReactions,
-) -> (f64, Option<ContactId>) {
-    let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
-    for swept in rows {
-        let k = swept.row.index();
-        let u = contact_problem.shifted_velocity(k, &contact_problem.bodies);
-        let r = &reactions.impulses[k];
-        let mut size_squared = swept.natural_map(contact_problem, &u, r).norm_squared();
-        if let Some(index) = swept.roll {
-            let (roll, m) = (&contact_problem.rolling_constraints[index], &reactions.moments[index]);
-            let w = relative_spin(contact_problem, swept.row);
-            let [_, limited] = rolling_moments(roll, &contact_problem.rows[k].normal, &w, r, m);
-            size_squared += ((m - limited) / roll.radius).norm_squared();
+/// Violation of the contact laws by some rows.
+struct SystemResidual {
+    /// Norm of F over the rows, N s.
+    norm: f64,
+    /// Row with the largest part in it.
+    worst: Option<ContactId>,
+    /// Largest error of the load of an elastic bond over its strength, see [`bond_load_error`].
+    load_error: f64,
+    /// Row of that bond.
+    worst_bond: Option<ContactId>,
+}
+
+impl SystemResidual {
+    /// Residual of the swept rows. The part of a moment is its error divided by R.
+    fn new(contact_problem: &ContactProblem, rows: &[SweptRow], reactions: &ContactReactions) -> SystemResidual {
+        let mut sums = SystemResidual { norm: 0.0, worst: None, load_error: 0.0, worst_bond: None };
+        let mut largest = 0.0;
+        for swept in rows {
+            let k = swept.row.index();
+            let u = contact_problem.shifted_velocity(k, &contact_problem.bodies);
+            let r = &reactions.impulses[k];
+            let mut size_squared = swept.natural_map(contact_problem, &u, r).norm_squared();
+            if let Some(index) = swept.roll {
+                let (roll, m) = (&contact_problem.rolling_constraints[index], &reactions.moments[index]);
+                let solved = swept.solve_moment(contact_problem, roll, r, m);
+                size_squared += ((m - solved) / roll.radius).norm_squared();
+            }
+            sums.norm += size_squared;
+            if size_squared > largest {
+                (largest, sums.worst) = (size_squared, Some(swept.row));
+            }
+            let load_error = bond_load_error(contact_problem, swept, &u, reactions);
+            if load_error > sums.load_error {
+                (sums.load_error, sums.worst_bond) = (load_error, Some(swept.row));
+            }
         }
-        sum += size_squared;
-        if size_squared > largest {
-            (largest, worst) = (size_squared, Some(swept.row));
-        }
+        SystemResidual { norm: sums.norm.sqrt(), ..sums }
     }
-    (sum.sqrt(), worst)
+
+    /// E relative to the norm `initial`. A norm of up to `floor` is rounding.
+    fn relative_to(&self, initial: f64, floor: f64) -> RelativeResidual {
+        let (of_laws, worst) = if self.norm <= floor { (0.0, None) } else { (self.norm / initial, self.worst) };
+        let worst = if self.load_error > of_laws { self.worst_bond } else { worst };
+        RelativeResidual { value: of_laws.max(self.load_error), of_laws, worst }
+    }
+}
+
+/// E of a problem.
+struct RelativeResidual {
+    /// E, that of the loads of elastic bonds included.
+    value: f64,
+    /// E by the natural map alone.
+    of_laws: f64,
+    /// Row with the largest part in it.
+    worst: Option<ContactId>,
 }
 
 /// One sweep over the rows.
@@ -302,11 +403,10 @@ fn sweep_rows(work: &mut ContactProblem, rows: &[SweptRow], reactions: &mut Cont
         work.apply_impulse(k, &(new - reactions.impulses[k]));
         reactions.impulses[k] = new;
         if let Some(index) = swept.roll {
-            let (normal, w) = (work.rows[k].normal, relative_spin(work, swept.row));
             let m = reactions.moments[index];
-            let [_, limited] = rolling_moments(&work.rolling_constraints[index], &normal, &w, &new, &m);
-            apply_moment(work, swept.row, &(limited - m));
-            reactions.moments[index] = limited;
+            let solved = swept.solve_moment(work, &work.rolling_constraints[index], &new, &m);
+            apply_moment(work, swept.row, &(solved - m));
+            reactions.moments[index] = solved;
         }
     }
 }
@@ -315,26 +415,45 @@ fn sweep_rows(work: &mut ContactProblem, rows: &[SweptRow], reactions: &mut Cont
 struct BondCorrections {
     /// Number of sweeps at which the next one is due.
     next: u64,
-    /// Residual before the last one.
+    /// Residual after the last one.
     residual: f64,
+    /// Whether those gain in which other errors than those of the loads remain.
     gains: bool,
+    /// Whether those gain in which only errors of loads remain.
+    gains_loads: bool,
 }
 
 impl BondCorrections {
-    fn new(contact_problem: &ContactProblem) -> BondCorrections {
+    /// No correction so far; the first is due after `next` sweeps.
+    fn new(contact_problem: &ContactProblem, next: u64) -> BondCorrections {
         let has_bonds = contact_problem.regularised.iter().any(|row| matches!(row, RegularisedRow::Bond { .. }));
-        BondCorrections { next: 0, residual: f64::INFINITY, gains: has_bonds }
+        BondCorrections { next, residual: f64::INFINITY, gains: has_bonds, gains_loads: has_bonds }
     }
 
-    /// Whether a correction is due after `sweeps`, at the `residual` that they have reached.
-    fn is_due(&mut self, sweeps: u64, residual: f64) -> bool {
-        if !self.gains || sweeps < self.next {
-            return false;
-        }
-        self.gains = residual <= MIN_CORRECTION_GAIN * self.residual;
-        self.residual = residual;
-        self.gains
+    /// Whether a correction is due after `sweeps`, which do not find the loads of bonds: at once if the laws hold to `target`.
+    fn is_due(&self, sweeps: u64, residual: &RelativeResidual, target: f64) -> bool {
+        if residual.of_laws <= target { self.gains_loads } else { self.gains && sweeps >= self.next }
     }
+
+    /// Counts a correction of an error of loads alone or also of others, which has ended after `sweeps` with the `residual`.
+    fn count(&mut self, is_of_loads: bool, sweeps: u64, residual: &RelativeResidual) {
+        let has_gained = residual.value <= MIN_CORRECTION_GAIN * self.residual;
+        if is_of_loads {
+            self.gains_loads = has_gained;
+        } else {
+            self.gains = has_gained;
+        }
+        self.residual = residual.value;
+        self.next = sweeps + SWEEPS_BETWEEN_CORRECTIONS;
+    }
+}
+
+/// Sum of the velocities at a row and of that by its attraction, m/s, of whose digits the velocities of the row are differences.
+fn speed_scale(contact_problem: &ContactProblem, row: ContactId) -> f64 {
+    let constraint = &contact_problem.rows[row.index()];
+    let (w_n, _) = contact_problem.delassus_diagonal(row.index());
+    let speed_sum: f64 = constraint.bodies.iter().map(|i| contact_problem.bodies[i.index()].v.norm()).sum();
+    speed_sum + constraint.shift.norm() + w_n * constraint.impulse_shift.abs()
 }
 
 /// Solves a problem with regularised rows, and returns its solution as [`solve_nlgs`](super::solve_nlgs) does.
@@ -345,8 +464,11 @@ pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCri
         .collect();
     let mut reactions = ContactReactions::warm_start(contact_problem);
     let mut sweeps = 0;
+    // Bonds that reached a limit as a linear one, sorted.
+    let mut yielding: Vec<ContactId> = Vec::new();
     loop {
-        let rows: Vec<SweptRow> = active.iter().map(|&k| SweptRow::new(contact_problem, k)).collect();
+        let swept_row = |&k: &ContactId| SweptRow::new(contact_problem, k, yielding.binary_search(&k).is_ok());
+        let rows: Vec<SweptRow> = active.iter().map(swept_row).collect();
         // The problem with the reactions of a list applied to its bodies.
         let moved_problem = |reactions: &ContactReactions| {
             let mut work = contact_problem.clone();
@@ -363,54 +485,70 @@ pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCri
             let row = &contact_problem.rows[k.index()];
             balance.impulses[k.index()] = row.normal * row.balancing_impulse();
         }
-        let speed_scale = |k: &ContactId| {
-            let row = &contact_problem.rows[k.index()];
+        let impulse_scale = |k: &ContactId| {
             let (w_n, w_t) = contact_problem.delassus_diagonal(k.index());
-            let speed_sum: f64 = row.bodies.iter().map(|i| contact_problem.bodies[i.index()].v.norm()).sum();
-            (speed_sum + row.shift.norm() + w_n * row.impulse_shift.abs()) * 3.0 / (w_n + 2.0 * w_t)
+            speed_scale(contact_problem, *k) * 3.0 / (w_n + 2.0 * w_t)
         };
-        let floor = ROUNDING_FLOOR * active.iter().map(|k| speed_scale(k).powi(2)).sum::<f64>().sqrt();
-        let initial = residual_norm(&moved_problem(&balance), &rows, &balance).0.max(floor);
+        let floor = ROUNDING_FLOOR * active.iter().map(|k| impulse_scale(k).powi(2)).sum::<f64>().sqrt();
+        let initial = SystemResidual::new(&moved_problem(&balance), &rows, &balance).norm.max(floor);
         let mut work = moved_problem(&reactions);
         let relative_residual = |work: &ContactProblem, reactions: &ContactReactions| {
-            let (norm, worst) = residual_norm(work, &rows, reactions);
-            if norm <= floor { (0.0, None) } else { (norm / initial, worst) }
+            SystemResidual::new(work, &rows, reactions).relative_to(initial, floor)
         };
-        let (mut residual, mut worst) = relative_residual(&work, &reactions);
-        let mut corrections = BondCorrections::new(contact_problem);
-        while residual > criteria.target_residual && sweeps < criteria.max_sweeps && !activity::is_stopped() {
-            for _ in 0..SWEEPS_BETWEEN_CHECKS.min(criteria.max_sweeps - sweeps) {
-                sweep_rows(&mut work, &rows, &mut reactions);
-                sweeps += 1;
-                activity::count_sweep();
+        let mut residual = relative_residual(&work, &reactions);
+        // Sweeps first bring yielding bonds to their limits.
+        let first_correction = if yielding.is_empty() { sweeps } else { sweeps + SWEEPS_BETWEEN_CHECKS };
+        let mut corrections = BondCorrections::new(contact_problem, first_correction);
+        let target = criteria.target_residual;
+        // Sweeps alone do not find the loads of bonds.
+        let is_worth_it = |residual: &RelativeResidual, corrections: &BondCorrections| {
+            residual.of_laws > target || residual.value > target && corrections.gains_loads
+        };
+        while is_worth_it(&residual, &corrections) && sweeps < criteria.max_sweeps && !activity::is_stopped() {
+            let is_correction = corrections.is_due(sweeps, &residual, target);
+            let is_of_loads = residual.of_laws <= target;
+            if is_correction {
+                let reduction = REDUCTION_MARGIN * target / residual.value;
+                let limits = GradientLimits { reduction, iterations: criteria.max_sweeps - sweeps };
+                let (corrected, iterations) =
+                    corrected_reactions(contact_problem, reactions, &work.bodies, &yielding, limits);
+                sweeps += iterations;
+                reactions = corrected;
+            } else {
+                for _ in 0..SWEEPS_BETWEEN_CHECKS.min(criteria.max_sweeps - sweeps) {
+                    sweep_rows(&mut work, &rows, &mut reactions);
+                    sweeps += 1;
+                    activity::count_sweep();
+                }
             }
             // Rounding accumulates in the velocities.
             work = moved_problem(&reactions);
-            (residual, worst) = relative_residual(&work, &reactions);
-            if residual > criteria.target_residual && corrections.is_due(sweeps, residual) {
-                let reduction = REDUCTION_MARGIN * criteria.target_residual / residual;
-                let limits = GradientLimits { reduction, iterations: criteria.max_sweeps - sweeps };
-                let (corrected, iterations) = corrected_reactions(contact_problem, reactions, &work.bodies, limits);
-                sweeps += iterations;
-                corrections.next = sweeps + SWEEPS_BETWEEN_CORRECTIONS;
-                reactions = corrected;
-                work = moved_problem(&reactions);
-                (residual, worst) = relative_residual(&work, &reactions);
+            residual = relative_residual(&work, &reactions);
+            if is_correction {
+                corrections.count(is_of_loads, sweeps, &residual);
+                if rows.iter().any(|swept| swept.is_beyond_limits(contact_problem, &reactions)) {
+                    break;
+                }
             }
         }
         let solver_bodies: Vec<SolverBody> = work.bodies;
         let missed = closing_inactive_rows(contact_problem, &active, &solver_bodies);
-        if missed.is_empty() || sweeps >= criteria.max_sweeps || activity::is_stopped() {
+        let beyond: Vec<ContactId> = rows
+            .iter()
+            .filter(|swept| swept.is_beyond_limits(contact_problem, &reactions))
+            .map(|swept| swept.row)
+            .collect();
+        if missed.is_empty() && beyond.is_empty() || sweeps >= criteria.max_sweeps || activity::is_stopped() {
             return ContactSolution {
                 impulses: reactions.impulses,
                 moments: reactions.moments,
                 solver_bodies,
                 sweeps,
                 single_precision: false,
-                residual,
-                converged: residual <= criteria.tol && missed.is_empty(),
+                residual: residual.value,
+                converged: residual.value <= criteria.tol && missed.is_empty() && beyond.is_empty(),
                 left_out: missed.len(),
-                worst: worst.or(missed.first().copied()),
+                worst: residual.worst.or(missed.first().copied()),
                 active_rows: active.len(),
                 fallback_used: false,
                 stalled_residual: None,
@@ -419,5 +557,7 @@ pub fn solve_regularised(contact_problem: &ContactProblem, criteria: StoppingCri
         }
         active.extend(missed);
         active.sort_unstable();
+        yielding.extend(beyond);
+        yielding.sort_unstable();
     }
 }

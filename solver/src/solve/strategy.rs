@@ -289,6 +289,7 @@ fn solve_with_bond_corrections(
                 &contact_problem,
                 start,
                 &best.solver_bodies,
+                &[],
                 GradientLimits { reduction, iterations: left },
             )
         } else {

@@ -407,3 +407,50 @@ fn moments_act_next_to_springs() {
         }
     }
 }
+
+/// Loads of a face of 1 m² at which its elastic bond breaks: component, and N or N m over c_n and over c_t. The forces of its
+/// points act at 1/(2√3) m from the middle along both sides.
+const FACE_STRENGTHS: [(&str, &[(usize, f64, f64)]); 4] = [
+    ("traction", &[(0, 1.0, 0.0)]),
+    // With the couple that keeps it from bending.
+    ("shear", &[(2, 0.0, 1.0), (4, 0.0, 0.5)]),
+    ("bending", &[(4, 0.288_675_134_594_812_9, 0.0)]),
+    ("torsion", &[(3, 0.0, 0.408_248_290_463_863)]),
+];
+
+/// The loads of the points that balance each other do not break a bond that is stiff against the step, and the tolerance is that
+/// of the loads.
+#[test]
+fn faces_break_at_their_strength_in_steps_of_any_length() {
+    for (stiffness_ratio, strength_ratio) in [(1.0, 1.0), (1.0, 1e3), (1e3, 1e3), (1e-3, 1e-3)] {
+        for (dt, tol) in [(1.0, None), (1.0, Some(1e-8)), (0.1, None), (0.01, None)] {
+            for (name, loads) in FACE_STRENGTHS {
+                for share in [0.9, 0.99, 1.01, 1.1] {
+                    // In the first step the block lags behind its load by m/(k S dt²), 1e-5 or more. Its inertia bends the face by
+                    // 1.7 % of its strength under a shear of 1e3 times this strength, and shears it by more than the rest of its
+                    // shear strength at 0.99 in bending where that is 1e-3 times the other.
+                    if (share, dt) == (0.99, 0.01) && strength_ratio != 1.0 {
+                        continue;
+                    }
+                    let (c_n, c_t) = (1e3, 1e3 * strength_ratio);
+                    let mut case = Case::new();
+                    let parameters = [1e9, 1e9 * stiffness_ratio, c_n, c_t, 1.0, 0.125, 0.25];
+                    case.law_of_all("ELASTIC_BEAM_DS_CLB", &parameters);
+                    let root = case.block([0.5; 3], [0.0; 3], AXES);
+                    let block = case.block([0.5; 3], [1.0, 0.0, 0.0], AXES);
+                    case.drive(root, [0.0; 6].map(Evolution::constant));
+                    // A step that does not converge breaks bonds, and needs no more sweeps.
+                    (case.options.dt, case.options.tol, case.options.max_sweeps) = (dt, tol, Some(1000));
+                    for (component, of_normal, of_tangential) in loads {
+                        case.pull(block, *component, share * (of_normal * c_n + of_tangential * c_t));
+                    }
+                    let bonds_left = bonded(&case.run(3)).into_iter().filter(|bond| *bond == 1).count();
+                    let what = format!("{name} {share} dt {dt} {tol:?} {stiffness_ratio} {strength_ratio}");
+                    assert_eq!(bonds_left == 4, share < 1.0, "{what}: {bonds_left}");
+                    let residual = case.column("residual").into_iter().fold(0.0, f64::max);
+                    assert!(share > 1.0 || residual <= tol.unwrap_or(1e-2), "{what}: {residual}");
+                }
+            }
+        }
+    }
+}
