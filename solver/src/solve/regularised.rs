@@ -280,7 +280,7 @@ fn link_impulse(r: f64, u: f64, rho: f64, is_wire: bool) -> f64 {
 /// Moment of a contact with the moment `m` that stops the shifted angular velocity `w` (rad/s), without limits.
 fn stopping_moment(roll: &RollingConstraint, n: &Vec3, w: &Vec3, m: &Vec3) -> Vec3 {
     let [across, along] = roll.compliance;
-    let [m_n, w_n] = [m, &w].map(|vector| n.dot(vector));
+    let [m_n, w_n] = [m, w].map(|vector| n.dot(vector));
     let [m_t, w_t] = [m - n * m_n, w - n * w_n];
     let mobility = 1.0 / roll.inverse_w;
     let new_t = m_t - (w_t + m_t * across) / (mobility + across);
