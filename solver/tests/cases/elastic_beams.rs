@@ -408,9 +408,12 @@ fn moments_act_next_to_springs() {
     }
 }
 
-/// Loads of a face of 1 m² at which its elastic bond breaks: component, and N or N m over c_n and over c_t. The forces of its
-/// points act at 1/(2√3) m from the middle along both sides.
-const FACE_STRENGTHS: [(&str, &[(usize, f64, f64)]); 4] = [
+/// Component of a load, and its size over c_n and over c_t, N or N m.
+type LoadComponent = (usize, f64, f64);
+
+/// Loads of a face of 1 m² at which its elastic bond breaks. The forces of its points act at 1/(2√3) m from the middle along both
+/// sides.
+const FACE_STRENGTHS: [(&str, &[LoadComponent]); 4] = [
     ("traction", &[(0, 1.0, 0.0)]),
     // With the couple that keeps it from bending.
     ("shear", &[(2, 0.0, 1.0), (4, 0.0, 0.5)]),
