@@ -192,7 +192,7 @@ fn rocks_and_clusters_go_on_bit_for_bit_and_keep_their_bonds() {
     let turned = next_case(&unbroken, turn).solved(&["--steps", "2"]);
     assert!(of_ls > 0 && of_ls == bonds(&turned.last_snapshot()), "{of_ls}, {}", bonds(&turned.last_snapshot()));
 
-    // Of twice the density the rocks, in free flight, continue to turn as fast. In a step of 0.01 s at 0.5 rad/s they turn
+    // Rocks of twice the density, in free flight, continue to turn as fast. In a step of 0.01 s at 0.5 rad/s they turn
     // by 0.005, and their angular velocities change by as much of 0.5.
     let heavy = "(bodies: [(snapshot: 40)], materials: [(name: \"ROCKx\", density: 2000.0)])";
     let heavy = next_case(&unbroken, heavy).solved(&["--steps", "1"]).last_snapshot();

@@ -321,6 +321,20 @@ impl Case {
     }
 }
 
+/// Expects the same bytes of the snapshot after 60 steps from an unbroken run, one resumed after 30 and one on three threads, each
+/// of a new `case`.
+pub fn expect_same_bytes(case: impl Fn() -> Case) {
+    let bytes = |runs: &[&[&str]]| {
+        let case = case();
+        case.write();
+        runs.iter().for_each(|flags| assert_eq!(case.solve(flags), 0, "{flags:?}"));
+        std::fs::read(case.path().join("OUTBOX/snapshot-000060.npz")).unwrap()
+    };
+    let unbroken = bytes(&[&["--steps", "60"]]);
+    assert!(unbroken == bytes(&[&["--steps", "30"], &["--resume", "--steps", "60"]]));
+    assert!(unbroken == bytes(&[&["--steps", "60", "--threads", "3"]]));
+}
+
 /// Runs cd-solve in this process; returns its exit code.
 pub fn solve(case: PathBuf, flags: &[&str]) -> i32 {
     let words = ["cd-solve".into(), OsString::from(case)].into_iter().chain(flags.iter().map(OsString::from));

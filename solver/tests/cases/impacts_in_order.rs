@@ -2,7 +2,7 @@
 
 use cd_formats::compute::ImpactOrder;
 
-use crate::case::{Case, Figures, Vec3, equal, near};
+use crate::case::{Case, Figures, Vec3, equal, expect_same_bytes, near};
 
 /// Touching balls of radius 1/2 along x with these velocities, and one law for all pairs.
 fn chain(e: f64, velocities: &[f64]) -> Case {
@@ -120,14 +120,7 @@ fn threads_and_resumed_runs_give_the_same_bytes() {
         case.plate([8.0, 8.0, 0.5], [0.0, 0.0, -1.0], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
         case
     };
-    let bytes = |case: &Case, runs: &[&[&str]]| {
-        case.write();
-        runs.iter().for_each(|flags| assert_eq!(case.solve(flags), 0, "{flags:?}"));
-        std::fs::read(case.path().join("OUTBOX/snapshot-000060.npz")).unwrap()
-    };
-    let unbroken = bytes(&case(), &[&["--steps", "60"]]);
-    assert!(unbroken == bytes(&case(), &[&["--steps", "30"], &["--resume", "--steps", "60"]]));
-    assert!(unbroken == bytes(&case(), &[&["--steps", "60", "--threads", "3"]]));
+    expect_same_bytes(case);
 }
 
 #[test]

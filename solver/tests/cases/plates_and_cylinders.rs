@@ -3,7 +3,7 @@
 use cd_formats::bodies::ShapeRecord;
 use cd_formats::drv_dof::Evolution;
 
-use crate::case::{Case, Figures, Vec3, equal, near};
+use crate::case::{Case, Figures, Vec3, equal, expect_same_bytes, near};
 
 const X: [f64; 3] = [1.0, 0.0, 0.0];
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
@@ -248,14 +248,7 @@ fn a_resumed_run_is_the_unbroken_one() {
         case.sphere(0.25, [0.0, 0.0, 3.0]);
         case
     };
-    let bytes = |case: &Case, runs: &[&[&str]]| {
-        case.write();
-        runs.iter().for_each(|flags| assert_eq!(case.solve(flags), 0, "{flags:?}"));
-        std::fs::read(case.path().join("OUTBOX/snapshot-000060.npz")).unwrap()
-    };
-    let unbroken = bytes(&case(), &[&["--steps", "60"]]);
-    assert!(unbroken == bytes(&case(), &[&["--steps", "30"], &["--resume", "--steps", "60"]]));
-    assert!(unbroken == bytes(&case(), &[&["--steps", "60", "--threads", "3"]]));
+    expect_same_bytes(case);
 }
 
 #[test]
