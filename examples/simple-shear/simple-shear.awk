@@ -1,6 +1,6 @@
 # Friction and solid fraction of sheared cells against the inertial number, means over seeds:
 #
-#   awk -v svg=simple-shear.svg -f ../datbox.awk -f ../inertial-number.awk -f simple-shear.awk rate0.1-s1 rate0.1-s2 ... rate3-s3
+#   awk -v svg=simple-shear.svg -f ../datbox.awk -f ../inertial-number.awk -f simple-shear.awk rate0.3-s1 rate0.3-s2 ... rate3.0-s3
 #
 # Reads CASE/POSTPRO/series.csv and, from CASE/DATBOX, the rate of the cell, mean diameter and density of the beads. Means are over
 # the states beyond the shear strain START, stresses those of contacts and of the motion about the affine field. I = rate d

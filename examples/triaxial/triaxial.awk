@@ -17,13 +17,13 @@ BEGIN {
     FS = ","; FROM = 0.1; TO = 0.22; DEGREE = atan2(0, -1) / 180
     print "friction,friction_angle,error,of_mean_stress,solid_fraction_at_first,solid_fraction,solid_fraction_error,deviation,spin2" > csv
     print " friction  angle [deg]     +-  of the mean stress  solid fraction, first, then     +-  pressure off by  (spin/critical)^2"
-    for (i = 1; i < ARGC; i++) measured(ARGV[i])
+    for (i = 1; i < ARGC; i++) read_case(ARGV[i])
     for (i = 1; i <= frictions; i++) summary(friction[i])
     if (svg) picture()
     exit
 }
 
-function fields(    k) { delete column; for (k = 1; k <= NF; k++) column[$k] = k }
+function set_columns(    k) { delete column; for (k = 1; k <= NF; k++) column[$k] = k }
 
 function asin(x) { return atan2(x, sqrt(1 - x * x)) }
 
@@ -31,7 +31,7 @@ function asin(x) { return atan2(x, sqrt(1 - x * x)) }
 function probe(folder, name, area, pressure,    file, row) {
     file = folder "/POSTPRO/probe-" name ".csv"
     if ((getline < file) <= 0) { print file ": is not there" > "/dev/stderr"; exit 1 }
-    fields()
+    set_columns()
     while ((getline < file) > 0) { time[++row] = $column["time"]; area[row] = $column["area"]; pressure[row] = $column["wall_pressure"] }
     close(file)
     return row
@@ -45,7 +45,7 @@ function held_pressure(datbox,    file, words, value) {
     return value < 0 ? -value : value
 }
 
-function measured(folder,    mu, file, row, rows, ax, ay, az, px, py, pz, z, first, strain, s1, s3, n, tenth, m, sum_x, sum_y, axial, lateral, dense, held, off, count, angle_sum, from_time, to_time, sine) {
+function read_case(folder,    mu, file, row, rows, ax, ay, az, px, py, pz, z, first, strain, s1, s3, n, tenth, m, sum_x, sum_y, axial, lateral, dense, held, off, count, angle_sum, from_time, to_time, sine) {
     read_bodies(folder "/DATBOX"); held = held_pressure(folder "/DATBOX")
     probe(folder, "x", ax, px); probe(folder, "y", ay, py); rows = probe(folder, "z", az, pz)
     mu = folder; sub(/.*mu/, "", mu); sub(/-s.*/, "", mu)
@@ -69,7 +69,7 @@ function measured(folder,    mu, file, row, rows, ax, ay, az, px, py, pz, z, fir
         off = sum_x[tenth] / m[tenth] / held - 1; deviation[mu] = larger(deviation[mu], off < 0 ? -off : off)
         off = sum_y[tenth] / m[tenth] / held - 1; deviation[mu] = larger(deviation[mu], off < 0 ? -off : off)
     }
-    file = folder "/POSTPRO/series.csv"; getline < file; fields()
+    file = folder "/POSTPRO/series.csv"; getline < file; set_columns()
     while ((getline < file) > 0) if ($column["time"] >= from_time && $column["time"] <= to_time) { count++; angle_sum += $column["friction_angle"] / DEGREE }
     close(file)
     sine = (axial - lateral) / (axial + lateral)

@@ -66,7 +66,7 @@ impl DrivenKind {
         matches!(self, DrivenKind::Velocity | DrivenKind::StrainRate)
     }
 
-    /// Number of the component after the last one of the kind, from 0.
+    /// Number of components that the kind may have.
     fn component_count(self) -> u64 {
         match self {
             DrivenKind::Velocity | DrivenKind::Force | DrivenKind::SurfaceVelocity => 6,
@@ -74,7 +74,8 @@ impl DrivenKind {
         }
     }
 
-    /// Number of the kinds of which a component can have one only: motions and loads, surface velocities, pivots.
+    /// Index of the group of kinds of which a component can have one: 0 motions and loads, 1 surface velocities, 2
+    /// pivots.
     fn exclusive_group(self) -> u8 {
         match self {
             DrivenKind::SurfaceVelocity => 1,
@@ -289,7 +290,8 @@ fn read_record(
     }
     scan.expect_keyword("dofty")?;
     while scan.next_line_if(|line| line.keyword() == "$$$$$").is_none() {
-        let line = scan.expect_line("expected vlocy, force or $$$$$$", TextLine::is_data)?;
+        let line =
+            scan.expect_line("expected vlocy, force, press, strai, surfv, pivot or $$$$$$", TextLine::is_data)?;
         let known_kind = DrivenKind::WORDS.iter().find(|(word, _)| *word == line.keyword());
         let Some(&(_, kind)) = known_kind else {
             let found = format!("'{}' is driven", line.keyword().trim());

@@ -35,7 +35,7 @@
 //! | [`bodies`] | `DATBOX/BODIES.DAT`: shapes, materials, reference positions |
 //! | [`bulk_behav`] | `DATBOX/BULK_BEHAV.DAT`: densities, uniform gravity |
 //! | [`tact_behav`] | `DATBOX/TACT_BEHAV.DAT`: contact laws, the law of each pair of colours |
-//! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities and forces |
+//! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities, forces and servos |
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
 //! | [`sinks_and_sources`] | bodies that leave a run and enter it |

@@ -5,12 +5,12 @@ use cd_formats::report::FaultReport;
 use crate::grain::Population;
 use crate::scene::Scene;
 
-/// Colours named in a warning; the others are counted.
+/// Number of pairs of colours named in a warning; the others are counted.
 const MAX_NAMED_COLOURS: usize = 3;
 
 /// Reports, once for each law, the colours between which an attraction acts at several contact points of two bodies.
-/// Polyhedra touch each other and walls in up to one point for each corner, cylinders or capsules in two along a line; bodies of several pieces touch in up to that
-/// number for each piece, clumps in one for each ball.
+/// Polyhedra meet in up to one point for each corner, cylinders and capsules in two along a line, bodies of several
+/// pieces in these numbers for each piece, clumps in one for each ball.
 pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let any_body_of_colour = |colour: &str, counts: &dyn Fn(usize) -> bool| {
         let mut polyhedra = population.grains.iter().filter_map(|grain| Some((grain.group, grain.shape.polyhedron()?)));
@@ -53,8 +53,8 @@ pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut 
             named += &format!(" and {} other pairs", pairs.len() - MAX_NAMED_COLOURS);
         }
         let found = format!(
-            "{} attracts at each contact point, so a face of four corners holds four times its cohesion, and polyhedra, \
-             clumps or bodies of pieces meet under it: {named}",
+            "{} attracts at each contact point, so a face of four corners holds four times its cohesion, and \
+             bodies that meet in several points do so under it: {named}",
             law.kind.label()
         );
         let advice = "for one force of each pair of bodies, use a law with cohesion of pairs such as IQS_COH_DS_CLB; for a \

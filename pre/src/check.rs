@@ -818,7 +818,19 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_positive(report, &format!("{path}.half_thickness"), *half_thickness, "a length > 0 m");
             check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
         }
-        SceneWall::Mesh { scale, position, orientation, velocity, spin, revolution, surface_velocity, .. } => {
+        SceneWall::Mesh {
+            material: _,
+            colour: _,
+            file: _,
+            scale,
+            position,
+            orientation,
+            side: _,
+            velocity,
+            spin,
+            revolution,
+            surface_velocity,
+        } => {
             let is_still = velocity.iter().chain(spin).all(is_zero);
             check_revolution(report, path, revolution.as_deref(), is_still);
             check_evolutions(report, &format!("{path}.surface_velocity"), surface_velocity.iter(), "m/s");
@@ -846,7 +858,8 @@ fn check_revolution(report: &mut FaultReport, path: &str, revolution: Option<&Re
     report.require(is_still, &path, "a wall that also moves otherwise", "no other velocity, spin, force or moment");
 }
 
-/// Component of a normal across the fixed axis of a servo up to which it is along that.
+/// Component of a normal across the fixed axis of a servo up to which it is along that: rounding of directions written
+/// by hand, equal to `AXIS_ROUNDING` of cd-solve.
 const MAX_SERVO_TILT: f64 = 1e-6;
 
 /// Checks a servo along `direction`, a normal or axis. `is_free`: whether nothing else moves the wall along this fixed axis, or

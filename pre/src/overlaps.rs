@@ -28,12 +28,12 @@ impl<'a> ShapedGrain<'a> {
         ShapedGrain { grain, pieces: OnceCell::new() }
     }
 
-    /// Convex pieces of a polyhedron at its position.
+    /// Convex pieces of the grain at its position, see [`Grain::convex_pieces`].
     fn pieces(&self) -> &[ConvexPiece] {
         self.pieces.get_or_init(|| self.grain.convex_pieces())
     }
 
-    /// Penetration of the balls of `other`, moved by `shift`, into this polyhedron, m.
+    /// Penetration of the balls of `other`, moved by `shift`, into the convex pieces of this grain, m.
     fn overlap_with_balls(&self, other: &Grain, shift: Vector3<f64>) -> f64 {
         let overlap = |ball: ClumpBall, piece: &ConvexPiece| piece.overlap_of_ball(&(ball.centre + shift), ball.radius);
         let ball_overlap = |ball| self.pieces().iter().map(|piece| overlap(ball, piece)).fold(0.0, f64::max);

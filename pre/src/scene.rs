@@ -800,7 +800,8 @@ impl Grains {
     }
 }
 
-/// Half thickness of the ends of a hollow cylinder, divided by its radius.
+/// Half thickness of the ends of a hollow cylinder, divided by its radius: chosen, large against the travel of grains
+/// in a step, and small in pictures.
 const END_HALF_THICKNESS: f64 = 0.05;
 
 /// Reads the walls of a scene; the plates that are ends of hollow cylinders follow after all others. Errors: those of the

@@ -112,7 +112,7 @@ impl WallBody {
 }
 
 /// Penetration of convex pieces into a plate or cylinder with the axes `axes` (rows), m; if the depth is at
-/// most `allowed`, any value up to `allowed` may be returned.
+/// most `allowed`, any value up to `allowed` may be returned. 0 for a surface, which is not compared with pieces.
 pub fn pieces_overlap(
     wall: &ShapeRecord,
     centre: &Vector3<f64>,

@@ -299,7 +299,7 @@ fn attractions_at_each_contact_are_warned_of() {
         report.warnings.to_string()
     };
     let wet = warnings("IQS_WET_DS_CLB(cohesion: 1.0, range: 0.01, dynamic_friction: 0.3, static_friction: 0.4)");
-    assert!(wet.contains("polyhedra, clumps or bodies of pieces meet under it: BLUEx and BLUEx"), "{wet}");
+    assert!(wet.contains("bodies that meet in several points do so under it: BLUEx and BLUEx"), "{wet}");
     assert!(wet.contains("use a law with cohesion of pairs such as IQS_COH_DS_CLB"), "{wet}");
     let pairs = "IQS_COH_DS_CLB(cohesive_stress: 1.0, full_range: 0.01, range: 0.01, dynamic_friction: 0.3, static_friction: 0.4)";
     assert_eq!(warnings(pairs), "");

@@ -230,7 +230,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
 }
 
 /// Text about a deforming cell that has become too small for its bodies: they would touch or attract several images. None as
-/// long as each period is more than twice the diameter of the largest body plus the range of its attraction.
+/// long as each period is more than twice the sum of the diameter of the largest body and the range of its attraction.
 fn small_cell_text(scene: &Scene, state: &State) -> Option<String> {
     let cell = state.cell.as_ref()?;
     let shortest = cell.periods.into_iter().fold(f64::INFINITY, f64::min);
@@ -241,8 +241,8 @@ fn small_cell_text(scene: &Scene, state: &State) -> Option<String> {
         let with_range = if range > 0.0 { " plus the range of attraction" } else { "" };
         let [shortest, reach] = [shortest, reach].map(rounded_number);
         format!(
-            "the shortest period has become {shortest} m, not more than twice the largest diameter{with_range}, \
-             {reach} m; use a larger cell or less strain"
+            "the shortest period has become {shortest} m; it must exceed twice {reach} m, the largest \
+             diameter{with_range}; use a larger cell or less strain"
         )
     })
 }
@@ -539,7 +539,8 @@ fn impact_warning(statistics: &mut RunStatistics) -> Option<String> {
     is_first.then(|| {
         format!(
             "impacts: in_order: the impacts of a cluster of {contacts} contacts do not end, as those of a ball between two \
-             walls that it touches; Newton's law at one instant applies to such clusters"
+             walls that it touches; Newton's law at one instant applies to such clusters; leave a gap between such \
+             bodies, or use impacts: simultaneous"
         )
     })
 }

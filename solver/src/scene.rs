@@ -535,8 +535,9 @@ fn is_polyhedron(shape: &ContactorShape) -> bool {
 }
 
 impl Scene {
-    /// Motion (world frame) of a driven body at the time `time` (s), of bodies at `x` (m) with the orientations `q`: with a
-    /// servo, so that the body is on its path after the time `h`, s. Components that are not imposed are those of `pushed`.
+    /// Imposed motion of a driven body at `time` (s), world frame. `x` (m) and `q`: poses of all bodies. With a strain
+    /// rate or pivot it is the constant velocity that brings the body onto its path in the time `h` (s); h = 0 gives
+    /// the velocity at the instant. Components that are not imposed are those of `pushed`.
     pub fn imposed_motion(
         &self,
         drive: &ImposedVelocity,
@@ -948,6 +949,8 @@ impl Scene {
         let cylinder = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Cylinder { .. });
         let capsule = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Capsule { .. });
         let mesh = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Mesh(_));
+        let pressures = self.loads.iter().filter(|load| load.area.is_some()).count();
+        let servos = |has_servo: fn(&ImposedVelocity) -> bool| self.drives.iter().filter(|d| has_servo(d)).count();
         let counts = [
             (spheres(is_free), "sphere"),
             (spheres(RigidBody::is_imposed), "driven sphere"),
@@ -961,7 +964,11 @@ impl Scene {
             (parts(is_driven, mesh), "triangulated wall"),
             (self.planes.len() - free_planes, "plane"),
             (free_planes, "free plane"),
-            (self.loads.len(), "imposed force"),
+            (self.loads.len() - pressures, "imposed force"),
+            (pressures, "pressure"),
+            (servos(|drive| drive.strain.is_some()), "strain rate"),
+            (servos(|drive| drive.pivot.is_some()), "revolution"),
+            (servos(|drive| drive.surface.is_some()), "moving surface"),
             (self.links.len(), "link"),
         ];
         let plural = |n: usize| if n == 1 { "" } else { "s" };
@@ -996,6 +1003,9 @@ impl Scene {
             models.extend(period.map(|period| format!("period {period} m along {axis}")));
         }
         models.extend(self.options.cell.map(|_| "a cell that deforms".to_string()));
+        if !self.options.impacts.is_simultaneous() {
+            models.push("impacts in order".into());
+        }
         if self.has_self_gravity() {
             let gravity = self.gravity_solver();
             models.push(match gravity.method_for(self.free.len()) {

@@ -146,6 +146,60 @@ fn two_runs_are_mixed_by_their_shapes() {
     assert!(rejection(&left, &ball(0.99)).contains("overlap by 1.000e-2 m"));
 }
 
+/// Capsules and cylinders of the length 2, upright, from a run and new: by their ends, which lie far beyond the spheres
+/// of equal volume.
+#[test]
+fn rods_are_mixed_by_their_shapes() {
+    let grain = |shape: &str, z: f64| {
+        let upright = "grain_orientation: Same((axis: (0, 0, 1), angle: 0)),";
+        let orientation = if shape.starts_with("shape") { upright } else { "" };
+        format!(
+            "(material: \"ROCKx\", colour: \"BLUEx\", {shape}, {orientation} placement: List(positions: [(0, 0, \
+             {z:?})]))"
+        )
+    };
+    let run = |shape: &str| {
+        Case::from_scene(&format!(
+            r#"(
+            materials: [(name: "ROCKx", density: 2700.0)],
+            laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+            contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0")],
+            grains: [{}],
+            compute: (dt: 1e-3, steps: 1),
+        )"#,
+            grain(shape, 0.0)
+        ))
+        .solved(&["--threads", "1"])
+    };
+    let capsule = ("shape: Capsule(half_length: 0.75, radius: 0.25)", 1.0);
+    let cylinder = ("shape: Cylinder(half_height: 1.0, radius: 0.25)", 1.0);
+    let cube = ("shape: Box(lengths: (1, 1, 1))", 0.5);
+    let ball = ("sizes: Single(0.5)", 0.5);
+    for (shape, half) in [capsule, cylinder, cube, ball] {
+        let first = run(shape);
+        for (other, other_half) in [capsule, cylinder] {
+            let new = |z: f64| format!("(grains: [{}])", grain(other, z));
+            assert_eq!(next_case(&first, &new(half + other_half)).1, 2, "{shape} {other}");
+            // Of two cylinders to a thousandth of the radius.
+            let found = rejection(&first, &new(half + other_half - 0.1));
+            assert!(found.contains("overlap by 1.00"), "{shape} {other}: {found}");
+            let second = run(other);
+            let moved = |z: f64| format!("(bodies: [(), (case: {:?}, centre: (0, 0, {z:?}))])", second.path());
+            assert_eq!(next_case(&first, &moved(half + other_half)).1, 2, "{shape} {other}");
+            let found = rejection(&first, &moved(half + other_half - 0.1));
+            assert!(found.contains("overlap by 1.00"), "{shape} {other}: {found}");
+        }
+        let floor = |z: f64| {
+            format!(
+                "(walls: [Plate(material: \"ROCKx\", colour: \"BLUEx\", centre: (0, 0, {z:?}), half_lengths: (3, 3, \
+                 0.5))])"
+            )
+        };
+        assert_eq!(next_case(&first, &floor(-half - 0.5)).1, 2, "{shape}");
+        assert!(rejection(&first, &floor(-half - 0.4)).contains("overlap by 1.000e-1 m"), "{shape}");
+    }
+}
+
 /// Held bricks in a floor plate: neither can move, so the plate can be put back; a free brick may not overlap it.
 #[test]
 fn a_floor_is_put_back_among_held_bricks() {

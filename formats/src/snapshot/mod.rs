@@ -39,7 +39,7 @@ pub const FORMAT_VERSION: u32 = 1;
 pub const SHAPE_SPHERE: u8 = 0;
 /// Value of [`BodyArrays::body_shape`] of a plate.
 pub const SHAPE_PLANE: u8 = 1;
-/// Value of [`BodyArrays::body_shape`] of one or more polyhedra; BODIES.DAT has the vertices.
+/// Value of [`BodyArrays::body_shape`] of any other shape or of several contactors, which BODIES.DAT has.
 pub const SHAPE_PARTS: u8 = 2;
 
 /// [`BodyArrays::body_driven`] of a body with all six components of its velocity imposed.
@@ -302,10 +302,10 @@ pub struct RunParameters {
     /// Period along z, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub zperiode: Option<f64>,
-    /// Narrow phase; only where there are polyhedra.
+    /// Narrow phase; only in scenes with other bodies than spheres and plates.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub narrow_phase: Option<crate::compute::NarrowPhase>,
-    /// Friction of faces; only where there are polyhedra.
+    /// Friction of faces; only in scenes with other bodies than spheres and plates.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub face_friction: Option<crate::compute::FaceFriction>,
     /// G, m^3 kg^-1 s^-2.
@@ -471,9 +471,9 @@ arrays! {
         body_radius: f64,
         /// Half lengths of a plane along its axes, m; of others, the radius three times
         body_half_lengths: [f64; 3],
-        /// 0 sphere, 1 plane, 2 one or more polyhedra
+        /// 0 sphere, 1 plane, 2 any other shape, or several contactors; BODIES.DAT has it
         body_shape: u8,
-        /// Bit k set: velocity component k is imposed; 63 is a wall
+        /// Bit k set: velocity component k is imposed; see [`are_walls`]
         body_driven: u8,
         /// Index into the colours of meta
         body_colour: u16,

@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use super::changes::Changes;
 use super::source::{SourceCase, SourcePart, scene_path, unit_quaternion};
 use crate::grain::Population;
-use crate::overlaps::nearest_images;
+use crate::overlaps::{TOUCHING_TOLERANCE, nearest_images};
 use crate::placement::cells::SphereGrid;
 use crate::population::check_extent;
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
@@ -26,8 +26,6 @@ use crate::walls::{self, WallBody};
 
 type Vec3 = Vector3<f64>;
 
-/// Ratio of overlap to smaller radius that counts as touching: rounding to 8 digits of a contact computed by hand.
-const TOUCHING_TOLERANCE: f64 = 1e-6;
 /// Share by which an overlap may exceed the overlaps that the runs left: a wall that is put back has 8 digits.
 const ALLOWED_EXCESS: f64 = 1e-3;
 
@@ -60,6 +58,7 @@ impl BodyPose {
 struct PosedBody {
     /// Centre and radius of each ball, m.
     balls: Vec<(Vec3, f64)>,
+    /// Pieces of polyhedra, and prisms inscribed in solid cylinders.
     pieces: Vec<ConvexPiece>,
     walls: Vec<PosedWall>,
 }
@@ -101,13 +100,14 @@ impl PosedBody {
                     } else {
                         (to_fixed_frame(offset), q * own_axes.transpose() * local_axes)
                     };
-                    match *shape {
-                        ShapeRecord::Capsule { half_length, radius } => {
-                            let shape = RoundSolid { half_length, radius, is_capsule: true };
-                            let capsule = OrientedRoundSolid { shape, axes: axes.transpose() };
-                            solid.balls.extend(capsule.balls(centre).map(|ball| (ball.centre, ball.radius)));
-                        }
-                        _ => solid.walls.push(PosedWall { shape: shape.clone(), centre, axes: axes.transpose() }),
+                    let axes = axes.transpose();
+                    if let Some(shape) = RoundSolid::from_record(shape) {
+                        let solid_shape = OrientedRoundSolid { shape, axes };
+                        solid.balls.extend(solid_shape.balls(centre).map(|ball| (ball.centre, ball.radius)));
+                        solid.pieces.extend(solid_shape.convex_piece(centre));
+                    }
+                    if !matches!(shape, ShapeRecord::Capsule { .. }) {
+                        solid.walls.push(PosedWall { shape: shape.clone(), centre, axes });
                     }
                 }
                 ShapeRecord::Point { .. } => {}
@@ -123,7 +123,7 @@ impl PosedBody {
     }
 
     /// Penetration of another solid, moved by -`shift`, into this one, m. It is negative or 0 when apart, and any value
-    /// up to `allowed` as soon as the depth is known not to exceed it. Pairs of walls do not count.
+    /// up to `allowed` as soon as the depth is known not to exceed it. Pairs of `walls` do not count.
     fn overlap_with(&self, other: &PosedBody, shift: &Vec3, allowed: f64) -> f64 {
         let moved_pieces = |pieces: &[ConvexPiece]| -> Vec<ConvexPiece> {
             let mut pieces = pieces.to_vec();
@@ -209,6 +209,8 @@ pub struct PlacedBodies<'a> {
     centres: Vec<Vec3>,
     /// Whether all components of a body's velocity are imposed: a wall, or a grain that is held.
     is_held: Vec<bool>,
+    /// Whether a body is a new wall, or has imposed motion and is from a run.
+    is_wall: Vec<bool>,
     /// Shapes of the bodies that have been compared.
     shapes: Vec<OnceCell<PosedBody>>,
 }
@@ -216,21 +218,24 @@ pub struct PlacedBodies<'a> {
 impl<'a> PlacedBodies<'a> {
     /// Places the bodies `records` of the parts and the new ones; `driven`: their imposed components.
     pub fn new(parts: &'a [SourcePart<'a>], new: &'a Population, records: &'a Bodies, driven: &DrvDof) -> Self {
-        let (mut owner, mut centres) = (Vec::new(), Vec::new());
+        let (mut owner, mut centres, mut is_wall) = (Vec::new(), Vec::new(), Vec::new());
         for (k, part) in parts.iter().enumerate() {
             owner.extend(std::iter::repeat_n(k, part.source_bodies.len()));
             centres.extend(part.state.bodies.body_x.iter().map(|x| Vec3::from(*x)));
+            is_wall.extend(part.state.bodies.body_driven.iter().map(|&components| components != 0));
         }
         owner.resize(records.0.len(), parts.len());
         centres.extend(new.grains.iter().map(|grain| grain.position));
         centres.extend(new.walls.iter().map(|wall| wall.centre));
+        is_wall.extend(std::iter::repeat_n(false, new.grains.len()));
+        is_wall.resize(records.0.len(), true);
         let mut imposed = vec![0; records.0.len()];
         for row in driven.0.iter().filter(|row| row.kind.imposes_velocity()) {
             imposed[row.body] |= 1 << row.component;
         }
         let is_held = imposed.iter().map(|&components: &u8| components == DRIVEN_ALL).collect();
         let shapes = (0..records.0.len()).map(|_| OnceCell::new()).collect();
-        PlacedBodies { parts, new, records, owner, centres, is_held, shapes }
+        PlacedBodies { parts, new, records, owner, centres, is_held, is_wall, shapes }
     }
 
     /// Checks bodies of different parts, and their periodic images. They may touch, and overlap no deeper than the runs left
@@ -304,19 +309,41 @@ impl<'a> PlacedBodies<'a> {
         })
     }
 
-    /// Radius about its centre that contains the contactors of a body other than plates, cylinders and surfaces, m; `None` if there is
-    /// no other.
+    /// Radius about its centre that contains the contactors of a body, m, but for those of [`Self::is_wall_shape`] and
+    /// points; `None` if there is no other.
     fn reach(&self, body: usize) -> Option<f64> {
         let record = &self.records.0[body];
         let shift = self.centres[body] - Vec3::from(record.position);
         let from_centre = |point: &[f64; 3]| (Vec3::from(*point) - shift).norm();
-        let reach = |contactor: &Contactor| match &contactor.shape {
-            ShapeRecord::Sphere { radius } => *radius,
-            ShapeRecord::OffsetSphere { radius, offset } => from_centre(offset) + radius,
-            ShapeRecord::Polyhedron { vertices, .. } => vertices.iter().map(from_centre).fold(0.0, f64::max),
-            _ => record.equivalent_radius,
+        let reach = |Contactor { shape, local_frame, .. }: &Contactor| {
+            // A single contactor has the centre of its body.
+            let offset = match local_frame {
+                _ if record.contactors.len() == 1 => 0.0,
+                Some(frame) => from_centre(&frame.offset),
+                None => shift.norm(),
+            };
+            match shape {
+                ShapeRecord::Sphere { radius } => Some(offset + radius),
+                ShapeRecord::OffsetSphere { radius, offset } => Some(from_centre(offset) + radius),
+                ShapeRecord::Polyhedron { vertices, .. } => Some(vertices.iter().map(from_centre).fold(0.0, f64::max)),
+                ShapeRecord::Capsule { .. } | ShapeRecord::Cylinder { .. } => {
+                    Some(offset + RoundSolid::from_record(shape)?.reach())
+                }
+                ShapeRecord::Plane { .. } | ShapeRecord::Mesh { .. } | ShapeRecord::Point { .. } => None,
+            }
         };
-        record.contactors.iter().filter(|contactor| !is_wall_shape(contactor)).map(reach).reduce(f64::max)
+        let contactors = record.contactors.iter().filter(|contactor| !self.is_wall_shape(body, contactor));
+        contactors.filter_map(reach).reduce(f64::max)
+    }
+
+    /// Whether a contactor of a body is a plate, a surface, a hollow cylinder, or the solid cylinder of a wall, which
+    /// is not searched for as a ball about its body's centre.
+    fn is_wall_shape(&self, body: usize, contactor: &Contactor) -> bool {
+        match contactor.shape {
+            ShapeRecord::Plane { .. } | ShapeRecord::Mesh { .. } => true,
+            ShapeRecord::Cylinder { hollow, .. } => hollow || self.is_wall[body],
+            _ => false,
+        }
     }
 
     /// Overlaps of bodies of different parts beyond rounding, overlaps with periodic images included. `balls`: bodies with their
@@ -331,7 +358,9 @@ impl<'a> PlacedBodies<'a> {
                 }
             }
         };
-        let has_walls = |body: &usize| self.records.0[*body].contactors.iter().any(is_wall_shape);
+        let has_walls = |body: &usize| {
+            self.records.0[*body].contactors.iter().any(|contactor| self.is_wall_shape(*body, contactor))
+        };
         for wall in (0..self.records.0.len()).filter(has_walls) {
             for &(k, radius) in balls.iter().filter(|(k, _)| self.owner[*k] != self.owner[wall]) {
                 for shift in nearest_images(options, &(self.centres[k] - self.centres[wall])) {
@@ -382,11 +411,6 @@ fn part_pose(part: &SourcePart, row: usize) -> BodyPose {
     BodyPose { shift, x: Vec3::from(bodies.body_x[row]), q: unit_quaternion(bodies.body_q[row]) }
 }
 
-/// Whether a contactor is a plate, a cylinder or a surface, whose extent is not that of a ball about its body's centre.
-fn is_wall_shape(contactor: &Contactor) -> bool {
-    matches!(contactor.shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } | ShapeRecord::Mesh { .. })
-}
-
 /// Checks hollow cylinders, which push inwards only: reports the first body that touches each and is outside of it.
 pub fn check_drums(
     parts: &[SourcePart],
@@ -424,7 +448,7 @@ pub fn check_drums(
                 || is_of(&row.candidate, b) && is_of(&row.antagonist, a)
         })
     };
-    for (j, body) in records.0.iter().enumerate() {
+    for (j, body) in records.0.iter().enumerate().filter(|(_, body)| body.contactors.iter().any(is_drum)) {
         let solid = PosedBody::from_body(body, &poses[j]);
         let drums = body.contactors.iter().filter(|contactor| is_drum(contactor));
         let walls = solid.walls.iter().filter(|wall| matches!(wall.shape, ShapeRecord::Cylinder { hollow: true, .. }));

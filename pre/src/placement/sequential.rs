@@ -17,7 +17,7 @@ pub struct SequentialGrains<'a> {
     pub radii: &'a [f64],
     /// Distance, m, that grains keep from each other and from the boundary of the region, as part of `radii`.
     pub margin: f64,
-    /// Shape of the polyhedron of an index, about the origin; none for spheres.
+    /// Shape of the polyhedron of an index, about the origin; `None` unless all grains are polyhedra.
     pub shape: Option<&'a dyn Fn(usize) -> GrainHulls>,
     /// Whether the grain of an index at a position overlaps no body that was placed before.
     pub is_clear: &'a dyn Fn(usize, &Vector3<f64>) -> bool,

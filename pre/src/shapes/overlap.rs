@@ -135,7 +135,7 @@ fn distinct_directions(directions: impl Iterator<Item = Vector3<f64>>) -> Vec<Ve
     distinct
 }
 
-/// Largest penetration of two bodies, m, over their convex pieces.
+/// Largest penetration of two bodies, m, over their convex pieces; `allowed` as in [`overlap_depth`].
 pub fn deepest_overlap(a: &[ConvexPiece], b: &[ConvexPiece], allowed: f64) -> f64 {
     let pairs = a.iter().flat_map(|a| b.iter().map(move |b| (a, b)));
     pairs.map(|(a, b)| overlap_depth(a, b, allowed)).fold(0.0, f64::max)

@@ -27,6 +27,17 @@ pub struct RoundSolid {
 }
 
 impl RoundSolid {
+    /// Solid of a capsule or solid cylinder; `None` for other contactors.
+    pub fn from_record(shape: &ShapeRecord) -> Option<RoundSolid> {
+        match *shape {
+            ShapeRecord::Capsule { half_length, radius } => Some(RoundSolid { half_length, radius, is_capsule: true }),
+            ShapeRecord::Cylinder { half_height, radius, hollow: false } => {
+                Some(RoundSolid { half_length: half_height, radius, is_capsule: false })
+            }
+            _ => None,
+        }
+    }
+
     /// Contactor of the solid.
     pub fn to_record(self) -> ShapeRecord {
         let RoundSolid { half_length, radius, is_capsule } = self;
@@ -74,7 +85,7 @@ impl RoundSolid {
     }
 }
 
-/// RoundSolid in its orientation; numbers have the digits of the files.
+/// Cylinder or capsule in its orientation; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrientedRoundSolid {
     pub shape: RoundSolid,
@@ -83,7 +94,7 @@ pub struct OrientedRoundSolid {
 }
 
 impl OrientedRoundSolid {
-    /// RoundSolid with all lengths times `scale`, rotated by `rotation` from the fixed axes.
+    /// Cylinder or capsule with all lengths times `scale`, rotated by `rotation` from the fixed axes.
     pub fn new(shape: RoundSolid, scale: f64, rotation: &Matrix3<f64>) -> Self {
         let [half_length, radius] = [shape.half_length, shape.radius].map(|length| round_8_digits(scale * length));
         OrientedRoundSolid {

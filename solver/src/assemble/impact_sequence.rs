@@ -26,9 +26,10 @@ const MIN_APPROACH: f64 = 1e-8;
 /// Largest number of rounds of a cluster. A chain of n balls needs n rounds with e = 1, and with e = 0, as velocities spread
 /// like heat, some 4 n².
 const MAX_ROUNDS: usize = 10_000;
-/// Largest number of sweeps in which the impulses of one round are found, and the relative change at which they are: only
-/// contacts that close at the same time and share a body need more than one.
+/// Largest number of sweeps in which the impulses of one round are found: only contacts that close at the same time and
+/// share a body need more than one.
 const MAX_ROUND_SWEEPS: usize = 1000;
+/// Change of the impulses in a sweep, divided by the largest one, up to which they are found: their rounding.
 const MAX_ROUND_CHANGE: f64 = 1e-15;
 
 thread_local! {
@@ -57,9 +58,9 @@ struct ImpactContact<'a> {
 }
 
 impl AssemblyContext<'_> {
-    /// Normal velocities with which contacts part after impacts one after the other, m/s; `None` for contacts without an
-    /// impact or alone in their cluster, to which Newton's law applies. Empty if the option `impacts` does not request it, or
-    /// nothing closes.
+    /// Normal velocities with which contacts part after impacts one after the other, m/s; `None` for contacts without
+    /// an impact, alone in their cluster, or in a cluster whose impacts do not end: Newton's law applies to these.
+    /// Empty if the option `impacts` does not request it, or nothing closes.
     pub(super) fn rebound_velocities(&self, contacts: &[Contact]) -> Vec<Option<f64>> {
         if self.scene.options.impacts != ImpactOrder::InOrder {
             return Vec::new();
@@ -81,8 +82,8 @@ impl AssemblyContext<'_> {
         rebounds
     }
 
-    /// Impact at a contact; `None` unless its law has restitution, and it is closed or closed within the step by the
-    /// velocities at its start.
+    /// Impact at a contact; `None` unless its law has restitution, and its gap is closed, or closes within the step at
+    /// the velocities of its start.
     fn impact_contact(&self, index: usize, contact: &Contact) -> Option<ImpactContact<'_>> {
         let law = &self.state.laws[contact.law];
         law.restitution_at(0.0)?;

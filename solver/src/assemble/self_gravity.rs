@@ -84,6 +84,7 @@ pub(super) fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfigurat
     gravity
 }
 
+/// Positions (m) and masses (kg) of the free bodies, with all bodies at `x`.
 pub(super) fn point_masses(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
     scene.free.iter().map(|&i| (x[i.index()], scene.bodies[i.index()].mass)).unzip()
 }

@@ -506,8 +506,8 @@ fn narrow_phase_pair<'a>(
             [one_point(narrow::ContactGeometry { feature, ..found })].into_iter().collect()
         }
         (PosedShape::Capsule { half_length, radius }, _) => capsule_manifolds(pair, [*half_length, *radius]),
-        // Pairs of two plates, of a hollow cylinder and a plate, or of a surface and cylinders or plates are rejected on
-        // input if one can move.
+        // Not computed, and rejected on input if one can move: two plates, a hollow cylinder with a plate or another
+        // one, a surface with anything but spheres and polyhedra.
         _ => SmallVec::new(),
     };
     let nearest = found.iter().min_by(|a, b| a.gap().total_cmp(&b.gap()));

@@ -15,6 +15,7 @@ pub struct CachedFeature {
 }
 
 impl CachedFeature {
+    /// Feature of the axis that a search has found.
     pub(super) fn from_axis(axis: &SearchAxis) -> Self {
         let (kind, data) = match axis.feature {
             SearchFeature::FaceOfA(f) => (1, [f, 0, 0]),
@@ -25,6 +26,7 @@ impl CachedFeature {
         CachedFeature { kind, data }
     }
 
+    /// Start of the search of the pair in the next step.
     pub(super) fn search_start(&self, pair: &PolyhedronPair) -> SearchStart {
         let (a, b) = (pair.shape_a, pair.shape_b);
         let [first, second, _] = self.data.map(|k| k as usize);

@@ -13,7 +13,8 @@
 //! | `pair` | two posed polyhedra, an axis, the corners of their common part |
 //! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
-//! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | contact of a polyhedron with other shapes |
+//! | `sphere`, `plate`, `cylinder` | contact of a polyhedron with other shapes |
+//! | `hollow_cylinder` | contacts of polyhedra, balls and solid cylinders inside a hollow cylinder |
 //! | `cylinders` | contact of two cylinders or capsules |
 //! | `capsule` | contact of a polyhedron with a capsule |
 //! | `mesh` | contact of a polyhedron with a triangulated wall |

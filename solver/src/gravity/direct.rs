@@ -62,7 +62,8 @@ pub fn accelerations(positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<
 }
 
 /// Acceleration (m/s^2) and potential (J/kg) as from [`accelerations`] of homogeneous balls of these `radii`, m: pairs that
-/// overlap attract as [`ball_attraction`] says, others as points. `near_pairs`: all pairs that overlap, with others or not.
+/// overlap attract as [`ball_attraction`] says, others as points. `near_pairs`: must have all pairs that overlap;
+/// others in it are ignored.
 pub fn ball_accelerations(
     positions: &[Vec3],
     masses: &[f64],
@@ -74,7 +75,7 @@ pub fn ball_accelerations(
         accelerations_at_width(positions, masses, radii, constant, SimdWidth::detect());
     for [i, j] in near_pairs.iter().map(|pair| pair.map(|k| k as usize)) {
         let r = positions[j] - positions[i];
-        if !overlap(&r, radii[i] + radii[j]) {
+        if !balls_overlap(&r, radii[i] + radii[j]) {
             continue;
         }
         let attraction = ball_attraction(&r, [masses[i], masses[j]], [radii[i], radii[j]], constant);
@@ -87,9 +88,9 @@ pub fn ball_accelerations(
     (acceleration, potential)
 }
 
-/// Whether two balls at the distance `r` overlap, whose radii sum up to `reach` (m): with the arithmetic of the sums, so that
-/// each pair is either in them or not.
-fn overlap(r: &Vec3, reach: f64) -> bool {
+/// Whether two balls at the separation `r` overlap, whose radii sum up to `reach` (m): with the arithmetic of the sums,
+/// so that each pair is either in them or not.
+fn balls_overlap(r: &Vec3, reach: f64) -> bool {
     r.x.mul_add(r.x, r.y.mul_add(r.y, r.z * r.z)) <= reach * reach
 }
 

@@ -1,7 +1,7 @@
 //! Length of the next step with the option `adaptive`: `dt`, or a multiple of it while bodies move little.
 //!
-//! Steps, snapshots and the end of a run are counted in units of `dt`. A step of several units ends at the same time as that
-//! many steps of one unit. The length follows from the result of the last step, so that it is the same in a
+//! Steps, snapshots and the end of a run are counted in multiples of `dt`. A step of several `dt` ends at the same time
+//! as that many steps of one `dt`. The length follows from the result of the last step, so that it is the same in a
 //! resumed run:
 //!
 //! - neighbours pass each other by at most `travel` radii plus half of their gap;
@@ -31,7 +31,7 @@ const STEPS_PER_ORBIT: f64 = 50.0;
 /// Largest ratio of a step to the one before; detection covers this multiple of the step.
 pub const MAX_STEP_GROWTH: u64 = 2;
 
-/// Length of the next step in units of `dt`. `velocities_changed`: whether velocities have been changed since the last step,
+/// Number of `dt` in the next step. `velocities_changed`: whether velocities have been changed since the last step,
 /// so that those of the contacts are not known.
 pub fn choose_step_multiple(scene: &Scene, state: &State, velocities_changed: bool) -> u64 {
     let adaptive = scene.options.adaptive();

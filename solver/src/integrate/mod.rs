@@ -43,7 +43,7 @@ pub struct ContactConfiguration {
     pub mean_velocity: Vec3,
     /// Bodies ordered along Morton's curve.
     pub order: Vec<u32>,
-    /// Length of the step in units of `dt`.
+    /// Number of `dt` in the step.
     pub step_multiple: u64,
     /// Length of the step, s.
     pub h: f64,

@@ -400,8 +400,8 @@ pub fn check_cell(datbox: &Path, scene: &Scene, faults: &mut Faults) {
     }
 }
 
-/// Rejects what impacts one after the other are not computed for: bodies that are neither free spheres nor wholly driven,
-/// deforming cells, and several ranks.
+/// Rejects scenes for which `impacts: in_order` is not computed: bodies that are neither free spheres nor wholly
+/// driven, deforming cells, and several ranks.
 pub fn check_impacts(datbox: &Path, scene: &Scene, faults: &mut Faults) {
     if scene.options.impacts.is_simultaneous() {
         return;
@@ -627,6 +627,7 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
     let without_fmm = without_gravity || scene.gravity_solver().method_for(scene.free.len()) == SummationMethod::Direct;
     let sweeps = matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs);
     let sweeps_in_double = scene.laws.iter().any(|law| law.has_moments() || law.is_regularised());
+    let has_impacts = scene.laws.iter().any(|law| law.restitution_at(0.0).is_some());
     let default = Compute::default();
     // Name of each option, whether it is set without an effect, and the feature that it needs.
     let table = [
@@ -651,6 +652,7 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
             "solver auto or nlgs, and laws without moments, springs or interfaces",
         ),
         ("check_every", !sweeps && scene.options.check_every.is_some(), "solver auto or nlgs"),
+        ("impacts", !has_impacts && !scene.options.impacts.is_simultaneous(), "laws with restitution, such as RST_CLB"),
     ];
     let adaptive = scene.options.adaptive().is_on() && scene.changes_in_time();
     let adaptive = adaptive.then(|| "adaptive: steps are dt while an imposed velocity or force changes".to_string());

@@ -97,7 +97,7 @@ fn servo_axis(component: usize, normal: &Vec3) -> Result<Vec3, FaultTexts> {
     let across = (0..3).filter(|k| *k != component).map(|k| normal[k].abs()).fold(0.0, f64::max);
     if across > AXIS_ROUNDING {
         let expected = "expected a plate whose normal, or a cylinder whose axis, is along the axis of the servo";
-        return Err(("a servo along an axis across the wall", expected));
+        return Err(("a servo along an axis that is not that of the wall", expected));
     }
     Ok(Vec3::ith(component, 1.0))
 }

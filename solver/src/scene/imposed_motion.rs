@@ -11,6 +11,7 @@ use crate::math::{Quat, Twist, Vec3, rotate_by_vector};
 #[derive(Debug, Clone)]
 pub struct ImposedVelocity {
     pub body: BodyId,
+    /// m/s, and rad/s about the body's axes.
     pub velocity: [Option<Evolution>; 6],
     /// Strain rate of a plate; its component of `velocity` is 0.
     pub strain: Option<Box<StrainDrive>>,

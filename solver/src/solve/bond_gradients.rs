@@ -168,8 +168,8 @@ pub struct GradientLimits {
     pub iterations: u64,
 }
 
-/// Corrected reactions, where `solver_bodies` have the velocities after them, and the number of iterations. The elastic bonds that
-/// are not in the sorted list `yielding` are solved without their limits.
+/// Returns corrected reactions and the number of iterations. `solver_bodies`: bodies with the velocities that the given
+/// `reactions` produce. The elastic bonds that are not in the sorted list `yielding` are solved without their limits.
 pub fn corrected_reactions(
     problem: &ContactProblem,
     mut reactions: ContactReactions,

@@ -1,26 +1,27 @@
 //! Sweeps for problems with regularised rows: contacts with springs, and contacts that hold their bodies together.
 //!
-//! A spring of the law adds its compliance C to the normal unknown, û_n = u_n + shift + C r̂_n, so that the force at the end of
-//! the step is that of the gap at the end of the step, for any stiffness and length of the step. A coupled row has u = 0 for
-//! any impulse. A wire or rod has a spring, too, and pulls. An elastic bond has compliances of all components of its impulse and of
-//! its moment. An interface acts next to the contact: its impulse, with the
-//! damage of the start of the step, is linear in the velocity of the row. The method is
-//! [`gauss_seidel`](super::gauss_seidel), one contact after the other: such rows are few, and all other scenes keep the
-//! sweeps in vectors, which know neither.
+//! A spring of the law adds its compliance C to the normal unknown, û_n = u_n + shift + C r̂_n, so that the force at
+//! the end of the step is that of the gap at the end of the step, for any stiffness and length of the step. A coupled
+//! row has u = 0 for any impulse. A wire or rod has a spring, too, and pulls. An elastic bond has compliances of all
+//! components of its impulse and of its moment. An interface acts next to the contact: its impulse, with the damage of
+//! the start of the step, is linear in the velocity of the row. The method is [`gauss_seidel`](super::gauss_seidel),
+//! one contact after the other: such rows are few, and scenes without them use the vectorised sweeps, which have no
+//! regularised rows.
 //!
-//! E is |F(r)|/|F(r_0)| as in [`residual`](super::residual), with the ρ = 3/trace W of each row, W including C: the rows of
-//! soft and of stiff springs differ by many orders of magnitude. Moments, of elastic bonds or by rolling friction, follow the
-//! impulses of their rows. Sweeps alternate with the gradients of [`bond_gradients`](super::bond_gradients) where there are elastic
-//! bonds.
+//! E is |F(r)|/|F(r_0)| as in [`residual`](super::residual), with the ρ = 3/trace W of each row, W including C: the
+//! rows of soft and of stiff springs differ by many orders of magnitude. Moments, of elastic bonds or by rolling
+//! friction, follow the impulses of their rows. Sweeps alternate with the gradients of
+//! [`bond_gradients`](super::bond_gradients) where there are elastic bonds.
 //!
-//! Elastic bonds are first solved without their limits, and those whose loads are then beyond a limit keep it from there on, until
-//! no further bond is beyond: the solution is that of the law. Where nothing else slides or opens, the first problem is linear.
+//! Elastic bonds are first solved without their limits, and those whose loads are then beyond a limit keep it from
+//! there on, until no further bond is beyond: the solution is that of the law. Where nothing else slides or opens, the
+//! first problem is linear.
 //!
-//! F does not measure the loads of stiff bonds. Those that balance each other, as between the points of a face or in a ring of
-//! bodies, change û by C only, which is small against W where k h² S is large against the masses: with E alone they would be
-//! known to E W/C. The load of a bond by its strain, -C⁻¹ (û - C r̂) within its limits, is therefore compared with r̂, and their
-//! difference over the strength of the bond counts as E, too. It is no less than the error of the load. Sweeps change these loads
-//! by C/W only; the gradients find them.
+//! F does not measure the loads of stiff bonds. Those that balance each other, as between the points of a face or in a
+//! ring of bodies, change û by C only, which is small against W where k h² S is large against the masses: with E alone
+//! they would be known to E W/C. The load of a bond by its strain, -C⁻¹ (û - C r̂) within its limits, is therefore
+//! compared with r̂, and their difference over the strength of the bond counts as E, too. This difference is an upper
+//! bound of the error of the load. Sweeps change these loads by C/W only; the gradients find them.
 
 use nalgebra::Matrix3;
 
@@ -46,7 +47,8 @@ const SWEEPS_BETWEEN_CORRECTIONS: u64 = 50;
 /// Share of the residual below which a correction of the bonds must bring it, so that another one is made.
 const MIN_CORRECTION_GAIN: f64 = 0.5;
 
-/// Share of the reduction to the sought residual to which the gradients reduce the velocities: the two are measured differently.
+/// Safety factor of the gradients: they reduce the velocities by this factor more than the residual has to fall, since
+/// the two have different norms.
 const REDUCTION_MARGIN: f64 = 0.1;
 
 /// Share of the summed velocities of the rows below which a residual is rounding, as in `residual`.
@@ -288,9 +290,10 @@ fn stopping_moment(roll: &RollingConstraint, n: &Vec3, w: &Vec3, m: &Vec3) -> Ve
     new_t + n * new_n
 }
 
-/// Largest ratio of the errors of the loads of an elastic bond to its strengths, in traction and shear, bending and torsion; 0 of
-/// other rows. The error is the difference between the load and that of the strain, within the limits of the bond. Up to the load of
-/// the strain that is rounding of the velocities and of those that the impulse of the row gives, it counts as 0.
+/// Largest ratio of the errors of the loads of an elastic bond to its strengths, in traction and shear, bending and
+/// torsion; 0 of other rows. The error is the difference between the load and that of the strain, within the limits of
+/// the bond. An error below the rounding of the strain's load, which follows from that of the velocities of the bodies
+/// and of W r, counts as 0.
 fn bond_load_error(contact_problem: &ContactProblem, swept: &SweptRow, u: &Vec3, reactions: &ContactReactions) -> f64 {
     let (opening, sliding, is_linear) = match swept.kind {
         RowKind::Contact { compliance, sliding } if sliding > 0.0 => (compliance, sliding, false),
@@ -417,9 +420,9 @@ struct BondCorrections {
     next: u64,
     /// Residual after the last one.
     residual: f64,
-    /// Whether those gain in which other errors than those of the loads remain.
+    /// Whether the last correction while the residual of the laws was above its target reduced the residual enough.
     gains: bool,
-    /// Whether those gain in which only errors of loads remain.
+    /// Whether the last correction while only loads of bonds were above it did.
     gains_loads: bool,
 }
 
@@ -448,7 +451,8 @@ impl BondCorrections {
     }
 }
 
-/// Sum of the velocities at a row and of that by its attraction, m/s, of whose digits the velocities of the row are differences.
+/// Scale of the velocities at a row, m/s: the speeds of its bodies, its shift and the velocity by its attraction,
+/// summed. The rounding of its relative velocity is relative to this scale.
 fn speed_scale(contact_problem: &ContactProblem, row: ContactId) -> f64 {
     let constraint = &contact_problem.rows[row.index()];
     let (w_n, _) = contact_problem.delassus_diagonal(row.index());

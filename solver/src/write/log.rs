@@ -45,6 +45,7 @@ pub enum LogCell {
 }
 
 impl LogCell {
+    /// Value as a number.
     pub fn to_f64(self) -> f64 {
         match self {
             LogCell::Count(n) => n as f64,

@@ -59,6 +59,7 @@ fn options_without_effect_are_reported() {
     let mut case = sound();
     case.options.gravity_error = Some(1e-4);
     case.options.narrow_phase = Some(cd_formats::compute::NarrowPhase::Fast);
+    case.options.impacts = cd_formats::compute::ImpactOrder::InOrder;
     case.event(1e-3, EventAction::Bond);
     case.event(1.0, EventAction::SetQuench(0.5));
     case.event(1e-3, EventAction::SetQuench(0.0));
@@ -66,6 +67,7 @@ fn options_without_effect_are_reported() {
     case.write();
     let expected = "cd-solve: gravity_error: without effect; needs self_gravity\n\
                     cd-solve: narrow_phase: without effect; needs polyhedra\n\
+                    cd-solve: impacts: without effect; needs laws with restitution, such as RST_CLB\n\
                     cd-solve: event 1: without effect; Bond needs a law with bonds, liquid bridges or reference gaps\n\
                     cd-solve: event 2: without effect; no step begins at 1 s or later, the last begins at 0.001 s\n\
                     cd-solve: event 4: without effect; no step begins at 0.0015 s or later, the last begins at 0.001 s\n";

@@ -274,6 +274,16 @@ fn threads_and_resume_change_nothing_with_servos() {
     assert!(first == run(&[&["--threads", "2", "--steps", "60"], &["--resume", "--steps", "120"]]).to_bytes());
 }
 
+#[test]
+fn the_summary_names_servos() {
+    let case = tub_with_servos();
+    case.write();
+    let program = env!("CARGO_BIN_EXE_cd-solve");
+    let output = std::process::Command::new(program).arg(case.path()).arg("--plan").output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("; 1 pressure; 1 strain rate; 1 revolution; 1 moving surface; "), "{text}");
+}
+
 /// Standard error of a run that is rejected.
 fn refusal(case: &Case) -> String {
     case.write();
@@ -310,7 +320,7 @@ fn servos_that_a_wall_cannot_have_are_rejected() {
         refusal(&case)
     };
     for (axes, is_plate, rows, expected) in [
-        (slope, true, &[(2, Pressure, 1.0)][..], "a servo along an axis across the wall"),
+        (slope, true, &[(2, Pressure, 1.0)][..], "a servo along an axis that is not that of the wall"),
         (AXES, false, &[(2, Pressure, 1.0)], "a pressure on a body other than a plate or a solid cylinder"),
         (AXES, false, &[(2, SurfaceVelocity, 1.0)], "a surface velocity of a grain"),
         (AXES, true, &[(2, StrainRate, 1.0)], "a strain rate without a plate opposite to it"),
