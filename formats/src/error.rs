@@ -197,7 +197,7 @@ impl Faults {
                 others = format!("; the same {}", further_positions(positions));
             }
             if fault.is_of_full_disk() && unwritten_count > 1 {
-                others = format!("; the same for {} more", count_text(unwritten_count - 1, "file"));
+                others = format!("; the same holds for {}", count_text(unwritten_count - 1, "further file"));
             }
             line_count += 1;
             if line_count <= MAX_REPORTED_LINES {
@@ -324,7 +324,7 @@ mod tests {
         let full = |name: &str| Fault::from_io(Path::new(name), "written", &ErrorKind::StorageFull.into());
         let other = Fault::from_io(Path::new("b"), "written", &ErrorKind::PermissionDenied.into());
         let report = Faults(vec![full("a"), other.clone(), full("c"), full("d")]).format_report("cd-post");
-        let expected = "cd-post: a: file: cannot be written: the disk is full; the same for 2 more files\n\
+        let expected = "cd-post: a: file: cannot be written: the disk is full; the same holds for 2 further files\n\
                         cd-post: b: file: cannot be written: permission denied\n";
         assert_eq!(report, expected);
         let report = Faults(vec![other, full("a")]).format_report("cd-post");

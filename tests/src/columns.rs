@@ -1,15 +1,15 @@
 //! A file of results as named columns of numbers, whatever its kind.
 //!
 //! The readers here are not those of the programs: a snapshot is read as the zip of npy arrays that
-//! numpy takes it for, a `.vtp` file with vtkio.
+//! numpy takes it for, a `.vtp` file as the XML that it is.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
+use base64::Engine;
 use serde_json::Value;
-use vtkio::model::{Attribute, Attributes, DataSet, IOBuffer, Piece, VertexNumbers};
 
 /// Values of each column by its name: the components of vectors follow each other, an empty field is a NaN, and each byte
 /// of a text is a number.
@@ -116,28 +116,46 @@ fn flatten(path: &str, value: &Value, columns: &mut Columns) {
     }
 }
 
-/// Points, cells and arrays of a ParaView file.
+/// Points, cells and arrays of a ParaView file: of cells the numbers of their points.
 pub fn vtp(path: &Path) -> Result<Columns, String> {
-    let fault = |found: String| format!("{}: {found}", path.display());
-    let vtk = vtkio::Vtk::import(path).map_err(|error| fault(error.to_string()))?;
-    let DataSet::PolyData { pieces, .. } = vtk.data else { return Err(fault("is no polygonal data".into())) };
-    let [Piece::Inline(piece)] = &pieces[..] else { return Err(fault("expected one piece".into())) };
-    let mut columns = Columns::from([("points".to_string(), numbers(&piece.points))]);
-    for (name, cells) in [("verts", &piece.verts), ("lines", &piece.lines), ("polys", &piece.polys)] {
-        if let Some(VertexNumbers::XML { connectivity, .. }) = cells {
-            columns.insert(name.into(), connectivity.iter().map(|k| *k as f64).collect());
+    let fault = |found: &str| format!("{}: {found}", path.display());
+    let text = String::from_utf8(bytes(path)?).map_err(|error| fault(&error.to_string()))?;
+    let document = roxmltree::Document::parse(&text).map_err(|error| fault(&error.to_string()))?;
+    let pieces: Vec<roxmltree::Node> = document.descendants().filter(|node| node.has_tag_name("Piece")).collect();
+    let [piece] = pieces[..] else { return Err(fault("expected one piece")) };
+    let mut columns = Columns::new();
+    for group in piece.children().filter(roxmltree::Node::is_element) {
+        for array in group.children().filter(|node| node.has_tag_name("DataArray")) {
+            let array_name = array.attribute("Name").unwrap_or_default();
+            let name = match group.tag_name().name() {
+                "PointData" | "CellData" => array_name.to_string(),
+                "Points" => "points".into(),
+                _ if array_name != "connectivity" => continue,
+                cells => cells.to_lowercase(),
+            };
+            columns.insert(name, vtp_numbers(array).ok_or_else(|| fault(&format!("array {array_name} is damaged")))?);
         }
-    }
-    let Attributes { point, cell } = &piece.data;
-    for attribute in point.iter().chain(cell) {
-        let Attribute::DataArray(array) = attribute else { return Err(fault("expected arrays".into())) };
-        columns.insert(array.name.clone(), numbers(&array.data));
     }
     Ok(columns)
 }
 
-fn numbers(buffer: &IOBuffer) -> Vec<f64> {
-    buffer.cast_into().unwrap_or_default()
+/// Numbers of an array in base64, behind their length in bytes.
+fn vtp_numbers(array: roxmltree::Node) -> Option<Vec<f64>> {
+    let bytes = base64::engine::general_purpose::STANDARD.decode(array.text()?.trim()).ok()?;
+    let (length, values) = bytes.split_at_checked(8)?;
+    (u64::from_le_bytes(length.try_into().ok()?) == values.len() as u64).then_some(())?;
+    fn numbers<const N: usize>(values: &[u8], number: impl Fn([u8; N]) -> f64) -> Option<Vec<f64>> {
+        let (numbers, rest) = values.as_chunks::<N>();
+        rest.is_empty().then(|| numbers.iter().map(|&bytes| number(bytes)).collect())
+    }
+    match array.attribute("type")? {
+        "Float64" => numbers(values, f64::from_le_bytes),
+        "UInt64" => numbers(values, |bytes| u64::from_le_bytes(bytes) as f64),
+        "UInt32" => numbers(values, |bytes| u32::from_le_bytes(bytes).into()),
+        "UInt16" => numbers(values, |bytes| u16::from_le_bytes(bytes).into()),
+        "UInt8" => numbers(values, |[byte]| byte.into()),
+        _ => None,
+    }
 }
 
 #[cfg(test)]

@@ -1095,7 +1095,7 @@ mod tests {
             fs::write(&path, &bytes[..cut]).unwrap();
             Snapshot::read(&path).unwrap_err();
         }
-        let place = bytes.windows(8).position(|w| w == 1e300f64.to_le_bytes()).unwrap();
+        let place = bytes.windows(8).position(|w| w == 9e99f64.to_le_bytes()).unwrap();
         let mut flipped = bytes.clone();
         flipped[place] ^= 1;
         fs::write(&path, &flipped).unwrap();
