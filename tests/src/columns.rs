@@ -8,8 +8,9 @@ use std::fs;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-use base64::Engine;
 use serde_json::Value;
+
+use crate::vtp;
 
 /// Values of each column by its name: the components of vectors follow each other, an empty field is a NaN, and each byte
 /// of a text is a number.
@@ -118,44 +119,8 @@ fn flatten(path: &str, value: &Value, columns: &mut Columns) {
 
 /// Points, cells and arrays of a ParaView file: of cells the numbers of their points.
 pub fn vtp(path: &Path) -> Result<Columns, String> {
-    let fault = |found: &str| format!("{}: {found}", path.display());
-    let text = String::from_utf8(bytes(path)?).map_err(|error| fault(&error.to_string()))?;
-    let document = roxmltree::Document::parse(&text).map_err(|error| fault(&error.to_string()))?;
-    let pieces: Vec<roxmltree::Node> = document.descendants().filter(|node| node.has_tag_name("Piece")).collect();
-    let [piece] = pieces[..] else { return Err(fault("expected one piece")) };
-    let mut columns = Columns::new();
-    for group in piece.children().filter(roxmltree::Node::is_element) {
-        for array in group.children().filter(|node| node.has_tag_name("DataArray")) {
-            let array_name = array.attribute("Name").unwrap_or_default();
-            let name = match group.tag_name().name() {
-                "PointData" | "CellData" => array_name.to_string(),
-                "Points" => "points".into(),
-                _ if array_name != "connectivity" => continue,
-                cells => cells.to_lowercase(),
-            };
-            columns.insert(name, vtp_numbers(array).ok_or_else(|| fault(&format!("array {array_name} is damaged")))?);
-        }
-    }
-    Ok(columns)
-}
-
-/// Numbers of an array in base64, behind their length in bytes.
-fn vtp_numbers(array: roxmltree::Node) -> Option<Vec<f64>> {
-    let bytes = base64::engine::general_purpose::STANDARD.decode(array.text()?.trim()).ok()?;
-    let (length, values) = bytes.split_at_checked(8)?;
-    (u64::from_le_bytes(length.try_into().ok()?) == values.len() as u64).then_some(())?;
-    fn numbers<const N: usize>(values: &[u8], number: impl Fn([u8; N]) -> f64) -> Option<Vec<f64>> {
-        let (numbers, rest) = values.as_chunks::<N>();
-        rest.is_empty().then(|| numbers.iter().map(|&bytes| number(bytes)).collect())
-    }
-    match array.attribute("type")? {
-        "Float64" => numbers(values, f64::from_le_bytes),
-        "UInt64" => numbers(values, |bytes| u64::from_le_bytes(bytes) as f64),
-        "UInt32" => numbers(values, |bytes| u32::from_le_bytes(bytes).into()),
-        "UInt16" => numbers(values, |bytes| u16::from_le_bytes(bytes).into()),
-        "UInt8" => numbers(values, |[byte]| byte.into()),
-        _ => None,
-    }
+    let text = String::from_utf8(bytes(path)?).map_err(|error| format!("{}: {error}", path.display()))?;
+    vtp::arrays(&text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 #[cfg(test)]

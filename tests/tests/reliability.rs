@@ -201,7 +201,8 @@ fn the_list_of_a_resumed_run_is_that_of_the_unbroken_one() {
 
 #[test]
 fn a_snapshot_that_lacks_what_its_laws_need_is_not_resumed() {
-    let law = "IQS_DS_ROLL_CLB(dynamic_friction: 0.3, static_friction: 0.4, rolling_friction: 0.1, spinning_friction: 0.05)";
+    let law =
+        "IQS_DS_ROLL_CLB(dynamic_friction: 0.3, static_friction: 0.4, rolling_friction: 0.1, spinning_friction: 0.05)";
     let bonded = scene(0.1).replace("IQS_CLB(friction: 0.5)", law);
     let case = Case::from_scene(&bonded).solved(&["--steps", "10"]);
     let path = case.outbox().join("snapshot-000010.npz");
@@ -306,7 +307,10 @@ fn numbers_beyond_any_scene_are_rejected_before_the_run() {
     let case = Case::from_scene(&scene(0.1));
     for (flag, word) in [("--dt=1e300", "dt"), ("--alert=1e200", "alert"), ("--end-time=1e101", "end_time")] {
         let (code, said) = solve_process(case.path(), &[flag]);
-        assert!(code == 2 && said.contains(&format!("{word}: 1e")) && said.contains("less than 1e100"), "{code} {said}");
+        assert!(
+            code == 2 && said.contains(&format!("{word}: 1e")) && said.contains("less than 1e100"),
+            "{code} {said}"
+        );
     }
     let dof = case.datbox("DOF.INI");
     let text = fs::read_to_string(&dof).unwrap();

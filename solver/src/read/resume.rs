@@ -264,7 +264,8 @@ fn check_completeness(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result
     expect_arrays(has_pair_cohesion, attractions.is_some(), "contact_attraction", "a law has cohesion per pair");
     let keeps_gravity = meta.attraction.is_some();
     expect_arrays(keeps_gravity, gravity.is_some(), "gravity_last, gravity_before", "meta has attraction");
-    let exchanges_bodies = ["sinks", "sources"].iter().any(|name| meta.options.get(*name).is_some_and(|list| list != "[]"));
+    let exchanges_bodies =
+        ["sinks", "sources"].iter().any(|name| meta.options.get(*name).is_some_and(|list| list != "[]"));
     expect_arrays(exchanges_bodies, presence.is_some(), "body_presence", "the run has sinks or sources");
     let has_interval = meta.interval_start.is_some();
     expect_arrays(has_interval, interval.is_some(), "interval_body, interval_virial", "meta has interval_start");

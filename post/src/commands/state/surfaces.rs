@@ -10,10 +10,10 @@ use crate::derive::surface::{DirectionGrid, SurfaceFacet, aggregate_surface, rms
 use crate::frame::Frame;
 use crate::math::Vec3;
 use crate::write::display::{flat_components, scalar_attribute, vector_attribute, vertex_numbers};
-use crate::write::vtp::vtp_text;
 use crate::write::figure::{Curve, Figure, FigureAxis};
 use crate::write::map::{self, MapSheet};
 use crate::write::series::{Column, csv_table, csv_text};
+use crate::write::vtp::vtp_text;
 
 /// Columns of surface.csv of a heap or bed.
 pub const SURFACE_COLUMNS: [Column; 6] = [
