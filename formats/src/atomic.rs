@@ -1,7 +1,7 @@
 //! Files that appear complete or not at all: written to a temporary file, synced, renamed.
 
-use std::fs::{self, File};
-use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::fs::{self, File, OpenOptions};
+use std::io::{BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -11,8 +11,8 @@ use crate::error::{Fault, Faults};
 /// Writes `bytes` to `path` so that a reader finds the old file or the new one, never a part, even if the program or the
 /// machine fails meanwhile. Creates missing folders.
 ///
-/// The bytes go to `.NAME.part` in the same folder first; a part left behind by a killed program is overwritten by the
-/// next write.
+/// The bytes go to a new file `.NAME.part` in the same folder first. A part that a killed program has left behind is removed
+/// before; if it is a link, so is the link, and the file to which it leads stays as it is.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Faults> {
     PendingFile::write(path, bytes)?.move_into_place()
 }
@@ -32,13 +32,45 @@ pub fn write_file(path: &Path, put: impl FnOnce(&mut File) -> std::io::Result<()
     PendingFile::write_with(path, put)?.move_into_place()
 }
 
+/// Name of the file that marks a folder some of whose files have been replaced and others not yet.
+const UNFINISHED_FILE: &str = ".unfinished";
+
 /// Writes several files that belong together like `write`: none is renamed before all are written.
 pub fn write_all<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Result<(), Faults> {
+    write_parts(files)?.into_iter().try_for_each(PendingFile::move_into_place)
+}
+
+/// Writes files of a folder like [`write_all`], and removes those that are `removed`. If the program is killed meanwhile, the
+/// folder remains marked as unfinished, see [`is_unfinished`].
+pub fn write_folder<'a>(
+    folder: &Path,
+    files: impl IntoIterator<Item = (&'a str, &'a [u8])>,
+    removed: &[&str],
+) -> Result<(), Faults> {
+    let parts = write_parts(files.into_iter().map(|(name, bytes)| (folder.join(name), bytes)))?;
+    let mark = folder.join(UNFINISHED_FILE);
+    write(&mark, b"")?;
+    parts.into_iter().try_for_each(PendingFile::move_into_place)?;
+    let removed = removed.iter().map(|name| folder.join(name)).filter(|path| path_exists(path));
+    for path in removed.chain([mark]) {
+        fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;
+    }
+    sync_folder(folder);
+    Ok(())
+}
+
+/// Writes the temporary files of several files.
+fn write_parts<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Result<Vec<PendingFile>, Faults> {
     let files: Vec<(PathBuf, &[u8])> = files.into_iter().collect();
     let parts: Vec<Result<PendingFile, Faults>> =
         files.par_iter().map(|(path, bytes)| PendingFile::write(path, bytes)).collect();
-    let parts: Result<Vec<PendingFile>, Faults> = parts.into_iter().collect();
-    parts?.into_iter().try_for_each(PendingFile::move_into_place)
+    parts.into_iter().collect()
+}
+
+/// Whether a program was ended while it replaced files of the folder that belong together, so that some may be old and
+/// others new.
+pub fn is_unfinished(folder: &Path) -> bool {
+    path_exists(&folder.join(UNFINISHED_FILE))
 }
 
 /// File that grows while the program runs, and appears complete at its path or not at all, like that of [`write()`].
@@ -110,19 +142,18 @@ impl PendingFile {
         };
         fs::create_dir_all(&folder).map_err(fault)?;
         if path.is_dir() {
-            return Err(fault(std::io::ErrorKind::IsADirectory.into()));
+            return Err(fault(ErrorKind::IsADirectory.into()));
         }
-        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let part =
-            PendingFile { path: path.to_path_buf(), temporary_path: folder.join(format!(".{name}.part")), folder };
-        let file = File::create(&part.temporary_path).map_err(fault)?;
+        let part = PendingFile { path: path.to_path_buf(), temporary_path: temporary_path(path), folder };
+        remove_old_part(path)?;
+        // A new file: a link that has appeared meanwhile is not followed.
+        let file = OpenOptions::new().write(true).create_new(true).open(&part.temporary_path).map_err(fault)?;
         Ok((part, file))
     }
 
     fn move_into_place(self) -> Result<(), Faults> {
         fs::rename(&self.temporary_path, &self.path).map_err(|error| Fault::from_io(&self.path, "written", &error))?;
-        // The rename itself must reach the disk; not every system lets a folder be synced.
-        let _ = File::open(&self.folder).and_then(|folder| folder.sync_all());
+        sync_folder(&self.folder);
         Ok(())
     }
 }
@@ -130,6 +161,50 @@ impl PendingFile {
 impl Drop for PendingFile {
     fn drop(&mut self) {
         let _ = fs::remove_file(&self.temporary_path);
+    }
+}
+
+/// Path of the file that is written in place of `path`, until it is complete.
+pub fn temporary_path(path: &Path) -> PathBuf {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    path.with_file_name(format!(".{name}.part"))
+}
+
+/// Removes the part that a killed program has left behind for the file `path`, or a link of that name.
+pub fn remove_old_part(path: &Path) -> Result<(), Faults> {
+    match fs::remove_file(temporary_path(path)) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(Fault::from_io(path, "written", &error).into()),
+        _ => Ok(()),
+    }
+}
+
+/// Waits until renames and removals in a folder have reached the disk. Not every system lets a folder be synced.
+fn sync_folder(folder: &Path) {
+    let _ = File::open(folder).and_then(|folder| folder.sync_all());
+}
+
+/// Opens an existing file to append to it. Errors: it cannot be written, or is a link.
+pub fn open_to_append(path: &Path) -> Result<File, Faults> {
+    let mut options = OpenOptions::new();
+    options.append(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NOFOLLOW);
+    options.open(path).map_err(|error| Fault::from_io(path, "written", &error).into())
+}
+
+/// Whether `path` leads to the open file or folder, and not to another that has replaced it. True where a system cannot tell.
+pub fn leads_to(path: &Path, file: &File) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let identity = |metadata: fs::Metadata| (metadata.dev(), metadata.ino());
+        let (here, opened) = (fs::metadata(path).map(identity), file.metadata().map(identity));
+        here.is_ok_and(|here| opened.is_ok_and(|opened| here == opened))
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = file;
+        path.exists()
     }
 }
 
@@ -144,7 +219,7 @@ pub fn turn_size_limit_into_error() {
 /// Whether a folder has an entry of this name, even one that cannot be read, such as a broken link. Reading that is a
 /// fault.
 pub fn path_exists(path: &Path) -> bool {
-    !path.symlink_metadata().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound)
+    !path.symlink_metadata().is_err_and(|error| error.kind() == ErrorKind::NotFound)
 }
 
 /// Paths of the entries of a folder, in any order; none if it is absent. A folder that cannot be read is a fault.
@@ -156,9 +231,28 @@ pub fn folder_entries(folder: &Path) -> Result<Vec<PathBuf>, Faults> {
     paths.map_err(|error| Fault::from_io(folder, "read", &error).into())
 }
 
-/// Text of a file, without a byte order mark. A file that is missing or not UTF-8 is a fault.
+/// Opens a file to read it. Errors: it cannot be read, or is a pipe, a socket or a device, whose end may never come.
+pub fn open_to_read(path: &Path) -> Result<File, Faults> {
+    let read_fault = |error: std::io::Error| Faults::from(Fault::from_io(path, "read", &error));
+    let kind = fs::metadata(path).map_err(read_fault)?.file_type();
+    if !kind.is_file() && !kind.is_dir() {
+        let found = "is a pipe, a socket or a device";
+        return Err(Fault::new(path, None, "file", found, "expected a file on a disk; copy it to one").into());
+    }
+    File::open(path).map_err(read_fault)
+}
+
+/// Bytes of a file. Errors as those of [`open_to_read`].
+pub fn read_bytes(path: &Path) -> Result<Vec<u8>, Faults> {
+    let mut file = open_to_read(path)?;
+    let mut bytes = Vec::with_capacity(file.metadata().map_or(0, |metadata| metadata.len() as usize));
+    file.read_to_end(&mut bytes).map_err(|error| Fault::from_io(path, "read", &error))?;
+    Ok(bytes)
+}
+
+/// Text of a file, without a byte order mark. A file that is missing or not UTF-8 is a fault, as those of [`open_to_read`].
 pub fn read_text(path: &Path) -> Result<String, Faults> {
-    let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
+    let bytes = read_bytes(path)?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
@@ -217,6 +311,65 @@ mod tests {
         fs::remove_dir(&second).unwrap();
         write_all(both()).unwrap();
         assert_eq!((fs::read(&first).unwrap(), fs::read(&second).unwrap()), (b"new".to_vec(), b"new".to_vec()));
+    }
+
+    #[test]
+    fn a_folder_is_marked_until_all_its_files_are_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = || [("first", &b"new"[..]), ("second", &b"new"[..])];
+        write_folder(folder.path(), files(), &[]).unwrap();
+        assert!(!is_unfinished(folder.path()));
+        // A folder in the place of the second file: its rename fails after the first.
+        let second = folder.path().join("second");
+        let parts = write_parts(files().map(|(name, bytes)| (folder.path().join(name), bytes))).unwrap();
+        drop(parts);
+        fs::remove_file(&second).unwrap();
+        fs::create_dir(&second).unwrap();
+        write_folder(folder.path(), files(), &[]).unwrap_err();
+        assert!(!is_unfinished(folder.path()), "nothing was renamed");
+        fs::remove_dir(&second).unwrap();
+        fs::write(folder.path().join(UNFINISHED_FILE), "").unwrap();
+        assert!(is_unfinished(folder.path()));
+        write_folder(folder.path(), files(), &[]).unwrap();
+        assert!(!is_unfinished(folder.path()) && fs::read(second).unwrap() == b"new");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_not_followed_for_writing() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, other] = ["a.csv", "precious"].map(|name| folder.path().join(name));
+        fs::write(&other, "precious").unwrap();
+        for link in [temporary_path(&path), path.clone()] {
+            std::os::unix::fs::symlink(&other, &link).unwrap();
+        }
+        assert!(open_to_append(&path).is_err());
+        write(&path, b"new").unwrap();
+        assert!(!path_exists(&temporary_path(&path)) && !path.is_symlink());
+        assert_eq!((fs::read(&path).unwrap(), fs::read(&other).unwrap()), (b"new".to_vec(), b"precious".to_vec()));
+        open_to_append(&path).unwrap().write_all(b"er").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"newer");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn devices_are_not_read() {
+        let refused = read_text(Path::new("/dev/zero")).unwrap_err().to_string();
+        assert!(refused.contains("is a pipe, a socket or a device"), "{refused}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_replaced_file_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        write(&path, b"a").unwrap();
+        let file = File::open(&path).unwrap();
+        assert!(leads_to(&path, &file));
+        write(&path, b"a").unwrap();
+        assert!(!leads_to(&path, &file));
+        fs::remove_file(&path).unwrap();
+        assert!(!leads_to(&path, &file));
     }
 
     #[test]

@@ -16,7 +16,7 @@ use crate::messages::parse_number;
 use crate::names::{number_text, rounded_number};
 use crate::orbit::OrbitSpec;
 use crate::probe::{EndCondition, FlowNames, Probe, ProbeQuantity, check_probes};
-use crate::report::FaultReport;
+use crate::report::{FaultReport, MAX_MAGNITUDE};
 pub use crate::ron_file::from_ron;
 use crate::ron_text;
 use crate::sinks_and_sources::{Sink, Source, check_sinks_and_sources};
@@ -576,6 +576,9 @@ impl Compute {
 
     /// Reports all values that no run could use; `prefix` begins their paths.
     pub fn check_in(&self, report: &mut FaultReport, prefix: &str) {
+        if let Ok(options) = serde_json::to_value(self) {
+            report_large_numbers(&options, prefix, report);
+        }
         let is_positive = |x: f64| x.is_finite() && x > 0.0;
         let mut number = |holds: bool, name: &str, x: f64, expected: &str| {
             report.require_number(holds, &format!("{prefix}{name}"), x, expected);
@@ -785,6 +788,29 @@ pub const OPTIONS_WRITTEN_IF_GIVEN: [&str; 2] = ["zperiode", "cell"];
 /// Requirement on a rotation in a periodic scene, since neighbours across its boundary would be separated.
 pub const ROTATION_ABOUT_PERIOD: &str =
     "a rotation about the only axis along which the scene repeats, or a scene that does not repeat";
+
+/// Reports the numbers of a value at `path` that are too large to compute with.
+fn report_large_numbers(value: &serde_json::Value, path: &str, report: &mut FaultReport) {
+    let path_of = |name: &str| {
+        // The name of a variant is no part of a path.
+        let is_variant = name.starts_with(|letter: char| letter.is_ascii_uppercase());
+        if is_variant { path.to_string() } else { format!("{}.{name}", path.trim_end_matches('.')) }
+    };
+    match value {
+        serde_json::Value::Number(number) => {
+            let number = number.as_f64().unwrap_or_default();
+            let holds = number.abs() < MAX_MAGNITUDE;
+            report.require_number(holds, path.trim_matches('.'), number, "less than 1e100 in magnitude");
+        }
+        serde_json::Value::Array(values) => {
+            (0..).zip(values).for_each(|(k, value)| report_large_numbers(value, &path_of(&k.to_string()), report));
+        }
+        serde_json::Value::Object(fields) => {
+            fields.iter().for_each(|(name, value)| report_large_numbers(value, &path_of(name), report));
+        }
+        _ => {}
+    }
+}
 
 /// Value in the syntax of the file and of flags.
 fn to_ron<T: Serialize>(value: &T) -> String {

@@ -7,6 +7,8 @@ use std::fmt;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use crate::names::count_text;
+
 /// One fault: `file:line:column: object: found; expected`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
@@ -49,13 +51,21 @@ impl Fault {
             ErrorKind::PermissionDenied => "permission denied".into(),
             ErrorKind::IsADirectory => "it is a folder".into(),
             ErrorKind::NotADirectory => "part of its path is not a folder".into(),
-            ErrorKind::StorageFull => "the disk is full".into(),
+            ErrorKind::StorageFull => FULL_DISK.into(),
             // The text omits the number of the system's error.
             _ => error.to_string().split(" (os error").next().unwrap_or_default().to_string(),
         };
         Fault::new(file, None, "file", format!("cannot be {participle}: {why}"), "")
     }
+
+    /// Whether a file could not be written because the disk is full.
+    fn is_of_full_disk(&self) -> bool {
+        self.line.is_none() && self.found.ends_with(FULL_DISK)
+    }
 }
+
+/// Reason why a file cannot be written to a full disk.
+const FULL_DISK: &str = "the disk is full";
 
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -151,10 +161,16 @@ impl Faults {
     }
 
     /// Message that a program prints: each distinct fault on its own line after the program's name. A fault repeated at
-    /// more than five positions of a file is printed once, with the next lines, or lines and columns, and their number.
+    /// more than five positions of a file is printed once, with the next lines, or lines and columns, and their number. After
+    /// a hundred lines only the number of the others is printed.
     pub fn format_report(&self, program: &str) -> String {
         let mut reported = HashSet::new();
-        let faults: Vec<&Fault> = self.0.iter().filter(|fault| reported.insert(fault.to_string())).collect();
+        let mut faults: Vec<&Fault> = self.0.iter().filter(|fault| reported.insert(fault.to_string())).collect();
+        // A full disk has one cause, however many files it stops.
+        let unwritten_count = faults.iter().filter(|fault| fault.is_of_full_disk()).count();
+        let first_unwritten = faults.iter().position(|fault| fault.is_of_full_disk());
+        let mut positions = 0..;
+        faults.retain(|fault| positions.next() == first_unwritten || !fault.is_of_full_disk());
         // Key of the faults that differ in numbers only, and the position of the fault. Faults of a file as a whole have no
         // line and are not grouped.
         let group_and_position = |fault: &Fault| {
@@ -169,7 +185,7 @@ impl Faults {
             }
         }
         let mut printed_groups = HashSet::new();
-        let mut text = String::new();
+        let (mut text, mut line_count) = (String::new(), 0);
         for fault in faults {
             let group = group_and_position(fault).map(|(group, _)| group);
             let positions = group.as_ref().map_or(&[][..], |group| &positions[group]);
@@ -180,7 +196,17 @@ impl Faults {
                 }
                 others = format!("; the same {}", further_positions(positions));
             }
-            text += &format!("{program}: {fault}{others}\n");
+            if fault.is_of_full_disk() && unwritten_count > 1 {
+                others = format!("; the same holds for {}", count_text(unwritten_count - 1, "further file"));
+            }
+            line_count += 1;
+            if line_count <= MAX_REPORTED_LINES {
+                text += &format!("{program}: {fault}{others}\n");
+            }
+        }
+        if line_count > MAX_REPORTED_LINES {
+            let further = line_count - MAX_REPORTED_LINES;
+            text += &format!("{program}: {further} more; correct those above first\n");
         }
         text
     }
@@ -198,6 +224,9 @@ fn further_positions(positions: &[(usize, Option<usize>)]) -> String {
     let (preposition, noun) = if are_on_own_lines { ("in", "lines") } else { ("at", "positions") };
     format!("{preposition} {} more {noun}: {}, ...", positions.len() - 1, next.join(", "))
 }
+
+/// Largest number of lines of a report.
+const MAX_REPORTED_LINES: usize = 100;
 
 /// Largest number of faults of one kind that are printed line by line.
 const MAX_ALIKE_FAULTS: usize = 5;
@@ -288,6 +317,28 @@ mod tests {
         let other = std::io::Error::from_raw_os_error(5); // EIO
         let said = Fault::from_io(Path::new("a.obj"), "read", &other).to_string();
         assert!(said.starts_with("a.obj: file: cannot be read: ") && !said.contains("os error"), "{said}");
+    }
+
+    #[test]
+    fn a_full_disk_is_reported_once() {
+        let full = |name: &str| Fault::from_io(Path::new(name), "written", &ErrorKind::StorageFull.into());
+        let other = Fault::from_io(Path::new("b"), "written", &ErrorKind::PermissionDenied.into());
+        let report = Faults(vec![full("a"), other.clone(), full("c"), full("d")]).format_report("cd-post");
+        let expected = "cd-post: a: file: cannot be written: the disk is full; the same holds for 2 further files\n\
+                        cd-post: b: file: cannot be written: permission denied\n";
+        assert_eq!(report, expected);
+        let report = Faults(vec![other, full("a")]).format_report("cd-post");
+        assert!(report.ends_with("a: file: cannot be written: the disk is full\n"), "{report}");
+    }
+
+    #[test]
+    fn the_length_of_a_report_is_bounded() {
+        let object = |k: usize| ["a", "b", "c"].map(|letter| letter.repeat(k)).concat();
+        let faults = |count| (1..=count).map(|k| Fault::new(Path::new("f"), Some(k), object(k), "", "")).collect();
+        let report = Faults(faults(MAX_REPORTED_LINES + 7)).format_report("cd-pre");
+        assert_eq!(report.lines().count(), MAX_REPORTED_LINES + 1);
+        assert_eq!(report.lines().last(), Some("cd-pre: 7 more; correct those above first"));
+        assert_eq!(Faults(faults(MAX_REPORTED_LINES)).format_report("cd-pre").lines().count(), MAX_REPORTED_LINES);
     }
 
     #[test]

@@ -68,6 +68,7 @@
 //! | [`settings`] | values of RON files that a command line replaces |
 //! | [`ron_file`], [`former_names`] | RON files under current names and those of earlier versions |
 //! | [`atomic`] | files that are complete or absent |
+//! | [`checksums`], [`lock`] | SHA-256 checksums of the files of a folder; locks of folders
 //! | [`case`], [`command_line`] | the folder of a case on a command line; reading of command lines |
 //! | [`foreign`] | folders of LMGC90 with 2D or deformable bodies |
 //! | [`origin`] | the files that DATBOX is made from |
@@ -81,6 +82,7 @@ pub mod atomic;
 pub mod bodies;
 pub mod bulk_behav;
 pub mod case;
+pub mod checksums;
 pub mod command_line;
 pub mod compute;
 pub mod deforming_cell;
@@ -96,6 +98,7 @@ pub mod geometry;
 pub mod groups;
 pub mod ids;
 pub mod law_table;
+pub mod lock;
 pub mod messages;
 pub mod names;
 pub mod orbit;

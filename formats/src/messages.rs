@@ -4,10 +4,12 @@ use std::error::Error;
 use std::fmt::Display;
 use std::io::Write;
 use std::num::{IntErrorKind, ParseFloatError, ParseIntError};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
+use crate::error::Fault;
 use crate::report::is_beyond_range;
 
 /// Whether stdout is used for data, and lines of text go to stderr.
@@ -26,7 +28,10 @@ pub fn is_silent() -> bool {
     IS_SILENT.load(Ordering::Relaxed)
 }
 
-/// Prints a message and a line end on stdout. A closed output, as after `| head`, is not a fault: the program continues.
+/// Error of stdout, the first of the process.
+static STDOUT_ERROR: OnceLock<std::io::Error> = OnceLock::new();
+
+/// Prints a message and a line end on stdout. The program continues if that fails, see [`exit_code`].
 pub fn print_line(message: impl Display) {
     if STDOUT_IS_DATA.load(Ordering::Relaxed) {
         return print_error(message);
@@ -34,7 +39,25 @@ pub fn print_line(message: impl Display) {
     if is_silent() {
         return;
     }
-    let _ = writeln!(std::io::stdout(), "{message}");
+    note_stdout_result(writeln!(std::io::stdout(), "{message}"));
+}
+
+/// Records the error of a text on stdout.
+fn note_stdout_result(result: std::io::Result<()>) {
+    if let Err(error) = result {
+        let _ = STDOUT_ERROR.set(error);
+    }
+}
+
+/// Exit code of a program that would end with `code`: 1 in place of 0 if part of its text could not be written to stdout.
+/// Prints the reason, unless the reader has closed the output, as `| head` does.
+pub fn exit_code(program: &str, code: i32) -> i32 {
+    note_stdout_result(std::io::stdout().flush());
+    let Some(error) = STDOUT_ERROR.get() else { return code };
+    if error.kind() != std::io::ErrorKind::BrokenPipe {
+        print_error(format_args!("{program}: {}", Fault::from_io("standard output".as_ref(), "written", error)));
+    }
+    if code == 0 { 1 } else { code }
 }
 
 /// Prints all further lines of [`print_line`] on stderr, so that stdout is free for data.
@@ -78,7 +101,7 @@ pub fn print_usage(program: &str, command: &str, error: &clap::Error) -> i32 {
         }
         // Help and version also arrive here; they go to stdout.
         None if is_silent() => {}
-        None => drop(error.print()),
+        None => note_stdout_result(error.print()),
     }
     error.exit_code()
 }

@@ -10,6 +10,7 @@ use cd_post::derive::Row;
 use cd_post::derive::fragments::find_fragments;
 use cd_post::frame::Frame;
 use cd_post::shapes::ShapeCache;
+use cd_post::write::vtp::vtp_text;
 use cd_post::write::{display, plots};
 use samples::Scene;
 
@@ -75,8 +76,7 @@ fn arrays_of_the_paraview_files() {
     assert!(frame.grains[1].solid.is_some() && frame.grains[1].id == cube as u64 + 1);
     let types = [("Float64", "f64"), ("UInt64", "u64"), ("UInt32", "u32"), ("UInt16", "u16"), ("UInt8", "u8")];
     for kind in display::FILE_KINDS {
-        let bytes = display::vtp_bytes(display::display_piece(&frame, &find_fragments(&frame), kind).unwrap());
-        let text = String::from_utf8(bytes).unwrap();
+        let text = vtp_text(&display::display_piece(&frame, &find_fragments(&frame), kind).unwrap(), "");
         let attribute = |tag: &str, name: &str| -> Option<String> {
             Some(tag.split(&format!(" {name}=\"")).nth(1)?.split('"').next()?.to_string())
         };

@@ -10,18 +10,19 @@ use cd_formats::command_line::parse_arguments;
 use cd_formats::compute::{Adaptive, ComputeFlags, MAX_THREADS};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::former_names::FormerNameUse;
+use cd_formats::lock::FolderLock;
 use cd_formats::messages::{print_error, print_line, reserve_stdout, silence};
 use cd_formats::settings::former_names_of_setting;
 use clap::{CommandFactory, Parser};
 
 use crate::math::simd::SimdWidth;
 use crate::ranks::launch::begin_session;
-use crate::ranks::{Communicator, SingleRank, set_communicator};
+use crate::ranks::{Communicator, SingleRank, all_gather_unsized, set_communicator};
 use crate::read::driver::DriverSettings;
 use crate::run::{RunFailure, RunMode, check_run, record_changed_forces, run_case};
 use crate::scene::Scene;
 use crate::state::State;
-use crate::write::OutboxLock;
+use crate::verify::{self, Verification, verify_case};
 use crate::{activity, agreement, plan, read, thread_pool, write};
 
 const PROGRAM: &str = "cd-solve";
@@ -37,12 +38,18 @@ struct CommandLine {
     /// Continue from the last snapshot in DIR/OUTBOX.
     #[arg(long, conflicts_with = "force")]
     resume: bool,
+    /// With --resume: continue from the last snapshot that is sound; later ones, which are damaged, are renamed to NAME.damaged.
+    #[arg(long, requires = "resume", conflicts_with = "plan")]
+    skip_damaged: bool,
     /// Remove the results of an earlier run and start at the beginning.
     #[arg(long)]
     force: bool,
     /// Estimate the cost of the run (models, memory, disk, time of a step, bounds on h) and write no files.
     #[arg(long, conflicts_with = "dump_problem")]
     plan: bool,
+    /// Compare the files of the case with their checksums and read all snapshots; name the damaged ones, and the step from which a run can continue.
+    #[arg(long, conflicts_with_all = ["plan", "resume", "force", "dump_problem", "step_loop"])]
+    verify: bool,
     /// With --plan: divide the sweeps of the next step among this number of processes, and estimate their time.
     #[arg(long, value_name = "RANKS", requires = "plan", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     ranks: Option<u32>,
@@ -70,8 +77,8 @@ pub fn command() -> clap::Command {
     CommandLine::command()
 }
 
-/// Runs the program; returns its exit code: 0 done, 2 input rejected, 3 internal error, 4 ended early, as a
-/// stop was requested or files could not be written.
+/// Runs the program; returns its exit code: 0 done, 1 `--verify` has found damage, 2 input rejected, 3 internal error, 4 ended
+/// early, as a stop was requested or files could not be written.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = arguments.into_iter().collect();
     match begin_session() {
@@ -101,9 +108,13 @@ fn run_on_rank(communicator: &'static dyn Communicator, args: &[OsString]) -> i3
     if let Some(width) = arguments.vector_width {
         width.set_for_process();
     }
+    if arguments.verify {
+        return if communicator.rank() == 0 { verify(&arguments.dir) } else { 0 };
+    }
     former_names_in_flags(args).iter().for_each(print_warning);
-    let prepared =
-        agreement::agreed_case(communicator, prepare_case(&arguments, communicator), |case| (&case.scene, &case.state));
+    let damaged_set_aside = if arguments.skip_damaged { skip_damaged(&arguments, communicator) } else { Ok(()) };
+    let prepared = damaged_set_aside.map_err(RunFailure::Files).and_then(|()| prepare_case(&arguments, communicator));
+    let prepared = agreement::agreed_case(communicator, prepared, |case| (&case.scene, &case.state));
     // Faults of reading are exchanged by `agreed_case`, so that all ranks end; faults of a run are known to this rank alone.
     let has_begun = prepared.is_ok();
     match prepared.and_then(|case| advance_case(&arguments, case, communicator)) {
@@ -134,6 +145,42 @@ fn run_on_rank(communicator: &'static dyn Communicator, args: &[OsString]) -> i3
     }
 }
 
+/// Compares a case with its checksums; returns the exit code.
+fn verify(case: &Path) -> i32 {
+    let verification = match case_fault(case, CaseFolder::Datbox, PROGRAM) {
+        Some(fault) => Err(fault.into()),
+        None => verify_case(case),
+    };
+    match verification {
+        Ok(Verification { text, is_sound }) => {
+            print_line(format_args!("{PROGRAM}: verify\n{}", text.trim_end()));
+            i32::from(!is_sound)
+        }
+        Err(faults) => {
+            print_error(faults.format_report(PROGRAM).trim_end());
+            2
+        }
+    }
+}
+
+/// Sets damaged snapshots aside, on rank 0, before any rank reads the last one. Errors: another run uses the folder, or no
+/// snapshot is sound.
+fn skip_damaged(arguments: &CommandLine, communicator: &dyn Communicator) -> Result<(), Faults> {
+    let case = &arguments.dir;
+    let set_aside = || {
+        // A folder that is no case is rejected with all other faults.
+        let _lock = if write::outbox_path(case).is_dir() { write::lock_outbox(case)? } else { return Ok(Vec::new()) };
+        verify::set_damaged_aside(case)
+    };
+    let renamed = if communicator.rank() == 0 { set_aside() } else { Ok(Vec::new()) };
+    // All ranks wait for rank 0.
+    all_gather_unsized(communicator, &[]);
+    for path in renamed? {
+        print_warning(&format!("{}: set aside: the snapshot is damaged", path.display()));
+    }
+    Ok(())
+}
+
 fn print_warning(warning: &String) {
     print_error(format_args!("{PROGRAM}: warning: {warning}"));
 }
@@ -162,7 +209,7 @@ struct PreparedCase {
     /// Threads that have read it, and their number as given.
     reading_pool: (rayon::ThreadPool, usize),
     /// Lock of OUTBOX until the run ends; only rank 0 has it, and only if it writes.
-    _lock: Option<OutboxLock>,
+    _lock: Option<FolderLock>,
 }
 
 /// Reads a case and checks whether it can run. Each rank does so alone, as any of them may find faults. The lock is that of

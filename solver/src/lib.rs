@@ -53,6 +53,7 @@ pub mod solve;
 pub mod state;
 pub mod step;
 mod thread_pool;
+mod verify;
 pub mod write;
 
 pub use cli::{command, run};

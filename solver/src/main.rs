@@ -3,5 +3,6 @@
 fn main() {
     cd_formats::atomic::turn_size_limit_into_error();
     cd_formats::command_line::set_version(cd_version::version!());
-    std::process::exit(cd_solve::run(std::env::args_os()))
+    let code = cd_solve::run(std::env::args_os());
+    std::process::exit(cd_formats::messages::exit_code("cd-solve", code))
 }

@@ -319,7 +319,9 @@ fn write_end(
     state: &mut State,
 ) -> Result<Duration, RunFailure> {
     results.write(|files| files.finish_rows(&mut statistics.estimator)).map_err(RunFailure::Unwritten)?;
-    write_output(results, scene, state).map_err(as_unwritten)
+    let duration = write_output(results, scene, state).map_err(as_unwritten)?;
+    results.write(ResultFiles::finish_checksums).map_err(RunFailure::Unwritten)?;
+    Ok(duration)
 }
 
 /// Failure of a run that was requested to stop.

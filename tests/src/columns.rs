@@ -1,7 +1,7 @@
 //! A file of results as named columns of numbers, whatever its kind.
 //!
 //! The readers here are not those of the programs: a snapshot is read as the zip of npy arrays that
-//! numpy takes it for, a `.vtp` file with vtkio.
+//! numpy takes it for, a `.vtp` file as the XML that it is.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -9,7 +9,8 @@ use std::io::{Cursor, Read};
 use std::path::Path;
 
 use serde_json::Value;
-use vtkio::model::{Attribute, Attributes, DataSet, IOBuffer, Piece, VertexNumbers};
+
+use crate::vtp;
 
 /// Values of each column by its name: the components of vectors follow each other, an empty field is a NaN, and each byte
 /// of a text is a number.
@@ -116,28 +117,10 @@ fn flatten(path: &str, value: &Value, columns: &mut Columns) {
     }
 }
 
-/// Points, cells and arrays of a ParaView file.
+/// Points, cells and arrays of a ParaView file: of cells the numbers of their points.
 pub fn vtp(path: &Path) -> Result<Columns, String> {
-    let fault = |found: String| format!("{}: {found}", path.display());
-    let vtk = vtkio::Vtk::import(path).map_err(|error| fault(error.to_string()))?;
-    let DataSet::PolyData { pieces, .. } = vtk.data else { return Err(fault("is no polygonal data".into())) };
-    let [Piece::Inline(piece)] = &pieces[..] else { return Err(fault("expected one piece".into())) };
-    let mut columns = Columns::from([("points".to_string(), numbers(&piece.points))]);
-    for (name, cells) in [("verts", &piece.verts), ("lines", &piece.lines), ("polys", &piece.polys)] {
-        if let Some(VertexNumbers::XML { connectivity, .. }) = cells {
-            columns.insert(name.into(), connectivity.iter().map(|k| *k as f64).collect());
-        }
-    }
-    let Attributes { point, cell } = &piece.data;
-    for attribute in point.iter().chain(cell) {
-        let Attribute::DataArray(array) = attribute else { return Err(fault("expected arrays".into())) };
-        columns.insert(array.name.clone(), numbers(&array.data));
-    }
-    Ok(columns)
-}
-
-fn numbers(buffer: &IOBuffer) -> Vec<f64> {
-    buffer.cast_into().unwrap_or_default()
+    let text = String::from_utf8(bytes(path)?).map_err(|error| format!("{}: {error}", path.display()))?;
+    vtp::arrays(&text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 #[cfg(test)]

@@ -7,8 +7,10 @@
 //! | [`columns`] | a file of results as named columns of numbers |
 //! | [`golden`] | the expected files of `tests/golden`: stages, tolerances, changes |
 //! | [`pages`] | pages of the documentation as text |
+//! | [`vtp`] | arrays of a ParaView file |
 
 pub mod case;
 pub mod columns;
 pub mod golden;
 pub mod pages;
+pub mod vtp;

@@ -97,9 +97,8 @@ fn tests_named_in_pages_exist() {
     let mut count = 0;
     for (page, text) in manual_pages() {
         let named = text.split('`').skip(1).step_by(2).filter_map(|code| code.split_once("::"));
-        for (file, function) in
-            named.filter(|_| ["explanation/validation.md", "explanation/limits.md"].contains(&&*page))
-        {
+        const PAGES: [&str; 3] = ["explanation/validation.md", "explanation/limits.md", "reliability.md"];
+        for (file, function) in named.filter(|_| PAGES.contains(&&*page)) {
             let in_folder = |folder: &str| fs::read_to_string(root.join(folder).join(format!("{file}.rs"))).ok();
             let source = in_folder("solver/tests/cases").or_else(|| in_folder("tests/tests"));
             let defined = source.is_some_and(|source| source.contains(&format!("fn {function}()")));

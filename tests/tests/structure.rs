@@ -29,7 +29,7 @@ const DATA: [&str; 2] = ["scene", "state"];
 /// In the order in which a step first enters them.
 const STAGES: [&str; 4] = ["integrate", "detect", "assemble", "solve"];
 const FILE_STAGES: [&str; 2] = ["read", "write"];
-const OUTSIDE: [&str; 10] = [
+const OUTSIDE: [&str; 11] = [
     "run",
     "plan",
     "probe",
@@ -39,6 +39,7 @@ const OUTSIDE: [&str; 10] = [
     "thread_pool",
     "progress",
     "agreement",
+    "verify",
     "lib",
 ];
 

@@ -25,9 +25,9 @@ pub mod parts;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fmt::{Display, Write};
-use std::fs;
 use std::path::Path;
 
+use crate::atomic;
 use crate::error::{Fault, Faults};
 use crate::names::number_text;
 pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
@@ -49,7 +49,7 @@ pub struct AsciiText<'a>(Cow<'a, str>);
 impl AsciiText<'static> {
     /// Reads the text of a file. A file that cannot be read, or is not text with one byte a letter, is a fault.
     pub fn read_file(path: &Path) -> Result<Self, Faults> {
-        let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
+        let bytes = atomic::read_bytes(path)?;
         if bytes.contains(&0) {
             let found = "no text, or with two bytes a letter (UTF-16)";
             return Err(Fault::new(path, None, "file", found, "expected text in ASCII or UTF-8").into());
@@ -206,6 +206,9 @@ impl<'a> TextLine<'a> {
     }
 }
 
+/// Largest number of faults of a text that are kept; others are counted.
+const MAX_KEPT_FAULTS: usize = 10_000;
+
 /// Reads a file line by line, without comments and blank lines, and collects its faults.
 pub struct LineScanner<'a> {
     path: &'a Path,
@@ -217,6 +220,8 @@ pub struct LineScanner<'a> {
     /// Object of the next faults.
     object: String,
     faults: Faults,
+    /// Line of the first fault that is not kept, and number of such faults.
+    omitted_faults: Option<(usize, usize)>,
     /// Forms that are read although they deviate.
     forms: AcceptedDeviations,
     /// Numbers of the lines with a comment that does not begin in column 1.
@@ -239,11 +244,15 @@ impl<'a> LineScanner<'a> {
         indented_comments.iter().for_each(|&line| forms.add(AcceptedDeviation::IndentedComment, line));
         let last = lines.last().map_or(1, |line| line.number);
         let (object, faults) = ("file".into(), Faults::default());
-        LineScanner { path, lines, next: 0, last, object, faults, forms, indented_comments }
+        LineScanner { path, lines, next: 0, last, object, faults, omitted_faults: None, forms, indented_comments }
     }
 
     /// Returns the value that was read, or all faults.
     pub fn finish<T>(&mut self, value: T) -> Result<T, Faults> {
+        if let Some((line, count)) = self.omitted_faults.take() {
+            let found = format!("{count} more faults from here on");
+            self.faults.push(Fault::new(self.path, Some(line), "file", found, "correct those above first"));
+        }
         std::mem::take(&mut self.faults).into_result(value)
     }
 
@@ -277,6 +286,11 @@ impl<'a> LineScanner<'a> {
 
     /// Adds a fault of the present object.
     pub fn add_fault(&mut self, line: usize, found: impl Into<String>, expected: impl Into<String>) {
+        if self.faults.0.len() >= MAX_KEPT_FAULTS {
+            let (_, count) = self.omitted_faults.get_or_insert((line, 0));
+            *count += 1;
+            return;
+        }
         self.faults.push(Fault::new(self.path, Some(line), self.object.as_str(), found, expected));
     }
 
@@ -494,6 +508,8 @@ fn without_comment(text: &str) -> &str {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

@@ -4,6 +4,8 @@ use std::fmt::{Display, Write};
 
 use arrayvec::ArrayString;
 
+use crate::report::MAX_MAGNITUDE;
+
 /// Number of columns of a real.
 pub const REAL_WIDTH: usize = 14;
 
@@ -33,7 +35,7 @@ pub(super) fn number_fault(field: &str) -> Option<NumberError> {
 /// Reads a real like Fortran from its columns: blanks anywhere; D, E, Q or no letter before a signed exponent.
 ///
 /// Errors: the reason for rejection. Rejected are a blank field and a number without point, which Fortran reads as 0 and
-/// as 1e-7 of the written value, and NaN, infinities and numbers too large for f64.
+/// as 1e-7 of the written value, and NaN, infinities and numbers of 1e100 and more.
 ///
 /// ```
 /// use cd_formats::scan::fortran_real;
@@ -48,7 +50,7 @@ pub fn fortran_real(field: &str) -> Result<f64, NumberError> {
 }
 
 /// Reads a real in free format: as [`fortran_real`], and the point may be missing. Errors: a blank field, no number, a
-/// number that is not finite.
+/// number that is not finite or as large as [`MAX_MAGNITUDE`].
 pub fn free_real(field: &str) -> Result<f64, NumberError> {
     if let Some(value) = plain_real(field) {
         return Ok(value);
@@ -66,8 +68,8 @@ pub fn free_real(field: &str) -> Result<f64, NumberError> {
     let exponent = if exponent.is_empty() { "0" } else { exponent.strip_prefix(['d', 'e', 'q']).unwrap_or(exponent) };
     // `parse` rejects all other errors: the only letter that it accepts is this e.
     let value: f64 = format!("{mantissa}e{exponent}").parse().map_err(|_| NumberError("not a number"))?;
-    if value.is_infinite() {
-        return Err(NumberError("too large a number"));
+    if value >= MAX_MAGNITUDE {
+        return Err(NumberError("too large a number, 1e100 or more"));
     }
     Ok(if text.starts_with('-') { -value } else { value })
 }
@@ -85,7 +87,7 @@ fn plain_real(field: &str) -> Option<f64> {
             _ => return None,
         };
     }
-    std::str::from_utf8(copy).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
+    std::str::from_utf8(copy).ok()?.parse().ok().filter(|value: &f64| value.abs() < MAX_MAGNITUDE)
 }
 
 /// Text of a number, without a heap allocation: 14 letters, or up to 32 while it is being made.

@@ -1,12 +1,12 @@
 //! Reading and writing of long files in parallel, in parts of whole records. Short files start no threads.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use rayon::prelude::*;
 
 use super::{AcceptedDeviations, AsciiText, LineScanner, TextPart};
+use crate::atomic;
 use crate::error::Faults;
 
 /// Smallest size of a part of a text, bytes, which then ends with its record: enough to hide the cost of a task.
@@ -107,7 +107,7 @@ fn read_blocks<T: Send>(
     read: &(impl Fn(&mut LineScanner, usize) -> T + Sync),
 ) -> Option<Vec<(T, AcceptedDeviations)>> {
     let begin = format!("\n${keyword}");
-    let mut file = File::open(path).ok()?;
+    let mut file = atomic::open_to_read(path).ok()?;
     let (mut block, mut before, mut values) = (Vec::new(), TextCounts::default(), Vec::new());
     loop {
         let is_last = (&mut file).take(block_size as u64).read_to_end(&mut block).ok()? < block_size;

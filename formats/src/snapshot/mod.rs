@@ -11,7 +11,6 @@ mod parts;
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::fs;
 use std::io::{BufWriter, Cursor, Seek, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -27,7 +26,7 @@ use crate::geometry::periodic_cell::PeriodicCell;
 use crate::law_table::{LawError, LawModel};
 use npz::{ArrayElement, NpzReader, NpzWriter};
 use parts::{FirstBodies, PartRows, other_part, step_of};
-pub use parts::{SnapshotPart, part_path, remove_orphan_parts};
+pub use parts::{SnapshotPart, part_path, remove_orphan_parts, step_of_file};
 
 #[cfg(target_endian = "big")]
 compile_error!("snapshots are written from memory as little-endian arrays");
@@ -781,7 +780,7 @@ impl Snapshot {
     /// Reads a file, with its parts if it is an index. Errors: no .npz file of this format, another step than its name says,
     /// wrong checksums, shapes or numbers of rows, numbers that are not finite, indices out of range.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
+        let bytes = atomic::read_bytes(path)?;
         let snapshot_fault = |found: String| {
             Faults::from(Fault::new(path, None, "snapshot", found, "expected an .npz file of cd-solve"))
         };
@@ -919,16 +918,31 @@ pub fn snapshot_path(outbox: &Path, step: u64) -> PathBuf {
     outbox.join(format!("snapshot-{step:06}.npz"))
 }
 
-/// Snapshots of a folder by step; an absent folder has none, one that cannot be read is a fault.
+/// Files of the snapshot of a step: its parts, if it has such, then the index or the only file.
+pub fn snapshot_files(outbox: &Path, step: u64) -> Vec<PathBuf> {
+    let path = snapshot_path(outbox, step);
+    let parts = (0..).map(|number| part_path(&path, number)).take_while(|part| atomic::path_exists(part));
+    parts.chain([path.clone()]).collect()
+}
+
+/// Snapshots of a folder by step; an absent folder has none. Errors: it cannot be read, or has two files of one step.
 pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let paths = atomic::folder_entries(outbox)?.into_iter();
     let mut found: Vec<(u64, PathBuf)> = paths.filter_map(|path| Some((step_of(&path)?, path))).collect();
     found.sort();
-    Ok(found)
+    let mut faults = Faults::default();
+    for pair in found.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+        let [first, second] = [&pair[0].1, &pair[1].1].map(|path| path.file_name().unwrap_or_default().display());
+        let found = format!("{first} and {second} are both of step {}", pair[0].0);
+        faults.push(Fault::new(outbox, None, "snapshots", found, "expected one; move the other out of the folder"));
+    }
+    faults.into_result(found)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn sample() -> Snapshot {
@@ -937,7 +951,7 @@ mod tests {
         s.meta.colours = vec!["BLUEx".into()];
         s.meta.materials = vec![MaterialName { name: "ROCKx".into(), density: 2700.0 }];
         s.bodies.body_id = vec![1, 2];
-        s.bodies.body_x = vec![[-0.0, 5e-324, 1.0 / 3.0], [1e300, -1.0, 0.0]];
+        s.bodies.body_x = vec![[-0.0, 5e-324, 1.0 / 3.0], [9e99, -1.0, 0.0]];
         s.bodies.body_q = vec![[1.0, 0.0, 0.0, 0.0]; 2];
         s.bodies.body_v = vec![[0.0; 3]; 2];
         s.bodies.body_w = vec![[0.0; 3]; 2];
@@ -1081,7 +1095,7 @@ mod tests {
             fs::write(&path, &bytes[..cut]).unwrap();
             Snapshot::read(&path).unwrap_err();
         }
-        let place = bytes.windows(8).position(|w| w == 1e300f64.to_le_bytes()).unwrap();
+        let place = bytes.windows(8).position(|w| w == 9e99f64.to_le_bytes()).unwrap();
         let mut flipped = bytes.clone();
         flipped[place] ^= 1;
         fs::write(&path, &flipped).unwrap();

@@ -69,6 +69,11 @@ pub fn remove_orphan_parts(outbox: &Path) -> Result<(), Faults> {
     Ok(())
 }
 
+/// Step in the name of a snapshot or of a part of one; `None` for other names.
+pub fn step_of_file(path: &Path) -> Option<u64> {
+    step_of(path).or_else(|| step_of(&index_path(path)?))
+}
+
 /// Step in the name of a snapshot.
 pub(super) fn step_of(path: &Path) -> Option<u64> {
     path.file_name()?.to_str()?.strip_prefix("snapshot-")?.strip_suffix(".npz")?.parse().ok()
@@ -83,7 +88,7 @@ impl SnapshotPart {
     /// Returns the bytes of the part at `path`, which the index at `index` names. Errors: it cannot be read, or has other
     /// bytes.
     pub(super) fn read_bytes(&self, path: &Path, index: &Path) -> Result<Vec<u8>, Faults> {
-        let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
+        let bytes = atomic::read_bytes(path)?;
         match crc32fast::hash(&bytes) {
             sum if sum == self.crc32 => Ok(bytes),
             sum => Err(other_part(path, index, format!("CRC-32 {sum}, not {}", self.crc32))),

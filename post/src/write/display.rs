@@ -13,16 +13,14 @@
 //! `view.py` shows them all in ParaView.
 //!
 //! The arrays, with units, are in `docs/reference/observables/paraview.md`. The collections `grains.pvd`, `polyhedra.pvd`,
-//! `contacts.pvd`, `walls.pvd` have the times, and so has the field data of each file, which vtkio does not write.
+//! `contacts.pvd`, `walls.pvd` have the times, and so has the field data of each file.
 
 use std::fmt::Write;
 use std::path::Path;
 
 use cd_formats::field::FieldModel;
 use cd_formats::wall_mesh::triangle_of;
-use vtkio::model::{
-    Attribute, Attributes, ByteOrder, DataArray, DataSet, IOBuffer, PolyDataPiece, Version, VertexNumbers, Vtk,
-};
+use vtkio::model::{Attribute, Attributes, DataArray, IOBuffer, PolyDataPiece, VertexNumbers};
 
 use crate::derive::coordination::{contact_counts, neighbour_counts};
 use crate::derive::energy::{KineticEnergy, external_fields};
@@ -34,6 +32,7 @@ use crate::frame::{ContactBody, Frame, Grain, WallId, WallShape};
 use crate::math::{Mat3, Vec3};
 use crate::write::fields::{self, IndexNames};
 use crate::write::view::drawn_position;
+use crate::write::vtp::vtp_text;
 
 /// Kinds of files, each with its collection.
 pub const FILE_KINDS: [&str; 4] = ["grains", "polyhedra", "contacts", "walls"];
@@ -416,30 +415,7 @@ pub fn display_bytes(piece: PolyDataPiece, frame: &Frame) -> Vec<u8> {
     });
     let arrays: Vec<String> = arrays.collect();
     let fields = fields::field_data(frame, &arrays.iter().map(String::as_str).collect::<Vec<&str>>());
-    let mut bytes = vtp_bytes(piece);
-    let start = bytes.windows(6).position(|word| word == b"<Piece").expect("a file has one piece");
-    bytes.splice(start..start, fields.into_bytes());
-    bytes
-}
-
-/// File of polygonal data, in VTK's XML format.
-pub fn vtp_bytes(piece: PolyDataPiece) -> Vec<u8> {
-    let no_points = piece.points.is_empty();
-    let vtk = Vtk {
-        version: Version::Auto,
-        title: String::new(),
-        byte_order: ByteOrder::LittleEndian,
-        data: DataSet::inline(piece),
-        file_path: None,
-    };
-    let mut bytes = Vec::new();
-    vtk.write_xml(&mut bytes).expect("arrays of equal length, written to memory");
-    if no_points {
-        // vtkio leaves attributes out that are 0, and VTK rejects a piece without this one.
-        let end_of_tag = bytes.windows(6).position(|word| word == b"<Piece").expect("a file has one piece") + 6;
-        bytes.splice(end_of_tag..end_of_tag, *b" NumberOfPoints=\"0\"");
-    }
-    bytes
+    vtp_text(&piece, &fields).into_bytes()
 }
 
 #[cfg(test)]
@@ -460,7 +436,7 @@ mod tests {
         let pieces =
             [grains_piece(&frame, &[]), polyhedra_piece(&frame, &[]), contacts_piece(&frame), walls_piece(&frame)];
         for piece in pieces {
-            let text = String::from_utf8(vtp_bytes(piece)).unwrap();
+            let text = vtp_text(&piece, "");
             assert_eq!(text.matches("NumberOfPoints=\"0\"").count(), 1, "{text}");
         }
     }
@@ -581,16 +557,6 @@ mod tests {
         });
         let slopes = slopes.unwrap();
         assert!(slopes[..2].iter().all(|slope| (slope - 45.0).abs() < 1e-12) && slopes[2..] == [0.0; 6]);
-    }
-
-    #[test]
-    fn files_with_field_data_are_read_as_before() {
-        let mut scene = Scene::default();
-        scene.grain([0.5, 0.25, 0.125], 1.0);
-        let frame = scene.frame();
-        let piece = || grains_piece(&frame, &[]);
-        let read = |bytes: Vec<u8>| Vtk::parse_xml(&bytes[..]).unwrap().data;
-        assert_eq!(read(display_bytes(piece(), &frame)), read(vtp_bytes(piece())));
     }
 
     #[test]

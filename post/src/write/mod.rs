@@ -6,7 +6,7 @@
 //! | [`plots`] | `POSTPRO/*.svg`, the main columns against time |
 //! | [`figure`] | none: curves in a plot, as SVG |
 //! | [`picture`] | `POSTPRO/aggregate.svg`, `aggregate_energy.svg`, the last state; `snapshots.svg`, four |
-//! | [`display`] | `DISPLAY/*.vtp` and `*.pvd` |
+//! | [`display`], [`vtp`] | `DISPLAY/*.vtp` and `*.pvd`, and the format of the former |
 //! | [`pieces`] | `DISPLAY/*.pvtp`, and their pieces |
 //! | [`fields`] | none: field data of these files |
 //! | [`vtkhdf`], [`hdf5`] | `DISPLAY/*.vtkhdf`, and the format that it is based on |
@@ -30,3 +30,4 @@ pub mod scale;
 pub mod series;
 pub mod view;
 pub mod vtkhdf;
+pub mod vtp;

@@ -9,6 +9,7 @@ use std::ops::Range;
 use vtkio::model::{Attribute, Attributes, DataArray, IOBuffer, PolyDataPiece, VertexNumbers};
 
 use crate::write::display::vertex_numbers;
+use crate::write::vtp::typed_bytes;
 
 /// Cells of one category.
 #[derive(Default)]
@@ -107,18 +108,6 @@ fn selected_rows(numbers: &IOBuffer, rows: &[usize], components: usize) -> IOBuf
     }
 }
 
-/// VTK's name of the type of an array.
-fn type_name(numbers: &IOBuffer) -> &'static str {
-    match numbers {
-        IOBuffer::F64(_) => "Float64",
-        IOBuffer::U64(_) => "UInt64",
-        IOBuffer::U32(_) => "UInt32",
-        IOBuffer::U16(_) => "UInt16",
-        IOBuffer::U8(_) => "UInt8",
-        other => unreachable!("no array for ParaView has the type {:?}", other.scalar_type()),
-    }
-}
-
 /// The `.pvtp` file: arrays as in `piece`, and the names of the files of the pieces.
 pub fn pvtp_text(piece: &PolyDataPiece, files: &[String]) -> String {
     let mut text = String::from(
@@ -128,7 +117,7 @@ pub fn pvtp_text(piece: &PolyDataPiece, files: &[String]) -> String {
         writeln!(text, "<{tag}>").expect("writing to a string");
         for attribute in attributes {
             let Attribute::DataArray(DataArray { name, elem, data }) = attribute else { continue };
-            let (kind, components) = (type_name(data), elem.num_comp());
+            let (kind, components) = (typed_bytes(data).0, elem.num_comp());
             writeln!(text, "<PDataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\"/>")
                 .expect("writing to a string");
         }

@@ -21,7 +21,7 @@ pub mod tables;
 use std::fs;
 use std::path::Path;
 
-use cd_formats::atomic::{self, path_exists};
+use cd_formats::atomic;
 use cd_formats::bodies::Bodies;
 use cd_formats::compute::{Compute, ROTATION_ABOUT_PERIOD};
 use cd_formats::dof::{BodyDof, Dof};
@@ -37,6 +37,7 @@ use cd_formats::snapshot::{self, DRIVEN_ALL, Ledger, START_FILE, Snapshot, Snaps
 use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::check::check_vector;
+use crate::datbox::{lock_datbox, write_files};
 use crate::field_surfaces;
 use crate::grain::Population;
 use crate::parse::parse_with_settings;
@@ -51,6 +52,9 @@ use tables::BehaviourTables;
 
 /// File in DATBOX that records the origin of each body.
 pub const ORIGIN_FILE: &str = "ORIGIN.csv";
+
+/// Files that only `from-outbox` writes, and that would be misread with another scene.
+pub const OWN_FILES: [&str; 2] = [START_FILE, ORIGIN_FILE];
 
 /// A file of DATBOX: name and bytes.
 type File = (String, Vec<u8>);
@@ -103,7 +107,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let bytes = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
     reread::check_files(&datbox, bytes, &driven, &options, body_path, &mut report);
     reject_faults(&mut report)?;
-    fs::create_dir_all(&datbox).map_err(|error| Fault::from_io(&datbox, "written", &error))?;
+    let _lock = lock_datbox(&datbox)?;
     let mut origin = SceneOrigin::from_outbox(case, changes, settings, dir);
     changes.into_iter().for_each(|file| origin.add(file, dir));
     scene::models(&request.changes.grains, &request.changes.walls)
@@ -114,7 +118,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     for (_, bytes) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE_FILE) {
         bytes.splice(..0, origin.lines().into_bytes());
     }
-    atomic::write_all(files.iter().map(|(name, bytes)| (datbox.join(name), bytes.as_slice())))?;
+    write_files(&datbox, files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())), &[])?;
     print_warnings(&report.warnings);
     let mut summary: String = parts.iter().map(part_summary).collect();
     summary += &sources[0].run_notes(Some(&options).filter(|_| request.changes.compute.is_none()));
@@ -319,14 +323,6 @@ pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<Changes, F
     let mut report = FaultReport::with_settings(source, text, settings);
     check_changes(&changes, &mut report);
     report.faults.into_result(changes)
-}
-
-/// Removes the files that only `from-outbox` writes and that would be misread with another scene.
-pub fn remove_outbox_files(datbox: &Path) -> Result<(), Faults> {
-    for path in [datbox.join(START_FILE), datbox.join(ORIGIN_FILE)].iter().filter(|path| path_exists(path)) {
-        fs::remove_file(path).map_err(|error| Fault::from_io(path, "removed", &error))?;
-    }
-    Ok(())
 }
 
 /// Checks the values of the changes that need no run.

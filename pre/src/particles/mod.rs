@@ -38,7 +38,7 @@ pub fn read_particles(path: &Path, format: Option<ParticleFormat>) -> Result<Par
     let mut faults = Faults::default();
     let state = match format {
         ParticleFormat::Pkdgrav => {
-            let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
+            let bytes = atomic::read_bytes(path)?;
             pkdgrav::read(path, &bytes, &mut faults)
         }
         ParticleFormat::Csv => csv::read(path, &atomic::read_text(path)?, &mut faults),

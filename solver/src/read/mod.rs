@@ -12,6 +12,7 @@ mod parts;
 pub mod resume;
 mod servo_walls;
 mod sinks_and_sources;
+pub mod wholeness;
 
 use std::path::{Path, PathBuf};
 
@@ -80,8 +81,12 @@ impl DatboxFiles {
 }
 
 /// Reads `case/DATBOX`; `flags` take precedence over COMPUTE.RON. Returns all faults of all files at once.
+///
+/// A DATBOX that is not whole is rejected, see [`wholeness`].
 pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Faults> {
     let datbox = case.join("DATBOX");
+    let _lock = wholeness::lock_datbox(&datbox)?;
+    let changed_files = wholeness::changed_files_warning(&datbox)?;
     let (files, mut faults) = DatboxFiles::read(&datbox, flags)?;
     let DatboxFiles { options, bodies, bulk, tact, driven, dof, history, notices } = files;
     let field_shapes = faults.gather_result(FieldShapes::read(&options.fields, &datbox));
@@ -147,6 +152,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     apply_lmgc90_defaults(&datbox, flags, &mut scene);
     scene.notes.extend(behaviour::ineffective_options(&scene));
     behaviour::doubts(&datbox, &tact, &mut scene, &mut event_report);
+    scene.warnings.extend(changed_files);
     scene.warnings.extend(origin_change_warning(case));
     scene.warnings.extend(behaviour::pass_through_warning(&scene));
     scene.warnings.extend(former_option_names(&datbox));

@@ -34,6 +34,7 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
     }
     let snapshot = Snapshot::read(path).map_err(|faults| unreadable_snapshot_faults(faults, &snapshots))?;
     check_snapshot(path, scene, &snapshot)?;
+    check_completeness(path, scene, &snapshot)?;
     restore_presence(path, scene, state, &snapshot)?;
     let current_option = |(name, value): (&String, &String)| (name.clone(), value_with_current_names(name, value));
     let options = snapshot.meta.options.iter().map(current_option).collect();
@@ -243,6 +244,55 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
     }
     faults.into_result(())
 }
+
+/// Rejects a snapshot without arrays that its laws and options need, or with a step or time that no run reaches, as a program
+/// that copies some of its arrays may leave it.
+fn check_completeness(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> {
+    let Snapshot { meta, memory, laws, attractions, gravity, presence, interval, .. } = snapshot;
+    let mut faults = Faults::default();
+    let mut expect_arrays = |are_needed: bool, are_there: bool, names: &str, reason: &str| {
+        if are_needed && !are_there {
+            let expected = format!("expected it, because {reason}");
+            faults.push(Fault::new(path, None, format!("arrays {names}"), "are missing", expected));
+        }
+    };
+    let needs_memory = scene.laws.iter().any(ContactLaw::has_memory);
+    expect_arrays(needs_memory, memory.is_some(), "contact_bonded to contact_moment", "a law has bonds or moments");
+    let needs_law_memory = scene.laws.iter().any(ContactLaw::has_law_memory);
+    expect_arrays(needs_law_memory, laws.is_some(), "contact_reference_gap to contact_sliding", "a law remembers them");
+    let has_pair_cohesion = scene.laws.iter().any(|law| law.pair_cohesion().is_some());
+    expect_arrays(has_pair_cohesion, attractions.is_some(), "contact_attraction", "a law has cohesion per pair");
+    let keeps_gravity = meta.attraction.is_some();
+    expect_arrays(keeps_gravity, gravity.is_some(), "gravity_last, gravity_before", "meta has attraction");
+    let exchanges_bodies =
+        ["sinks", "sources"].iter().any(|name| meta.options.get(*name).is_some_and(|list| list != "[]"));
+    expect_arrays(exchanges_bodies, presence.is_some(), "body_presence", "the run has sinks or sources");
+    let has_interval = meta.interval_start.is_some();
+    expect_arrays(has_interval, interval.is_some(), "interval_body, interval_virial", "meta has interval_start");
+    let mut expect_meta = |holds: bool, name: &str, value: f64, expected: String| {
+        if !holds {
+            faults.push(Fault::new(path, None, format!("meta, {name}"), number_text(value), expected));
+        }
+    };
+    expect_meta(meta.h.is_finite() && meta.h > 0.0, "h", meta.h, "expected more than 0 s".into());
+    if let Some(dt) = meta.options.get("dt").and_then(|dt| dt.parse::<f64>().ok()) {
+        // A step is a whole number of dt.
+        let multiple = meta.h / dt;
+        let largest = meta.parameters.adaptive.as_ref().map_or(1, |adaptive| adaptive.max_multiple) as f64;
+        let is_multiple = (multiple - multiple.round()).abs() <= META_ROUNDING * multiple && multiple <= 1.5 * largest;
+        let expected = format!("expected dt = {} s of meta, or a multiple of an adaptive run", number_text(dt));
+        expect_meta(meta.h <= 0.0 || is_multiple, "h", meta.h, expected);
+        let (first_step, first_time) = meta.counted_from.unwrap_or((scene.start.step, scene.start.time));
+        let time = first_time + meta.step.saturating_sub(first_step) as f64 * dt;
+        let is_reached = (meta.time - time).abs() <= META_ROUNDING * time.abs().max(dt);
+        let expected = format!("expected {} s, which step {} reaches", number_text(time), meta.step);
+        expect_meta(is_reached, "time", meta.time, expected);
+    }
+    faults.into_result(())
+}
+
+/// Largest relative difference of times in a snapshot from those of its step; rounding of their sums is smaller.
+const META_ROUNDING: f64 = 1e-9;
 
 /// Largest difference of START.npz from DOF.INI, relative to the farthest and the fastest body: digits of that file.
 const FILE_ROUNDING: f64 = 1e-6;

@@ -1,14 +1,14 @@
 //! Logs: CSV files with a row per step or per group of steps, `steps.csv` in OUTBOX and `TIMER.csv` next to it, and their
 //! columns. The files of probes are logs, too.
 
-use std::fs::File;
-use std::io::{BufRead, BufReader, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::{BufRead, BufReader};
+use std::path::Path;
 
 use cd_formats::atomic;
-use cd_formats::error::{Fault, Faults};
+use cd_formats::error::Faults;
 use cd_formats::messages::print_line;
 
+use super::appended::AppendedFile;
 use crate::scene::Scene;
 use crate::solve::lmgc90_criteria::Lmgc90Norms;
 use crate::state::State;
@@ -92,8 +92,7 @@ impl LogCell {
 
 /// CSV file whose first column is the step.
 pub struct LogTable {
-    path: PathBuf,
-    file: BufWriter<File>,
+    file: AppendedFile,
     columns: Vec<LogColumn>,
     /// Empty fields for columns that an earlier part of the run had and this one does not.
     trailing_fields: String,
@@ -149,7 +148,7 @@ impl LogTable {
         schedule: RowSchedule,
         mut record: impl FnMut(&LogRow),
     ) -> Result<Self, Faults> {
-        let mut old_file: Box<dyn BufRead> = match File::open(path) {
+        let mut old_file: Box<dyn BufRead> = match atomic::open_to_read(path) {
             Ok(file) if path.is_file() => Box::new(BufReader::new(file)),
             _ => Box::new(std::io::empty()),
         };
@@ -193,10 +192,8 @@ impl LogTable {
                 last_row + 1
             ));
         }
-        let file = File::options().append(true).open(path).map_err(|error| Fault::from_io(path, "written", &error))?;
         Ok(LogTable {
-            path: path.to_path_buf(),
-            file: BufWriter::new(file),
+            file: AppendedFile::open(path)?,
             columns: columns.to_vec(),
             trailing_fields: ",".repeat(names.len() - own_count),
             pending: pending.map(|(_, cells)| cells[..own_count].to_vec()),
@@ -241,19 +238,22 @@ impl LogTable {
         let names: Vec<&str> = self.columns.iter().map(|(name, _)| *name).collect();
         record(&LogRow { names: &names, cells: &cells });
         self.last_row = cells[0].to_f64() as u64;
-        writeln!(self.file, "{}{}", text.join(","), self.trailing_fields)
-            .map_err(|error| Fault::from_io(&self.path, "written", &error).into())
+        self.file.append(&format!("{}{}\n", text.join(","), self.trailing_fields))
+    }
+
+    /// The file with the rows so far.
+    pub fn file(&self) -> &AppendedFile {
+        &self.file
     }
 
     /// Flushes the rows, so that other programs can read them.
     pub fn flush_to_file(&mut self) -> Result<(), Faults> {
-        self.file.flush().map_err(|error| Fault::from_io(&self.path, "written", &error).into())
+        self.file.flush_to_file()
     }
 
     /// Syncs the rows to disk, so that no snapshot exists without the rows before it.
     pub fn sync_to_disk(&mut self) -> Result<(), Faults> {
-        self.flush_to_file()?;
-        self.file.get_ref().sync_data().map_err(|error| Fault::from_io(&self.path, "written", &error).into())
+        self.file.sync_to_disk()
     }
 }
 

@@ -1,5 +1,7 @@
 //! Stage: writes state and reports to the files of OUTBOX.
 
+mod appended;
+mod checksums;
 pub mod errors;
 pub mod exchange;
 mod log;
@@ -11,13 +13,15 @@ pub mod summary;
 pub mod text;
 mod text_inputs;
 
-use std::fs::{File, TryLockError};
-use std::io::ErrorKind;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use cd_formats::atomic::{folder_entries, path_exists};
+use cd_formats::checksums::CHECKSUMS_FILE;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::lock::FolderLock;
+use cd_formats::messages::print_error;
 use cd_formats::snapshot::{list_snapshots, remove_orphan_parts, snapshot_path};
 
 use crate::ranks;
@@ -25,6 +29,8 @@ use crate::scene::Scene;
 use crate::state::State;
 use crate::step::{StageTimes, StepReport};
 
+use self::appended::{AppendedFile, check_in_place};
+use self::checksums::ResultChecksums;
 use self::postpro::PostproFiles;
 use self::probes::ProbeFiles;
 use errors::ErrorEstimator;
@@ -35,6 +41,9 @@ pub use problem::{check_dump_step, write_problem};
 /// equal runs have equal bytes in OUTBOX.
 pub struct ResultFiles {
     outbox: PathBuf,
+    /// Opened folder at `outbox`; none if the system does not open folders.
+    folder: Option<File>,
+    checksums: ResultChecksums,
     steps: LogTable,
     timer: LogTable,
     schedule: RowSchedule,
@@ -51,38 +60,14 @@ pub fn outbox_path(case: &Path) -> PathBuf {
     case.join("OUTBOX")
 }
 
-/// Exclusive lock of an OUTBOX.
-pub struct OutboxLock {
-    folder: Option<File>,
-    /// Path, if the lock created the folder.
-    created: Option<PathBuf>,
-}
-
-impl Drop for OutboxLock {
-    fn drop(&mut self) {
-        // A rejected run leaves no empty folder; a folder with files remains.
-        self.created.take().into_iter().for_each(|path| drop(std::fs::remove_dir(path)));
-        // Closing is not enough: a child process that is just being started has the file open, too.
-        self.folder.take().into_iter().for_each(|folder| drop(folder.unlock()));
-    }
-}
-
 /// Locks the OUTBOX of a case for this run and creates it if needed. A DATBOX may be shared.
 ///
 /// Errors: another run has locked it, or it cannot be created. If folders cannot be locked, every run gets it.
-pub fn lock_outbox(case: &Path) -> Result<OutboxLock, Faults> {
-    let path = outbox_path(case);
-    let created = match std::fs::create_dir(&path) {
-        Ok(()) => Some(path.clone()),
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => None,
-        Err(error) => return Err(Fault::from_io(&path, "created", &error).into()),
-    };
-    let folder = File::open(&path).ok();
-    if folder.as_ref().is_some_and(|folder| matches!(folder.try_lock(), Err(TryLockError::WouldBlock))) {
+pub fn lock_outbox(case: &Path) -> Result<FolderLock, Faults> {
+    FolderLock::exclusive(&outbox_path(case))?.ok_or_else(|| {
         let expected = "wait for it, or use another folder";
-        return Err(Fault::new(case, None, "folder", "another run is writing to it", expected).into());
-    }
-    Ok(OutboxLock { folder, created })
+        Fault::new(case, None, "folder", "another run is writing to it", expected).into()
+    })
 }
 
 /// Rejects a case that has results; files of LMGC90 count only if this run would overwrite them.
@@ -114,7 +99,7 @@ pub fn remove_results(case: &Path) -> Result<(), Faults> {
     let outbox = outbox_path(case);
     let is_output = |name: &str| {
         (name.starts_with("snapshot-") && name.ends_with(".npz"))
-            || name == log::STEPS_FILE
+            || [log::STEPS_FILE, CHECKSUMS_FILE].contains(&name)
             || text::is_state_name(name)
     };
     let mut removed = vec![case.join(log::TIMER_FILE), case.join(errors::ERRORS_FILE)];
@@ -169,8 +154,35 @@ impl ResultFiles {
         }
         let postpro = PostproFiles::open(case, scene, state)?;
         let probes = ProbeFiles::open(case, scene, state)?;
-        let files = ResultFiles { outbox, steps: log, timer, schedule, number_offset, postpro, probes, part_bodies };
+        let resumed_step = snapshot_path(&outbox, state.step).is_file().then_some(state.step);
+        let logs = logs_with_checksums(&log, &postpro, &probes);
+        let (checksums, changed_inputs) = ResultChecksums::open(case, &outbox, resumed_step, &logs)?;
+        if !changed_inputs.is_empty() {
+            let files = changed_inputs.join(", ");
+            print_error(format_args!(
+                "cd-solve: warning: {}: changed or removed since this run began: {files}; the run goes on with the present files",
+                outbox.display()
+            ));
+        }
+        let folder = File::open(&outbox).ok();
+        let files = ResultFiles {
+            outbox,
+            folder,
+            checksums,
+            steps: log,
+            timer,
+            schedule,
+            number_offset,
+            postpro,
+            probes,
+            part_bodies,
+        };
         Ok((files, estimator))
+    }
+
+    /// Errors if OUTBOX is no longer the folder that the run has opened.
+    fn check_folder(&self) -> Result<(), Faults> {
+        self.folder.as_ref().map_or(Ok(()), |folder| check_in_place(&self.outbox, folder, "folder"))
     }
 
     /// Adds a step to the logs, and the rows that they write to `estimator`.
@@ -212,6 +224,7 @@ impl ResultFiles {
 
     /// Flushes the rows so far, so that other programs can read them.
     pub fn flush_to_file(&mut self) -> Result<(), Faults> {
+        self.check_folder()?;
         self.steps.flush_to_file()?;
         self.timer.flush_to_file()?;
         self.postpro.flush_to_file()?;
@@ -225,6 +238,7 @@ impl ResultFiles {
 
     /// Writes the state, after the log of the steps that led to it.
     pub fn write_state(&mut self, scene: &Scene, state: &State) -> Result<(), Faults> {
+        self.check_folder()?;
         self.steps.sync_to_disk()?;
         self.timer.sync_to_disk()?;
         self.postpro.sync_to_disk()?;
@@ -234,10 +248,25 @@ impl ResultFiles {
         }
         let (snapshot, path) = (snapshot::state_snapshot(scene, state), snapshot_path(&self.outbox, state.step));
         match self.part_bodies {
-            Some(part_bodies) => snapshot.write_in_parts(&path, part_bodies),
-            None => snapshot.write(&path),
+            Some(part_bodies) => snapshot.write_in_parts(&path, part_bodies)?,
+            None => snapshot.write(&path)?,
         }
+        self.checksums.add_snapshot(state.step, &logs_with_checksums(&self.steps, &self.postpro, &self.probes))
     }
+
+    /// Adds the logs of the run, which ends, to the list of checksums.
+    pub fn finish_checksums(&mut self) -> Result<(), Faults> {
+        self.checksums.add_logs(&logs_with_checksums(&self.steps, &self.postpro, &self.probes))
+    }
+}
+
+/// Files of a run that grow and are covered by checksums: all but TIMER.csv, since equal runs take different times.
+fn logs_with_checksums<'a>(
+    steps: &'a LogTable,
+    postpro: &'a PostproFiles,
+    probes: &'a ProbeFiles,
+) -> Vec<&'a AppendedFile> {
+    [steps.file()].into_iter().chain(postpro.files()).chain(probes.files()).collect()
 }
 
 /// Results of a run, which only one of its ranks writes.
@@ -261,7 +290,9 @@ impl RunOutput {
 
     /// Applies `write` to the files of the rank that has them.
     pub fn write(&mut self, write: impl FnOnce(&mut ResultFiles) -> Result<(), Faults>) -> Result<(), Faults> {
-        self.0.as_mut().map_or(Ok(()), |files| ranks::compute_alone(|| write(files)))
+        let Some(files) = &mut self.0 else { return Ok(()) };
+        // If OUTBOX was moved away, that is the reason, not a file that is missing in it.
+        ranks::compute_alone(|| write(files).or_else(|faults| files.check_folder().and(Err(faults))))
     }
 }
 

@@ -1,13 +1,13 @@
 //! Files of POSTPRO.DAT: rows of figures in LMGC90's columns, in the folder POSTPRO next to OUTBOX.
 
-use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
-use cd_formats::error::{Fault, Faults};
+use cd_formats::error::Faults;
 use cd_formats::postpro::{PostproCommand, PostproKind};
 
+use super::appended::AppendedFile;
 use crate::math::{Twist, Vec3, Wrench, to_local, to_world};
 use crate::scene::{BodyId, BodyShape, ContactorShape, Scene};
 use crate::state::{SolvedContact, State};
@@ -47,7 +47,7 @@ pub fn paths(case: &Path, scene: &Scene) -> Vec<PathBuf> {
 /// Open files of all commands.
 pub struct PostproFiles {
     /// Command, and its files.
-    commands: Vec<(PostproCommand, Vec<RowFile>)>,
+    commands: Vec<(PostproCommand, Vec<AppendedFile>)>,
 }
 
 impl PostproFiles {
@@ -56,8 +56,8 @@ impl PostproFiles {
         let resumed = state.step > scene.start.step;
         let open = |command: &PostproCommand| {
             let paths = file_names(&command.kind).into_iter().map(|name| case.join(FOLDER).join(name));
-            let files: Result<Vec<RowFile>, Faults> =
-                paths.map(|path| RowFile::open(path, resumed.then_some(state.time))).collect();
+            let files: Result<Vec<AppendedFile>, Faults> =
+                paths.map(|path| open_row_file(&path, resumed.then_some(state.time))).collect();
             Ok((command.clone(), files?))
         };
         Ok(PostproFiles { commands: scene.postpro.iter().map(open).collect::<Result<_, Faults>>()? })
@@ -86,7 +86,7 @@ impl PostproFiles {
             }
             let rows: Vec<Vec<f64>> = match &command.kind {
                 PostproKind::SolverInformations => {
-                    files[0].add_text(&figures.solver_row())?;
+                    files[0].append(&format!("{}\n", figures.solver_row()))?;
                     continue;
                 }
                 PostproKind::ViolationEvolution => vec![figures.violation().to_vec()],
@@ -105,7 +105,7 @@ impl PostproFiles {
             for (file, row) in files.iter_mut().zip(rows) {
                 let mut text = fortran_es(state.time, 8);
                 row.iter().for_each(|&x| text += &format!(" {}", fortran_es(x, 7)));
-                file.add_text(&text)?;
+                file.append(&format!("{text}\n"))?;
             }
         }
         state.postpro = sums;
@@ -114,60 +114,44 @@ impl PostproFiles {
 
     /// Writes the rows so far, so that other programs can read them.
     pub fn flush_to_file(&mut self) -> Result<(), Faults> {
-        self.files().try_for_each(|file| file.file.flush().map_err(|error| file.fault(&error)))
+        self.files_mut().try_for_each(AppendedFile::flush_to_file)
     }
 
     /// Writes the rows so far and waits until they are on the disk.
     pub fn sync_to_disk(&mut self) -> Result<(), Faults> {
-        self.flush_to_file()?;
-        self.files().try_for_each(|file| file.file.get_ref().sync_data().map_err(|error| file.fault(&error)))
+        self.files_mut().try_for_each(AppendedFile::sync_to_disk)
     }
 
     /// All files, in the order of their commands.
-    fn files(&mut self) -> impl Iterator<Item = &mut RowFile> {
+    pub fn files(&self) -> impl Iterator<Item = &AppendedFile> {
+        self.commands.iter().flat_map(|(_, files)| files)
+    }
+
+    fn files_mut(&mut self) -> impl Iterator<Item = &mut AppendedFile> {
         self.commands.iter_mut().flat_map(|(_, files)| files)
     }
 }
 
-/// File that begins each row with the time.
-struct RowFile {
-    path: PathBuf,
-    file: BufWriter<File>,
-}
-
-impl RowFile {
-    /// Opens the file; with the time of a resumed state (s) its complete rows up to that time are kept.
-    fn open(path: PathBuf, resume_time: Option<f64>) -> Result<Self, Faults> {
-        let last: Option<f64> = resume_time.and_then(|time| fortran_es(time, 8).trim().parse().ok());
-        let old = last.and_then(|last| Some((last, File::open(&path).ok()?)));
-        atomic::write_with(&path, |file| {
-            let Some((last, old)) = old else { return Ok(()) };
-            let mut old = BufReader::new(old);
-            let mut row = String::new();
-            while old.read_line(&mut row)? > 0 {
-                let time = row.get(..TIME_WIDTH).and_then(|time| time.trim().parse::<f64>().ok());
-                if !row.ends_with('\n') || time.is_none_or(|time| time > last) {
-                    break;
-                }
-                file.write_all(row.as_bytes())?;
-                row.clear();
+/// Opens a file whose rows begin with the time; with the time of a resumed state (s) its complete rows up to that time are
+/// kept. Errors: it cannot be read or written.
+fn open_row_file(path: &Path, resume_time: Option<f64>) -> Result<AppendedFile, Faults> {
+    let last: Option<f64> = resume_time.and_then(|time| fortran_es(time, 8).trim().parse().ok());
+    let old = last.and_then(|last| Some((last, atomic::open_to_read(path).ok()?)));
+    atomic::write_with(path, |file| {
+        let Some((last, old)) = old else { return Ok(()) };
+        let mut old = BufReader::new(old);
+        let mut row = String::new();
+        while old.read_line(&mut row)? > 0 {
+            let time = row.get(..TIME_WIDTH).and_then(|time| time.trim().parse::<f64>().ok());
+            if !row.ends_with('\n') || time.is_none_or(|time| time > last) {
+                break;
             }
-            Ok(())
-        })?;
-        match OpenOptions::new().append(true).open(&path) {
-            Ok(file) => Ok(RowFile { path, file: BufWriter::new(file) }),
-            Err(error) => Err(Fault::from_io(&path, "written", &error).into()),
+            file.write_all(row.as_bytes())?;
+            row.clear();
         }
-    }
-
-    fn add_text(&mut self, row: &str) -> Result<(), Faults> {
-        writeln!(self.file, "{row}").map_err(|error| self.fault(&error))
-    }
-
-    /// Fault of a file that cannot be written.
-    fn fault(&self, error: &std::io::Error) -> Faults {
-        Fault::from_io(&self.path, "written", error).into()
-    }
+        Ok(())
+    })?;
+    AppendedFile::open(path)
 }
 
 /// Width of the time in a row, characters.

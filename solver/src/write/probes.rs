@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::error::Faults;
 use cd_formats::probe::{Probe, ProbeQuantity, RegionMeans};
 
+use super::appended::AppendedFile;
 use super::log::{ColumnKind, LogCell, LogColumn, LogTable, RowSchedule};
 use super::postpro;
 use crate::scene::Scene;
@@ -67,6 +68,11 @@ impl ProbeFiles {
     /// Writes the rows of the last steps of the run, which are not due.
     pub fn finish_rows(&mut self) -> Result<(), Faults> {
         self.0.iter_mut().try_for_each(|(file, _)| file.finish_rows(|_| ()))
+    }
+
+    /// All files, in the order of the probes.
+    pub fn files(&self) -> impl Iterator<Item = &AppendedFile> {
+        self.0.iter().map(|(table, _)| table.file())
     }
 
     /// Writes the rows so far, so that other programs can read them.

@@ -9,10 +9,11 @@ use crate::derive::free_surface::FreeSurface;
 use crate::derive::surface::{DirectionGrid, SurfaceFacet, aggregate_surface, rms_noise, slope_quantiles};
 use crate::frame::Frame;
 use crate::math::Vec3;
-use crate::write::display::{flat_components, scalar_attribute, vector_attribute, vertex_numbers, vtp_bytes};
+use crate::write::display::{flat_components, scalar_attribute, vector_attribute, vertex_numbers};
 use crate::write::figure::{Curve, Figure, FigureAxis};
 use crate::write::map::{self, MapSheet};
 use crate::write::series::{Column, csv_table, csv_text};
+use crate::write::vtp::vtp_text;
 
 /// Columns of surface.csv of a heap or bed.
 pub const SURFACE_COLUMNS: [Column; 6] = [
@@ -156,10 +157,11 @@ fn surface_vtp(
         point.push(scalar_attribute("slope", numbers_of(slopes)));
     }
     point.extend(gravity.map(|gravity| vector_attribute("gravity", vectors_of(gravity).into_iter())));
-    vtp_bytes(PolyDataPiece {
+    let piece = PolyDataPiece {
         points: flat_components(vectors_of(x).into_iter()).into(),
         polys: vertex_numbers(quads),
         data: Attributes { point, cell: vec![] },
         ..Default::default()
-    })
+    };
+    vtp_text(&piece, "").into_bytes()
 }

@@ -5,6 +5,7 @@ use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
+use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 
 use crate::write::raster::RgbImage;
@@ -28,8 +29,8 @@ impl Mp4Film {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(|error| Fault::from_io(folder, "created", &error))?;
         }
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let part = path.with_file_name(format!(".{name}.part"));
+        atomic::remove_old_part(path)?;
+        let part = atomic::temporary_path(path);
         let (size, rate) = (format!("{width}x{height}"), frames_per_second.to_string());
         let program = Command::new(FFMPEG)
             .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])

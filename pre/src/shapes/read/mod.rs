@@ -16,6 +16,7 @@ mod vtp;
 
 use std::path::Path;
 
+use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::mesh::{PolygonMesh, ReadError, lines};
 use cd_formats::obj;
@@ -50,7 +51,7 @@ pub struct FileTriangles {
 ///
 /// Errors: a file that cannot be read, and points that are not finite.
 pub fn read_triangles(path: &Path) -> Result<FileTriangles, Faults> {
-    let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
+    let bytes = atomic::read_bytes(path)?;
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
     let mesh = read_mesh(&bytes, &ending).map_err(|errors| read_faults(path, &errors))?;
     if let Some(RecordFault { found, expected, .. }) = repair::point_fault(&mesh) {

@@ -10,6 +10,7 @@ mod walk;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use cd_formats::atomic;
 use cd_formats::compute::{Compute, ComputeFlags};
 use cd_formats::dof::Dof;
 use cd_formats::error::{Fault, Faults};
@@ -51,7 +52,7 @@ const MAX_COUNTED_STEPS: u64 = 100_000_000;
 /// Rejected are calls that change the mechanics without a counterpart, and scripts whose time step, number of steps,
 /// theta, tolerance, periods or gravity cannot be computed and are not given.
 pub fn read_driver(path: &Path, case: &Path, given: &ComputeFlags) -> Result<DriverSettings, Faults> {
-    let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
+    let bytes = atomic::read_bytes(path)?;
     let text = String::from_utf8_lossy(&bytes);
     let lines = logical_lines(text.trim_start_matches('\u{feff}')).map_err(|unclosed| {
         Fault::new(path, Some(unclosed.line), unclosed.kind.name(), "is not closed", "expected a script of Python")

@@ -1,0 +1,358 @@
+//! Damaged, mixed and unfinished files of a case are found, and no file outside of it is touched.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use cd_formats::lock::FolderLock;
+use cd_tests::case::{Case, assert_same_results, copy, files, pre};
+
+/// Environment variable with the command line that `program_process` runs, a word in each line.
+const WORDS: &str = "CD_TESTS_WORDS";
+
+/// Ball on a plate, `radius` in m: 40 steps, a snapshot every 10.
+fn scene(radius: f64) -> String {
+    format!(
+        r#"(
+    gravity: (0.0, 0.0, -9.81),
+    materials: [(name: "ROCKx", density: 2700.0)],
+    laws: [(name: "iqs00", kind: IQS_CLB(friction: 0.5))],
+    contacts: [(between: ("BLUEx", "BLUEx"), law: "iqs00"), (between: ("BLUEx", "FLOOR"), law: "iqs00")],
+    grains: [(
+        material: "ROCKx",
+        colour: "BLUEx",
+        number: 3,
+        sizes: Single({radius:?}),
+        placement: List(positions: [(0.0, 0.0, 0.2), (1.0, 0.0, 0.3), (2.0, 0.0, 0.4)]),
+    )],
+    walls: [Plate(material: "ROCKx", colour: "FLOOR", centre: (0.0, 0.0, -0.1), half_lengths: (5.0, 5.0, 0.1))],
+    compute: (dt: 2e-3, steps: 40, output_every: 10),
+)"#
+    )
+}
+
+/// Environment variable with a file that takes the place of standard output, since the test program itself prints there.
+const STDOUT: &str = "CD_TESTS_STDOUT";
+
+/// Runs one of the programs as a process of its own: this test program calls it, on words from the environment. Its text goes
+/// to the file `text`, if there is one.
+fn program(words: &[&str], text: Option<&Path>) -> Output {
+    let test = std::env::current_exe().unwrap();
+    Command::new(test)
+        .args(["program_process", "--exact", "--nocapture", "--ignored", "--test-threads=1"])
+        .env(WORDS, words.join("\n"))
+        .envs(text.map(|path| (STDOUT, path)))
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+        .wait_with_output()
+        .unwrap()
+}
+
+#[test]
+#[ignore = "a process that other tests start"]
+fn program_process() {
+    let words = std::env::var(WORDS).expect("started by another test");
+    let words = words.lines().map(std::ffi::OsString::from).collect::<Vec<_>>();
+    let (name, run): (&str, fn(Vec<std::ffi::OsString>) -> i32) = match words[0].to_str().unwrap() {
+        "cd-pre" => ("cd-pre", |words| cd_pre::run(words)),
+        "cd-solve" => ("cd-solve", |words| cd_solve::run(words)),
+        _ => ("cd-post", |words| cd_post::run(words)),
+    };
+    #[cfg(unix)]
+    if let Ok(path) = std::env::var(STDOUT) {
+        rustix::stdio::dup2_stdout(fs::OpenOptions::new().append(true).create(true).open(path).unwrap()).unwrap();
+    }
+    std::process::exit(cd_formats::messages::exit_code(name, run(words)));
+}
+
+/// Exit code and standard error of `cd-solve CASE FLAGS`.
+fn solve_process(case: &Path, flags: &[&str]) -> (i32, String) {
+    let words: Vec<&str> = ["cd-solve", case.to_str().unwrap()].into_iter().chain(flags.iter().copied()).collect();
+    let output = program(&words, None);
+    (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[test]
+fn an_edited_datbox_is_reported_and_one_with_missing_files_is_rejected() {
+    let case = Case::from_scene(&scene(0.1));
+    let bodies = case.datbox("BODIES.DAT");
+    let text = fs::read_to_string(&bodies).unwrap();
+    fs::write(&bodies, text.clone() + "! a comment\n").unwrap();
+    let (code, said) = solve_process(case.path(), &["--force"]);
+    assert!(code == 0 && said.contains("DATBOX: changed since cd-pre "), "{said}");
+    assert!(said.contains("wrote it: BODIES.DAT; the run takes it as it is"), "{said}");
+    fs::write(&bodies, text).unwrap();
+    let (code, said) = solve_process(case.path(), &["--force"]);
+    assert!(code == 0 && !said.contains("changed"), "{said}");
+    // Without COMPUTE.RON the run would have other options.
+    fs::remove_file(case.datbox("COMPUTE.RON")).unwrap();
+    let (code, said) = solve_process(case.path(), &["--force"]);
+    assert!(code == 2 && said.contains("COMPUTE.RON: file: is missing; cd-pre "), "{said}");
+    fs::remove_file(case.datbox("SHA256SUMS")).unwrap();
+    assert_eq!(case.solve(&["--force"]), 0);
+}
+
+#[test]
+fn a_mixture_of_two_scenes_is_reported_or_rejected() {
+    let [case, other] = [0.1, 0.12].map(|radius| Case::from_scene(&scene(radius)));
+    // As a program leaves it that is killed between two renames.
+    fs::write(case.datbox(".unfinished"), "").unwrap();
+    fs::copy(other.datbox("BODIES.DAT"), case.datbox("BODIES.DAT")).unwrap();
+    let (code, said) = solve_process(case.path(), &[]);
+    assert!(code == 2 && said.contains("cd-pre was ended before it had replaced all files"), "{said}");
+    assert!(said.contains("run cd-pre again") && !case.outbox().exists(), "{said}");
+    fs::remove_file(case.datbox(".unfinished")).unwrap();
+    let (code, said) = solve_process(case.path(), &[]);
+    assert!(code == 0 && said.contains("wrote it: BODIES.DAT;"), "{said}");
+    assert_eq!(pre(&case.path().join("scene.ron"), case.path()), 0);
+    let (code, said) = solve_process(case.path(), &["--force"]);
+    assert!(code == 0 && !said.contains("warning"), "{said}");
+}
+
+#[test]
+fn two_programs_do_not_write_one_datbox() {
+    let case = Case::from_scene(&scene(0.1));
+    let datbox = case.path().join("DATBOX");
+    let before: Vec<Vec<u8>> = files(&datbox).iter().map(|name| fs::read(datbox.join(name)).unwrap()).collect();
+    let lock = FolderLock::exclusive(&datbox).unwrap().unwrap();
+    assert_eq!(pre(&case.path().join("scene.ron"), case.path()), 2);
+    assert_eq!(case.solve(&[]), 2);
+    drop(lock);
+    let after: Vec<Vec<u8>> = files(&datbox).iter().map(|name| fs::read(datbox.join(name)).unwrap()).collect();
+    assert!(before == after);
+    let reader = FolderLock::shared(&datbox).unwrap();
+    assert_eq!(pre(&case.path().join("scene.ron"), case.path()), 2);
+    assert_eq!(case.solve(&[]), 0);
+    drop(reader);
+    assert_eq!(pre(&case.path().join("scene.ron"), case.path()), 0);
+}
+
+#[test]
+fn damaged_files_are_found_and_a_run_goes_on_from_the_last_sound_snapshot() {
+    let case = Case::from_scene(&scene(0.1)).solved(&[]);
+    let unbroken = case.twin().solved(&[]);
+    assert_eq!(case.solve(&["--verify"]), 0);
+    // The list of the results covers the files of DATBOX, the snapshots and the log, as sha256sum reads it.
+    let list = fs::read_to_string(case.outbox().join("SHA256SUMS")).unwrap();
+    let paths: Vec<&str> =
+        list.lines().filter(|line| !line.starts_with('#')).filter_map(|line| Some(line.split_once("  ")?.1)).collect();
+    assert_eq!(
+        paths.iter().filter(|path| path.starts_with("../DATBOX/")).count(),
+        files(&case.path().join("DATBOX")).len() - 1
+    );
+    let results =
+        [0, 10, 20, 30, 40].map(|step| format!("snapshot-{step:06}.npz")).into_iter().chain(["steps.csv".into()]);
+    assert!(paths.iter().filter(|path| !path.starts_with("..")).map(|path| path.to_string()).eq(results), "{list}");
+
+    for (name, at) in [("snapshot-000040.npz", 700), ("snapshot-000030.npz", 900), ("steps.csv", 300)] {
+        let path = case.outbox().join(name);
+        let mut bytes = fs::read(&path).unwrap();
+        bytes[at] ^= 4;
+        fs::write(&path, bytes).unwrap();
+        assert_eq!(case.solve(&["--verify"]), 1, "{name}");
+    }
+    fs::remove_file(case.outbox().join("snapshot-000010.npz")).unwrap();
+    let text = case.path().join("said");
+    program(&["cd-solve", case.path().to_str().unwrap(), "--verify"], Some(&text));
+    let said = fs::read_to_string(text).unwrap();
+    for line in [
+        "snapshot-000030.npz: differs from its checksum in SHA256SUMS",
+        "snapshot-000040.npz: differs from its checksum in SHA256SUMS",
+        "steps.csv: differs from its checksum in OUTBOX/SHA256SUMS",
+        "snapshot-000010.npz: is missing",
+        "snapshots: 2 of 4 sound",
+        "--resume --skip-damaged continues from step 20",
+    ] {
+        assert!(said.contains(line), "{line}: {said}");
+    }
+    assert_eq!(case.solve(&["--resume"]), 2);
+    fs::copy(unbroken.outbox().join("steps.csv"), case.outbox().join("steps.csv")).unwrap();
+    fs::copy(unbroken.outbox().join("snapshot-000010.npz"), case.outbox().join("snapshot-000010.npz")).unwrap();
+    assert_eq!(case.solve(&["--resume", "--skip-damaged"]), 0);
+    for name in ["snapshot-000040.npz.damaged", "snapshot-000030.npz.damaged"] {
+        fs::remove_file(case.outbox().join(name)).unwrap();
+    }
+    assert_same_results(&unbroken, &case);
+    assert_eq!(case.solve(&["--verify"]), 0);
+}
+
+/// A run that was stopped, or continued further than planned, has the list of the unbroken one.
+#[test]
+fn the_list_of_a_resumed_run_is_that_of_the_unbroken_one() {
+    let unbroken = Case::from_scene(&scene(0.1)).solved(&[]);
+    for steps in ["20", "25"] {
+        let case = unbroken.twin().solved(&["--steps", steps]).solved(&["--resume"]);
+        if steps == "25" {
+            // The snapshot between is kept, and its lines.
+            assert_eq!(case.solve(&["--verify"]), 0);
+            continue;
+        }
+        assert_same_results(&unbroken, &case);
+    }
+    // A run that is resumed with other files says so.
+    let case = unbroken.twin().solved(&["--steps", "20"]);
+    let bulk = case.datbox("BULK_BEHAV.DAT");
+    fs::write(&bulk, fs::read_to_string(&bulk).unwrap() + "! edited\n").unwrap();
+    let (code, said) = solve_process(case.path(), &["--resume"]);
+    assert!(code == 0 && said.contains("changed or removed since this run began: ../DATBOX/BULK_BEHAV.DAT"), "{said}");
+}
+
+#[test]
+fn a_snapshot_that_lacks_what_its_laws_need_is_not_resumed() {
+    let law =
+        "IQS_DS_ROLL_CLB(dynamic_friction: 0.3, static_friction: 0.4, rolling_friction: 0.1, spinning_friction: 0.05)";
+    let bonded = scene(0.1).replace("IQS_CLB(friction: 0.5)", law);
+    let case = Case::from_scene(&bonded).solved(&["--steps", "10"]);
+    let path = case.outbox().join("snapshot-000010.npz");
+    let sound = fs::read(&path).unwrap();
+    let reject = |edit: &dyn Fn(&mut cd_formats::snapshot::Snapshot), expected: &str| {
+        let mut snapshot = case.last_snapshot();
+        edit(&mut snapshot);
+        fs::write(&path, snapshot.to_bytes()).unwrap();
+        let (code, said) = solve_process(case.path(), &["--resume"]);
+        assert!(code == 2 && said.contains(expected), "{expected}: {code} {said}");
+        fs::write(&path, &sound).unwrap();
+    };
+    reject(&|s| s.memory = None, "arrays contact_bonded to contact_moment: are missing");
+    reject(&|s| s.interval = None, "arrays interval_body, interval_virial: are missing");
+    for h in [0.0, -1.0, 1e300, 3.1e-3] {
+        reject(&|s| s.meta.h = h, "meta, h: ");
+    }
+    for time in [-1.0, 1e300, 0.021] {
+        reject(&|s| s.meta.time = time, "meta, time: ");
+    }
+    reject(&|s| s.bodies.body_x[0][0] = 1e308, "expected finite numbers below 1e100");
+    assert_eq!(case.solve(&["--resume"]), 0);
+}
+
+#[test]
+fn two_files_of_one_step_are_rejected() {
+    let case = Case::from_scene(&scene(0.1)).solved(&[]);
+    let snapshot = case.outbox().join("snapshot-000040.npz");
+    for twin in ["snapshot-0000040.npz", "snapshot-+40.npz"] {
+        let twin = case.outbox().join(twin);
+        fs::copy(&snapshot, &twin).unwrap();
+        let (code, said) = solve_process(case.path(), &["--resume", "--steps", "50"]);
+        assert!(code == 2 && said.contains("are both of step 40; expected one"), "{said}");
+        assert_eq!(cd_tests::case::post(case.path(), &[]), 2);
+        fs::remove_file(twin).unwrap();
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn no_link_in_a_case_is_followed_for_writing() {
+    let case = Case::from_scene(&scene(0.1));
+    let precious = case.path().join("precious");
+    let link = |path: &Path| {
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let _ = fs::remove_file(path);
+        std::os::unix::fs::symlink(&precious, path).unwrap();
+    };
+    fs::write(&precious, "precious").unwrap();
+    let names = ["snapshot-000000.npz", "snapshot-000020.npz", "steps.csv", "SHA256SUMS"];
+    for name in names {
+        link(&case.outbox().join(format!(".{name}.part")));
+    }
+    for name in
+        ["DATBOX/.BODIES.DAT.part", "DATBOX/BODIES.DAT", "DATBOX/.unfinished", "TIMER.csv", "POSTPRO/series.csv"]
+    {
+        link(&case.path().join(name));
+    }
+    assert_eq!(pre(&case.path().join("scene.ron"), case.path()), 0);
+    assert_eq!(case.solve(&[]), 0);
+    assert!(!case.series().is_empty());
+    assert_eq!(fs::read_to_string(&precious).unwrap(), "precious");
+    assert!(files(&case.outbox()).iter().all(|name| !case.outbox().join(name).is_symlink()));
+}
+
+#[cfg(unix)]
+#[test]
+fn text_that_cannot_be_printed_is_an_error() {
+    let case = Case::from_scene(&scene(0.1));
+    for words in [
+        &["cd-solve", case.path().to_str().unwrap()][..],
+        &["cd-post", case.path().to_str().unwrap()],
+        &["cd-pre", case.path().join("scene.ron").to_str().unwrap()],
+        &["cd-pre", "--help"],
+        &["cd-solve", "--version"],
+    ] {
+        let output = program(words, Some(Path::new("/dev/full")));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{words:?} {said}");
+        let message = format!("{}: standard output: file: cannot be written: the disk is full", words[0]);
+        assert!(said.contains(&message), "{words:?} {said}");
+    }
+    assert_eq!(case.solve(&["--verify"]), 0, "the files are whole");
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_and_devices_are_no_input() {
+    let case = Case::from_scene(&scene(0.1));
+    assert_eq!(pre(Path::new("/dev/zero"), case.path()), 2);
+    for (name, device) in [("BODIES.DAT", "/dev/zero"), ("DOF.INI", "/dev/null"), ("SHA256SUMS", "/dev/zero")] {
+        let other = case.twin();
+        fs::remove_file(other.datbox(name)).unwrap();
+        std::os::unix::fs::symlink(device, other.datbox(name)).unwrap();
+        let (code, said) = solve_process(other.path(), &[]);
+        assert!(code == 2 && said.contains("is a pipe, a socket or a device"), "{name}: {said}");
+    }
+}
+
+#[test]
+fn numbers_beyond_any_scene_are_rejected_before_the_run() {
+    let case = Case::from_scene(&scene(0.1));
+    for (flag, word) in [("--dt=1e300", "dt"), ("--alert=1e200", "alert"), ("--end-time=1e101", "end_time")] {
+        let (code, said) = solve_process(case.path(), &[flag]);
+        assert!(
+            code == 2 && said.contains(&format!("{word}: 1e")) && said.contains("less than 1e100"),
+            "{code} {said}"
+        );
+    }
+    let dof = case.datbox("DOF.INI");
+    let text = fs::read_to_string(&dof).unwrap();
+    fs::write(&dof, text.replacen("V(3)= 0.0000000D+00", "V(3)= 1.800000D+308", 1)).unwrap();
+    let (code, said) = solve_process(case.path(), &[]);
+    assert!(code == 2 && said.contains("too large a number, 1e100 or more"), "{said}");
+}
+
+#[test]
+fn a_report_of_many_faults_is_short() {
+    let case = Case::empty();
+    let twin = Case::from_scene(&scene(0.1));
+    copy(&twin.path().join("DATBOX"), &case.path().join("DATBOX"));
+    let mut text = String::new();
+    for k in 0..50_000 {
+        text += &format!("$bdyty\n RBDY3  {k:>5}\n{}\n$$$$$$\n", ["x", "yy z", "&"][k % 3].repeat(k % 40 + 1));
+    }
+    fs::write(case.datbox("BODIES.DAT"), text).unwrap();
+    let (code, said) = solve_process(case.path(), &[]);
+    assert!(code == 2 && said.lines().count() <= 110 && said.len() < 200_000, "{} lines", said.lines().count());
+}
+
+/// The folder of results goes while the run writes to it.
+#[cfg(unix)]
+#[test]
+fn results_that_are_moved_away_end_the_run() {
+    for is_removed in [false, true] {
+        let case =
+            Case::from_scene(&scene(0.1).replace("steps: 40, output_every: 10", "steps: 4000000, output_every: 1000"));
+        let [outbox, other] = [case.outbox(), case.path().join("elsewhere")];
+        let path = case.path().to_str().unwrap().to_string();
+        let run = std::thread::spawn(move || program(&["cd-solve", &path], None));
+        while !outbox.join("snapshot-001000.npz").exists() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        fs::rename(&outbox, &other).unwrap();
+        if is_removed {
+            fs::remove_dir_all(&other).unwrap();
+        }
+        let output = run.join().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(4), "{said}");
+        assert!(said.contains("OUTBOX: folder: was removed, renamed or replaced while the run was writing"), "{said}");
+    }
+}
