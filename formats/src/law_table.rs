@@ -664,6 +664,16 @@ contact_laws! {
             friction: FrictionPair { static_friction, dynamic_friction },
             cohesion: LawCohesion::Bond { normal: normal_cohesion, tangential: tangential_cohesion, radius: None, stiffness: None }
         }
+        /// as `RST_DS_CLB`, with the bonds of `IQS_MOHR_DS_CLB`; not in LMGC90
+        RstMohrDsClb "RST_MOHR_DS_CLB" {
+            lines: [
+                [normal_cohesion: NormalCohesion, tangential_cohesion: TangentialCohesion],
+                [normal_restitution: NormalRestitution, tangential_restitution: TangentialRestitution],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Bond { normal: normal_cohesion, tangential: tangential_cohesion, radius: None, stiffness: None }
+        }
         /// as `IQS_MOHR_DS_CLB`, with bonds of spheres that also carry bending and torsion; not in LMGC90
         IqsBeamDsClb "IQS_BEAM_DS_CLB" {
             lines: [

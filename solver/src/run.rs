@@ -234,7 +234,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
 fn small_cell_text(scene: &Scene, state: &State) -> Option<String> {
     let cell = state.cell.as_ref()?;
     let shortest = cell.periods.into_iter().fold(f64::INFINITY, f64::min);
-    let largest = scene.free.iter().map(|body| scene.bodies[body.index()].radius).fold(0.0, f64::max);
+    let largest = scene.free.iter().map(|&body| scene.bounding_radius(body)).fold(0.0, f64::max);
     let range = scene.laws.iter().map(|law| law.interaction_range(largest)).fold(0.0, f64::max);
     let reach = 2.0 * largest + range;
     (shortest <= 2.0 * reach).then(|| {

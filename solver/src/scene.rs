@@ -784,7 +784,7 @@ impl Scene {
     }
 
     /// Contactors of a body that may be absent; none in a scene without [`Self::has_parts`].
-    fn all_parts_of(&self, body: BodyId) -> &[BodyPart] {
+    pub fn all_parts_of(&self, body: BodyId) -> &[BodyPart] {
         match &self.roster {
             _ if !self.has_parts() => &[],
             Some(roster) => {

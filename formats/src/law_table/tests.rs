@@ -141,6 +141,7 @@ fn memory_follows_from_the_parameters() {
     assert_eq!(memory("RST_DS_CLB"), [Sliding]);
     assert_eq!(memory("xQS_WET_DS_CLB"), [Sliding, LiquidBridge]);
     assert_eq!(memory("IQS_MOHR_DS_CLB"), [Sliding, Bond]);
+    assert_eq!(memory("RST_MOHR_DS_CLB"), [Sliding, Bond]);
     assert_eq!(memory("IQS_BEAM_DS_CLB"), [Sliding, Bond, Moment]);
     assert_eq!(memory("ELASTIC_BEAM_DS_CLB"), [Sliding, Bond, Moment]);
     assert_eq!(memory("IQS_WET_DS_ROLL_CLB"), [Sliding, Moment]);

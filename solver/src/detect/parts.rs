@@ -56,7 +56,7 @@ impl DetectionCache {
         let all = contactors.par_iter().with_min_len(CONTACTORS_PER_TASK);
         let centres: Vec<Vec3> = all.clone().map(|contactor| contactor.centre).collect();
         let listing_radius: Vec<f64> = all.clone().map(|contactor| contactor.listing_radius).collect();
-        let travel: Vec<f64> = all.map(|contactor| contactor.travel).collect();
+        let travel: Vec<f64> = all.map(|contactor| contactor.travel - contactor.affine_travel).collect();
         let path = |k: usize| contactors[k].path;
         let balls = BoundingBalls { centres: &centres, reach: &listing_radius, path, travel: &travel };
         if !self.neighbours.rebuild_if_stale(&balls, cell, scene.mean_radius, 0..u32::MAX) {
@@ -106,7 +106,7 @@ pub fn listed_contacts(
     cache: &mut DetectionCache,
 ) -> Vec<Contact> {
     let mut contactors = posed_contactors(scene, q_c, bounds);
-    let settings = PairSettings { nearby_gap_ratio: bounds.nearby, cell: &q_c.cell };
+    let settings = PairSettings { bounds, cell: &q_c.cell };
     cache.rebuild_if_stale(scene, &mut contactors, &q_c.cell, &q_c.order);
     let DetectionCache { pairs, memories, separations, .. } = cache;
     let narrow = match narrow {
@@ -149,7 +149,7 @@ pub fn swept_contacts(
     let ball = |contactor: &PosedContactor| SweptBall {
         centre: contactor.centre,
         path: contactor.path,
-        radius: contactor.radius + contactor.bend,
+        radius: contactor.radius + contactor.bend + contactor.affine_travel,
         searched: searched(contactor.body),
     };
     let balls: Vec<SweptBall> = contactors.iter().map(ball).collect();
@@ -167,7 +167,7 @@ pub fn swept_contacts(
         narrow_phase_chunk(
             scene,
             &contactors,
-            PairSettings { nearby_gap_ratio: bounds.nearby, cell: &q_c.cell },
+            PairSettings { bounds, cell: &q_c.cell },
             narrow,
             &mut scratch,
             PairChunk { pairs, memories, separations },
@@ -215,7 +215,7 @@ fn narrow_phase_chunk<'a>(
         near[count] = k;
         count += usize::from(
             separation.valid_travel
-                <= CandidatePair::listing_reach(scene, contactors, settings.nearby_gap_ratio, &pairs[k]),
+                <= CandidatePair::listing_reach(scene, contactors, settings.bounds.nearby, &pairs[k]),
         );
     }
     let near = &near[..count];
@@ -282,12 +282,18 @@ impl<'a> ListedContacts<'a> {
                 manifold
             }
             Err(Separated { n, s }) => {
+                let n = Some([n.x, n.y, n.z].map(|x| x as f32));
+                if self.settings.bounds.is_deforming() {
+                    // The cell moves images, by a distance that no contactor has accumulated.
+                    separations[*index] = SeparatingAxis { n, ..SeparatingAxis::default() };
+                    return;
+                }
                 // No separation is known of another image; an image is nearest only up to half a period.
                 let periods = self.settings.cell.periods.iter().zip(c.as_slice());
                 let image_margins = periods.filter_map(|(period, c)| Some((*period)? / 2.0 - c.abs()));
                 let valid_travel = image_margins.fold(s, f64::min) + pair.accumulated_travel()
                     - ROUNDING_MARGIN * (a.listing_radius + b.listing_radius);
-                separations[*index] = SeparatingAxis { n: Some([n.x, n.y, n.z].map(|x| x as f32)), valid_travel };
+                separations[*index] = SeparatingAxis { n, valid_travel };
                 return;
             }
         };

@@ -20,11 +20,13 @@ pub struct PosedContactor<'a> {
     pub centre: Vec3,
     /// Orientation, from the contactor's frame to the world.
     pub axes: Quat,
-    /// Largest displacement of a point of it in the step, m.
+    /// Largest displacement of a point of it in the step, m, with its share `affine_travel`.
     pub travel: f64,
+    /// Largest displacement by the affine field of a deforming cell relative to contactors near it, shared with each of them, m.
+    pub affine_travel: f64,
     /// Radius of the bounding ball with travel and half of the listing distance, m.
     pub listing_radius: f64,
-    /// Displacement of the centre in the step, m.
+    /// Displacement of the centre in the step, in a deforming cell about the affine field, m.
     pub path: Vec3,
     /// Rotation in the step, rad.
     pub turn: Vec3,
@@ -77,14 +79,17 @@ fn posed_contactor<'a>(
     let q = &q_c.q[i];
     let arm = q * part.offset;
     let axes = q * part.axes;
-    let travel = bounds.surface_travel(i, arm.norm() + part.bounding_radius);
+    let own_travel = bounds.surface_travel(i, arm.norm() + part.bounding_radius) + bounds.affine_travel(&arm);
+    let own_reach = part.bounding_radius + own_travel + 0.5 * scene.listing_range;
+    let affine_travel = own_reach * (bounds.reach_factor() - 1.0);
     let turn = bounds.rotation_vector(i);
     PosedContactor {
         centre: q_c.x[i] + arm,
         axes,
-        travel,
-        listing_radius: part.bounding_radius + travel + 0.5 * scene.listing_range,
-        path: bounds.centre_path(i) + turn.cross(&arm),
+        travel: own_travel + affine_travel,
+        affine_travel,
+        listing_radius: own_reach + affine_travel,
+        path: bounds.centre_path(i) + turn.cross(&arm) - bounds.affine_path(&arm),
         turn,
         rotating_extent: if matches!(part.geometry, ContactorShape::Sphere { .. }) {
             0.0
@@ -92,7 +97,7 @@ fn posed_contactor<'a>(
             part.bounding_radius
         },
         radius: part.bounding_radius,
-        bend: (0.5 * turn.norm_squared() * arm.norm()).min(travel),
+        bend: (0.5 * turn.norm_squared() * arm.norm()).min(own_travel),
         accumulated_travel: 0.0,
         curvature: scene.part_curvature(part),
         body: part.body,
@@ -123,8 +128,7 @@ const FULL_MANIFOLD_GAP: f64 = 1e-3;
 /// Settings that all pairs share.
 #[derive(Clone, Copy)]
 pub struct PairSettings<'a> {
-    /// Ratio of gap to smaller radius, up to which points are listed in any direction, as in [`TravelBounds`].
-    pub nearby_gap_ratio: f64,
+    pub bounds: &'a TravelBounds<'a>,
     pub cell: &'a PeriodicCell,
 }
 
@@ -145,6 +149,8 @@ pub struct CandidatePair<'a> {
     pub unconditional_gap: f64,
     /// Part of the alert distance within which passing bodies are still listed, m.
     pub margin: f64,
+    /// Displacement of `b` relative to `a` in the step by the affine field of a deforming cell, m.
+    affine_path: Vec3,
 }
 
 impl<'a> CandidatePair<'a> {
@@ -184,17 +190,18 @@ impl<'a> CandidatePair<'a> {
         let cohesion_range = law.interaction_range(radius);
         // Contactors farther apart than this touch in this step only if a contact pushes them.
         let (mut travel, mut unconditional_gap) = (a.travel + b.travel, f64::INFINITY);
-        let nearby = settings.nearby_gap_ratio * a.radius.min(b.radius);
+        let nearby = settings.bounds.nearby * a.radius.min(b.radius);
+        let affine_path = settings.bounds.affine_path(&c);
         let margin = LISTING_MARGIN * rule.alert;
         if travel > nearby.max(margin) {
-            travel = travel.min(surface_approach(a, b, &c, Vec3::norm) + margin).max(nearby);
+            travel = travel.min(surface_approach(a, b, &c, &affine_path, Vec3::norm) + margin).max(nearby);
             unconditional_gap = cohesion_range.max(rule.alert).max(nearby);
         }
         // Faces may rest on each other at the gap that they had at the start.
         let joint = if law.acts_apart() { rule.alert } else { 0.0 };
         let patch = cohesion_range.max(travel).max(joint).max(FULL_MANIFOLD_GAP * a.radius.min(b.radius));
         let range = ListingRange { alert: patch.max(rule.alert), patch, joint, area: law.range_of_stress(radius) };
-        CandidatePair { index, a, b, c, image, range, law: rule.law, unconditional_gap, margin }
+        CandidatePair { index, a, b, c, image, range, law: rule.law, unconditional_gap, margin, affine_path }
     }
 
     /// Effective radius of two contactors, m.
@@ -205,13 +212,13 @@ impl<'a> CandidatePair<'a> {
 
     /// Whether the bounding balls come within the range in the step.
     pub fn is_near(&self) -> bool {
-        let CandidatePair { a, b, c, .. } = self;
+        let CandidatePair { a, b, c, affine_path, .. } = self;
         let reach = a.listing_radius + b.listing_radius;
         let may_be_near = c.norm_squared() <= reach * reach;
         let reach_without_travel = reach - (a.travel + b.travel);
         may_be_near
             && (self.unconditional_gap == f64::INFINITY
-                || swept::least_distance(c, &(b.path - a.path)) <= reach_without_travel + a.bend + b.bend)
+                || swept::least_distance(c, &(b.path - a.path + affine_path)) <= reach_without_travel + a.bend + b.bend)
     }
 
     /// Gap up to which points with this normal (from the antagonist to the candidate) are listed, m.
@@ -221,7 +228,8 @@ impl<'a> CandidatePair<'a> {
         if self.unconditional_gap == f64::INFINITY || is_curved {
             return self.range.alert;
         }
-        let closing = surface_approach(self.a, self.b, &self.c, |against| (-normal.dot(against)).max(0.0));
+        let closing =
+            surface_approach(self.a, self.b, &self.c, &self.affine_path, |against| (-normal.dot(against)).max(0.0));
         self.unconditional_gap.max(closing + self.margin).min(self.range.alert)
     }
 
@@ -252,10 +260,16 @@ impl<'a> CandidatePair<'a> {
 }
 
 /// Approach of the surfaces of `a` and `b` in the step, with b at `c` from a, m: the `component` of their relative
-/// displacement, and the contribution of rotation. The smallest of the values seen by observers who turn with a, with b
-/// or not at all: bodies that turn as one do not approach.
-fn surface_approach(a: &PosedContactor, b: &PosedContactor, c: &Vec3, component: impl Fn(&Vec3) -> f64) -> f64 {
-    let path = a.path - b.path;
+/// displacement, of which b has `affine_path` by the affine field, and the contribution of rotation. The smallest of the
+/// values seen by observers who turn with a, with b or not at all: bodies that turn as one do not approach.
+fn surface_approach(
+    a: &PosedContactor,
+    b: &PosedContactor,
+    c: &Vec3,
+    affine_path: &Vec3,
+    component: impl Fn(&Vec3) -> f64,
+) -> f64 {
+    let path = a.path - b.path - affine_path;
     let turn = (a.turn - b.turn).norm();
     let in_fixed_axes = component(&path) + a.turn.norm() * a.rotating_extent + b.turn.norm() * b.rotating_extent;
     let with_a = component(&(path + a.turn.cross(c))) + turn * b.rotating_extent;

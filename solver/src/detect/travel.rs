@@ -71,6 +71,17 @@ impl<'a> TravelBounds<'a> {
         self.strain.map_or(1.0, |strain| 1.0 + 2.0 * strain.norm())
     }
 
+    /// Whether the cell deforms.
+    #[inline]
+    pub fn is_deforming(&self) -> bool {
+        self.strain.is_some()
+    }
+
+    /// Velocity of an image of body `i` at the vector `shift` (m) from it, m/s.
+    pub fn image_velocity(&self, i: usize, shift: &Vec3) -> Vec3 {
+        self.velocities.v[i] + self.velocities.gradient.map_or(Vec3::zeros(), |gradient| gradient * shift)
+    }
+
     /// Rotation of body `i`, rad.
     pub fn rotation_vector(&self, i: usize) -> Vec3 {
         self.velocities.w[i] * self.lookahead

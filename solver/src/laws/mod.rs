@@ -34,6 +34,7 @@
 //! | IQS_BEAM_DS_CLB, as IQS_MOHR_DS_CLB | the same | the same | the same | the same |
 //! | ELASTIC_BEAM_DS_CLB while bonded, with the compliances 1/(k h T S), see [`ContactLaw::bond_compliance`] | as IQS_MOHR_DS_CLB | the same | the same | the same |
 //! | the same three without a bond | max(0, g/T) | 0 | 0 | mu dynamic after sliding, else mu static |
+//! | RST_MOHR_DS_CLB with a bond as IQS_MOHR_DS_CLB, without as RST_DS_CLB | | | | |
 //!
 //! VEL_SGR_CLB and RST_CLB act on touching contacts. A pair that the free velocities would close within the step is thrown
 //! back at once, or brought to touch where the law does not throw back or u_n⁻ does not close it; a pair at rest is kept in
@@ -43,10 +44,11 @@
 //! u⁻ is the relative velocity at the step's start. Friction acts on r̂_n = r_n + h f: a cohesive
 //! contact slides at mu (r_n/h + f). Names, parameters, friction and cohesion are in [`cd_formats::law_table`].
 //!
-//! Four laws have a liquid bridge or a bond that does not form again by itself. A contact of xQS_WET_DS_CLB is wet if
+//! Five laws have a liquid bridge or a bond that does not form again by itself. A contact of xQS_WET_DS_CLB is wet if
 //! g <= range at the start of the run or when an event bonds it, and dry once g > range. A bond of IQS_MOHR_DS_CLB,
-//! IQS_BEAM_DS_CLB or ELASTIC_BEAM_DS_CLB joins bodies that touch then, carries a traction up to c_n S and a shear up to
-//! c_t S + (c_t/c_n) r_n/h, and breaks once it parts, reaches the limits of its moments or, if c_t > 0, slides.
+//! RST_MOHR_DS_CLB, IQS_BEAM_DS_CLB or ELASTIC_BEAM_DS_CLB joins bodies that touch then, carries a traction up to c_n S
+//! and a shear up to c_t S + (c_t/c_n) r_n/h, and breaks once it parts, reaches the limits of its moments or, if c_t > 0,
+//! slides.
 //! S = pi R², 1/R = 1/R_a + 1/R_b, but for spheres with the laws BEAM, see below.
 //!
 //! The reference gap g_0 = max(0, g) of the laws `_g0` is that of contacts within the alert distance at these moments; of
@@ -374,6 +376,7 @@ impl ContactLaw {
             LawModel::RstClb { normal_restitution: normal, tangential_restitution: tangential, .. }
             | LawModel::RstDsClb { normal_restitution: normal, tangential_restitution: tangential, .. }
             | LawModel::RstWetClb { normal_restitution: normal, tangential_restitution: tangential, .. }
+            | LawModel::RstMohrDsClb { normal_restitution: normal, tangential_restitution: tangential, .. }
             | LawModel::RstCohDsClb { normal_restitution: normal, tangential_restitution: tangential, .. }
             | LawModel::RstVdwDsClb { normal_restitution: normal, tangential_restitution: tangential, .. } => {
                 UnilateralLaw::Restitution { normal, tangential, decline: None }
@@ -416,7 +419,7 @@ impl ContactLaw {
         let mut solved = true;
         let (normal, tangential) = match self.unilateral {
             // Bonds are rigid: a redundant set of bonds cannot close gaps opened by errors.
-            UnilateralLaw::InelasticShock { .. }
+            UnilateralLaw::InelasticShock { .. } | UnilateralLaw::Restitution { .. }
                 if input.bonded && matches!(self.cohesion, Some(Cohesion::Bond { .. })) =>
             {
                 (0.0, 0.0)
@@ -980,6 +983,11 @@ mod tests {
         let impulse = -0.5 * (10.0 * std::f64::consts::PI * 2.0 * 2.0);
         let held = LawShift { impulse, friction: 0.5, ..acting() };
         assert_eq!(mohr.contact_shift(&bonded), Some(held));
+        let rebounds = new_law("RST_MOHR_DS_CLB", &[10.0, 5.0, 0.5, 0.25, 0.2, 0.3]);
+        assert_eq!(rebounds.contact_shift(&LawInput { u_n: -4.0, ..bonded }), Some(held));
+        let unbonded = LawInput { u_n: -4.0, gap: 0.0, bonded: false, ..bonded };
+        let thrown = LawShift { normal: -2.0, tangential: 0.25, friction: 0.2, ..acting() };
+        assert_eq!(rebounds.contact_shift(&unbonded), Some(thrown));
         assert_eq!(
             (mohr.bond_gap(0.002, 2.0), mohr.bond_gap(-0.1, 2.0), mohr.bond_gap(0.0021, 2.0)),
             (Some(0.002), Some(-0.1), None)

@@ -376,21 +376,30 @@ pub fn initial_cell(scene: &Scene) -> Option<CellState> {
     Some(CellState::new([x, y, z], control))
 }
 
-/// Rejects bodies in a deforming cell other than free spheres, and commands of POSTPRO.DAT.
+/// Rejects bodies in a deforming cell other than free grains, and commands of POSTPRO.DAT.
 pub fn check_cell(datbox: &Path, scene: &Scene, faults: &mut Faults) {
     if scene.options.cell.is_none() {
         return;
     }
-    let is_other = |body: &RigidBody| body.driven || !body.is_sphere();
-    let others: Vec<usize> = (0..scene.bodies.len()).filter(|&i| is_other(&scene.bodies[i])).collect();
+    let is_of_wall = |part: &BodyPart| match part.geometry {
+        ContactorShape::Plane { .. } | ContactorShape::Mesh(_) => true,
+        ContactorShape::Cylinder { hollow, .. } => hollow,
+        ContactorShape::Sphere { .. } | ContactorShape::Polyhedron(_) | ContactorShape::Capsule { .. } => false,
+    };
+    let is_other = |i: &usize| {
+        let body = &scene.bodies[*i];
+        let is_plate = matches!(body.shape, BodyShape::Plane { .. });
+        body.driven || is_plate || scene.all_parts_of(BodyId::new(*i)).iter().any(is_of_wall)
+    };
+    let others: Vec<usize> = (0..scene.bodies.len()).filter(is_other).collect();
     if let Some(first) = others.first() {
         let found = match others.len() {
-            1 => "not a free sphere, in a scene whose cell deforms".to_string(),
+            1 => "not a free grain, in a scene whose cell deforms".to_string(),
             count => {
-                format!("not a free sphere, like {} more, in a scene whose cell deforms", count_text(count - 1, "body"))
+                format!("not a free grain, like {} more, in a scene whose cell deforms", count_text(count - 1, "body"))
             }
         };
-        let expected = "expected free spheres: walls and other shapes do not deform with the cell";
+        let expected = "expected free grains: walls and imposed motions do not deform with the cell";
         faults.push(Fault::new(&datbox.join("BODIES.DAT"), None, format!("body {}", first + 1), found, expected));
     }
     if !scene.postpro.is_empty() {

@@ -7,7 +7,7 @@ use cd_formats::compute::{Accuracy, EventAction};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
-use crate::case::{Case, Figures, Vec3, equal, near, solve};
+use crate::case::{Case, Figures, Vec3, equal, expect_same_bytes, near, solve};
 
 const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
@@ -58,6 +58,73 @@ fn a_bond_holds_up_to_its_cohesion_and_no_further() {
     near(states[2].force(0, 1).unwrap(), [0.0; 3], 0.0);
     let v = (3.0 * 1.001 - 1.0) * strength * h / states[3].mass(1);
     near(states[3].v(1), [v, 0.0, 0.0], 1e-7 * v);
+}
+
+/// Coefficient of restitution of the bonds below.
+const RESTITUTION: f64 = 0.5;
+
+/// Sets the law of bonds with restitution.
+fn set_rebound_law(case: &mut Case) {
+    case.law("RST_MOHR_DS_CLB", &[COHESION, 0.5 * COHESION, RESTITUTION, 0.0, 0.125, 0.25]);
+}
+
+/// A ball that is bonded to a floor, thrown along z.
+fn thrown_ball(speed: f64, gravity: f64) -> Case {
+    let mut case = on_floor([0.0, 0.0, gravity]);
+    set_rebound_law(&mut case);
+    case.launch(1, [0.0, 0.0, speed], [0.0; 3]);
+    case.options.dt = 1.0 / 1024.0;
+    case
+}
+
+#[test]
+fn a_ball_rebounds_once_its_bond_has_broken() {
+    let (h, mass) = (1.0 / 1024.0, PI / 6.0);
+    // The bond gives at most h c_n S in a step: it holds a slower ball, also one that is thrown against the floor.
+    let largest = h * COHESION * PI / 4.0 / mass;
+    for speed in [0.999 * largest, -1.0] {
+        let held = thrown_ball(speed, 0.0).run(4);
+        near(held.v(1), [0.0; 3], 1e-12);
+        // Half of the first step is flown before.
+        equal(held.x(1).z, 0.5, 0.5 * h * f64::abs(speed));
+        assert_eq!(bonded(&held), [1]);
+    }
+    let (speed, gravity) = (1.0, 8.0);
+    let mut case = thrown_ball(speed, -gravity);
+    let first = case.run(1);
+    let left = speed - largest - gravity * h;
+    near(first.v(1), [0.0, 0.0, left], 1e-6);
+    assert_eq!(bonded(&first), [0]);
+    // Back at the floor after 2 v/g, it rebounds with e v; 1/32 s later gravity has slowed it down.
+    let flight = 2.0 * left / gravity;
+    let steps = ((flight + 0.03125) / h).round();
+    let end = case.run(steps as u64);
+    let expected = RESTITUTION * left - gravity * (steps * h - flight);
+    // The impact is early by less than a step.
+    near(end.v(1), [0.0, 0.0, expected], 2.0 * gravity * h);
+}
+
+/// A ball that strikes one of two bonded balls of its mass rebounds from both as from one: u = v (1 + e)/3 of the pair, u - e v of
+/// its own.
+#[test]
+fn a_ball_rebounds_from_bonded_balls_as_from_one_body() {
+    let case = || {
+        let mut case = Case::new();
+        set_rebound_law(&mut case);
+        for x in [-1.125, 0.0, 1.0] {
+            case.sphere(0.5, [x, 0.0, 0.0]);
+        }
+        case.launch(0, [2.0, 0.0, 0.0], [0.0; 3]);
+        (case.options.dt, case.options.output_every) = (1.0 / 256.0, 30);
+        case
+    };
+    let end = case().run(60);
+    let pair = 2.0 * (1.0 + RESTITUTION) / 3.0;
+    for (body, v) in [(0, pair - 2.0 * RESTITUTION), (1, pair), (2, pair)] {
+        near(end.v(body), [v, 0.0, 0.0], 1e-10);
+    }
+    near(end.x(2) - end.x(1), [1.0, 0.0, 0.0], 1e-10);
+    expect_same_bytes(case);
 }
 
 /// Plates and cylinders are flat next to a sphere, whatever of their motion is imposed: S = π R².

@@ -9,10 +9,10 @@ use crate::case::{AXES, Case, Figures, Vec3, equal, near, uniform};
 use crate::same_bits::{files, same};
 
 /// Centre and radius of a ball, m.
-type Ball = ([f64; 3], f64);
+pub type Ball = ([f64; 3], f64);
 
 /// Volume and principal moments at density 1.
-struct Solid {
+pub struct Solid {
     volume: f64,
     moments: [f64; 3],
 }
@@ -31,7 +31,7 @@ fn separate_balls(balls: &[Ball]) -> Solid {
 }
 
 /// Union of two balls of radius r at a distance 2 a along y: integrals of discs from the middle plane to the tip.
-fn dumbbell(a: f64, r: f64) -> ([Ball; 2], Solid) {
+pub fn dumbbell(a: f64, r: f64) -> ([Ball; 2], Solid) {
     let integral = |f: &dyn Fn(f64) -> f64| 2.0 * PI * (f(r) - f(-a));
     let volume = integral(&|u| r * r * u - u.powi(3) / 3.0);
     let fourth = integral(&|u| r.powi(4) * u - 2.0 / 3.0 * r * r * u.powi(3) + u.powi(5) / 5.0);
@@ -44,7 +44,7 @@ fn dumbbell(a: f64, r: f64) -> ([Ball; 2], Solid) {
 }
 
 /// Adds a clump at rest.
-fn clump(case: &mut Case, balls: &[Ball], solid: &Solid, x: [f64; 3], axes: [[f64; 3]; 3]) -> usize {
+pub fn clump(case: &mut Case, balls: &[Ball], solid: &Solid, x: [f64; 3], axes: [[f64; 3]; 3]) -> usize {
     let body = case.sphere((0.75 * solid.volume / PI).cbrt(), x);
     let record = &mut case.bodies[body];
     record.equivalent_radius = (0.75 * solid.volume / PI).cbrt();

@@ -42,7 +42,7 @@ pub fn remove_inner_edges(
     let runs = search.runs;
     replace_inner_contacts(
         scene,
-        PairSettings { nearby_gap_ratio: travel_bounds.nearby, cell: &q_c.cell },
+        PairSettings { bounds: travel_bounds, cell: &q_c.cell },
         contactors,
         &runs,
         &inner,
@@ -234,12 +234,14 @@ impl<'a> InnerEdgeSearch<'a> {
         let other = self.runs[touch.index as usize].parts[usize::from(!touch.a_is_antagonist)];
         let (b, centre) = (&self.contactors[other.index()], touch.centre);
         let i = b.body.index();
+        let body_centre = centre + self.q_c.x[i] - b.centre;
         Some(NearbyContactor {
             solid: covering_solid(b)?,
             centre,
-            v: self.travel_bounds.velocities.v[i],
+            // Less the velocity of the affine field at A, which is common to all contactors near A.
+            v: self.travel_bounds.image_velocity(i, &(body_centre - self.q_c.x[i])),
             w: self.travel_bounds.velocities.w[i],
-            body_centre: centre + self.q_c.x[i] - b.centre,
+            body_centre,
         })
     }
 
