@@ -22,7 +22,7 @@ pub struct PosedContactor<'a> {
     pub axes: Quat,
     /// Largest displacement of a point of it in the step, m, with its share `affine_travel`.
     pub travel: f64,
-    /// Largest displacement by the affine field of a deforming cell relative to contactors near it, shared with each of them, m.
+    /// Share of it in the largest displacement relative to a near contactor by the affine field of a deforming cell, m.
     pub affine_travel: f64,
     /// Radius of the bounding ball with travel and half of the listing distance, m.
     pub listing_radius: f64,
