@@ -647,17 +647,6 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
             "their number, or none",
         );
     }
-    if let GrainPlacement::DensePacking { .. } = grains.placement {
-        let kind = match grains.contactor() {
-            "POLYR" => "polyhedra",
-            "CYLND" => "cylinders",
-            "CAPSx" => "capsules",
-            _ => "clumps",
-        };
-        let expected = format!("spheres: {kind} are poured or compressed to a dense packing by cd-solve");
-        let found = format!("a DensePacking of {kind}");
-        report.require(grains.are_spheres(), &format!("{path}.placement"), found, &expected);
-    }
     let has_envelope_size = grains.placement.envelope().is_none_or(Envelope::has_size);
     if let GrainPlacement::Fragments { .. } = grains.placement {
         let has_default_shape = grains.shape == GrainShape::Sphere && has_default_orientation_and_radius(grains);

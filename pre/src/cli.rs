@@ -9,6 +9,7 @@ use cd_formats::ron_text::nearest_name;
 use clap::{CommandFactory, Parser};
 
 use crate::datbox::write_datbox;
+use crate::pour::{PourRequest, pour_grains, run_solver};
 use crate::{from_outbox, study};
 
 /// Converts a scene to DATBOX, the input of cd-solve.
@@ -49,6 +50,26 @@ enum Command {
         /// Replaces a value of the changes, as in compute.dt=1. May be repeated.
         #[arg(long, value_name = "PATH=VALUE")]
         set: Vec<String>,
+    },
+    /// Lets the grains of a scene come to rest, by cd-solve, and makes the DATBOX of the next run from their last state.
+    ///
+    /// The scene ends by a condition such as until: [AtRest(speed: 1e-3, during: 0.1)], or at its end_time. Its run is
+    /// DIR/pour; docs/reference/from-outbox.md describes the changes.
+    Pour {
+        /// Scene of the grains that fall, in RON.
+        #[arg(value_name = "scene.ron")]
+        scene: PathBuf,
+        /// Folder of the next run.
+        dir: PathBuf,
+        /// File of changes for the next run, in RON; default: no changes.
+        #[arg(long, value_name = "changes.ron")]
+        changes: Option<PathBuf>,
+        /// Replaces a value of the scene, as in grains.1.number=2000. May be repeated.
+        #[arg(long, value_name = "PATH=VALUE")]
+        set: Vec<String>,
+        /// Options of cd-solve, after --.
+        #[arg(last = true, value_name = "OPTIONS")]
+        solver_options: Vec<OsString>,
     },
     /// Writes a folder with a scene for each combination of parameters.
     ///
@@ -92,6 +113,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let result = match arguments.command {
         Some(Command::FromOutbox { case, dir, changes, set }) => {
             from_outbox::write_datbox(&case, changes.as_deref(), &set, &dir)
+        }
+        Some(Command::Pour { scene, dir, changes, set, solver_options }) => {
+            let request = PourRequest { scene: &scene, settings: &set, dir: &dir, changes: changes.as_deref() };
+            pour_grains(&request, |case| run_solver(case, &solver_options))
         }
         Some(Command::Study { study, output, set }) => study::write(&study, &set, output.as_deref()),
         None => {

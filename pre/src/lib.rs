@@ -49,6 +49,7 @@
 //! | [`mod@write`], `field_surfaces` | the files of DATBOX |
 //! | [`reread`] | check that cd-solve can read them |
 //! | [`from_outbox`] | a DATBOX from the results of a run |
+//! | [`pour`] | a run that lets grains come to rest, and the DATBOX of the next |
 //! | [`study`] | scenes from a base and parameters |
 
 pub mod attraction;
@@ -66,6 +67,7 @@ pub mod parse;
 pub mod particles;
 pub mod placement;
 pub mod population;
+pub mod pour;
 pub mod random;
 pub mod reread;
 pub mod rotation;

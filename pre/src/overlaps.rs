@@ -2,11 +2,14 @@
 
 use std::cell::OnceCell;
 
+use cd_formats::bodies::ShapeRecord;
 use cd_formats::compute::Compute;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::grain::Grain;
 use crate::placement::cells::SphereGrid;
+use crate::placement::packed_shapes::FixedBody;
+use crate::placement::rounded_hulls::RoundedHull;
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::shapes::union::ClumpBall;
 use crate::walls::WallBody;
@@ -127,6 +130,59 @@ impl<'a> Obstacles<'a> {
     /// Whether there are none.
     pub(crate) fn is_empty(&self) -> bool {
         self.grains.is_empty() && self.walls.is_empty()
+    }
+
+    /// Whether the bounding ball of one of them overlaps the ball of `radius`, m, about `centre`, m; that of a surface counts
+    /// always.
+    pub(crate) fn are_near(&self, centre: &Vector3<f64>, radius: f64) -> bool {
+        let is_near = |position: &Vector3<f64>, reach: f64| (position - centre).norm() <= radius + reach;
+        let is_grain_near =
+            |grain: &&Grain| self.shifts.iter().any(|shift| is_near(&(grain.position + shift), grain.reach));
+        let is_wall_near = |wall: &WallBody| {
+            let Some(reach) = wall.bounding_radius() else { return true };
+            let shifts = nearest_images(self.options, &(centre - wall.centre));
+            shifts.iter().any(|shift| is_near(&(wall.centre + shift), reach))
+        };
+        self.grains.iter().any(is_grain_near) || self.walls.iter().any(is_wall_near)
+    }
+
+    /// Bodies at rest, with their images, whose bounding balls overlap the ball of `radius`, m, about `centre`, m: about
+    /// this centre along the axes into which `rotation` turns the fixed ones. A body has one image along an axis of
+    /// `periods`. Hollow cylinders and surfaces are left out.
+    pub(crate) fn to_fixed_bodies(
+        &self,
+        centre: &Vector3<f64>,
+        rotation: &Matrix3<f64>,
+        radius: f64,
+        periods: &[Option<f64>; 3],
+    ) -> Vec<FixedBody> {
+        let mut bodies = Vec::new();
+        let mut add_images = |position: &Vector3<f64>, reach: f64, hulls: &[RoundedHull], shifts: &[Vector3<f64>]| {
+            for shift in shifts {
+                let position = rotation * (position + shift - centre);
+                let is_first = (0..3).all(|k| periods[k].is_none() || shift[k] == shifts[0][k]);
+                if is_first && position.norm() <= radius + reach {
+                    bodies.push(FixedBody { position, hulls: hulls.to_vec(), reach });
+                }
+            }
+        };
+        for grain in &self.grains {
+            let hulls = RoundedHull::from_shape(&grain.shape, grain.radius, rotation);
+            add_images(&grain.position, grain.reach, &hulls, self.shifts);
+        }
+        for wall in self.walls {
+            let axes = wall.axes * rotation.transpose();
+            let hull = match wall.shape {
+                ShapeRecord::Plane { half_lengths } => RoundedHull::from_box(&axes, &half_lengths.into()),
+                ShapeRecord::Cylinder { half_height, radius, hollow: false } => {
+                    RoundedHull::around_cylinder(&axes, [half_height, radius])
+                }
+                _ => continue,
+            };
+            let reach = hull.points.iter().map(|point| point.norm()).fold(0.0, f64::max);
+            add_images(&wall.centre, reach, &[hull], &nearest_images(self.options, &(centre - wall.centre)));
+        }
+        bodies
     }
 
     /// Search for overlaps of grains whose bounding balls have the radius `largest`, m, at most.

@@ -306,6 +306,14 @@ fn image_shifts(scene: &Scene) -> Vec<Vector3<f64>> {
     shifts
 }
 
+/// Advice on grains of a placement that overlap a wall of a shape; none for a usual one.
+fn wall_advice(placement: &GrainPlacement, shape: &ShapeRecord) -> Option<&'static str> {
+    let is_left_out = matches!(shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { hollow: false, .. });
+    (matches!(placement, GrainPlacement::DensePacking { .. }) && !is_left_out).then_some(
+        "an envelope that does not reach into the wall: DensePacking leaves out plates, solid cylinders and grains only",
+    )
+}
+
 /// Checks that no two grains, and no grain and wall, overlap, unless a List allows it.
 fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
@@ -313,8 +321,9 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     let group_starts: Vec<usize> =
         (0..scene.grains.len()).map(|group| grains.partition_point(|grain| grain.group < group)).collect();
     let name = |k: usize| format!("grain {} of grains {}", k + 1 - group_starts[grains[k].group], grains[k].group + 1);
-    // Index of the first grain, and text, of each overlap.
-    let mut overlaps: Vec<(usize, String)> = Vec::new();
+    // Index of the first grain, and text and advice, of each overlap.
+    let mut overlaps: Vec<(usize, String, &str)> = Vec::new();
+    let expected = "grains that touch at most (a List may have allow_overlap: true)";
     let shaped: Vec<ShapedGrain> = grains.iter().map(ShapedGrain::new).collect();
     let mut order: Vec<usize> = (0..grains.len()).collect();
     order.par_sort_unstable_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
@@ -345,21 +354,25 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         let (a, b) = (k.min(other), k.max(other));
         let overlap = shaped[k].overlap_with(&shaped[other], shift, overlap);
         if overlap > TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius) {
-            overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b))));
+            overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b)), expected));
         }
     }
     for (k, grain) in grains.iter().enumerate() {
         for wall in population.walls.iter().filter(|_| !may_overlap[grain.group]) {
             let overlap = shaped[k].overlap_with_wall(wall, &scene.compute);
             if overlap > TOUCHING_TOLERANCE * grain.radius {
-                overlaps.push((k, format!("{} and wall {} overlap by {overlap:.3e} m", name(k), wall.wall + 1)));
+                let found = format!("{} and wall {} overlap by {overlap:.3e} m", name(k), wall.wall + 1);
+                overlaps.push((
+                    k,
+                    found,
+                    wall_advice(&scene.grains[grain.group].placement, &wall.shape).unwrap_or(expected),
+                ));
             }
         }
     }
     overlaps.sort();
-    let expected = "grains that touch at most (a List may have allow_overlap: true)";
-    for (k, found) in overlaps.iter().take(MAX_REPORTED_OVERLAPS) {
-        report.add_fault(&format!("grains.{}.placement", grains[*k].group), found, expected);
+    for (k, found, expected) in overlaps.iter().take(MAX_REPORTED_OVERLAPS) {
+        report.add_fault(&format!("grains.{}.placement", grains[*k].group), found, *expected);
     }
     if overlaps.len() > MAX_REPORTED_OVERLAPS {
         report.add_fault("grains", format!("{} more overlaps", overlaps.len() - MAX_REPORTED_OVERLAPS), expected);

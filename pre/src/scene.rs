@@ -353,8 +353,7 @@ pub enum GrainPlacement {
     },
     /// One after the other, largest first, at random free positions in the envelope.
     RandomSequential { envelope: Envelope },
-    /// Spheres up to random close packing: overlaps of spheres at random positions are removed by minimisation of their
-    /// energy.
+    /// Up to random close packing: overlaps of grains at random positions are removed by minimisation of their energy.
     DensePacking { envelope: Envelope },
     /// Convex fragments that fill a solid without gaps: the cells of points at random (Voronoi).
     Fragments {
@@ -391,6 +390,8 @@ pub enum ParticleFormat {
     Xyz,
     /// Text dump of LAMMPS or LIGGGHTS.
     Lammps,
+    /// Balls of a template of LIGGGHTS: x, y, z and radius, without a header.
+    Multisphere,
     /// Binary `ss` file of pkdgrav.
     Pkdgrav,
 }

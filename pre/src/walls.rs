@@ -100,6 +100,15 @@ impl WallBody {
         self.contactor().mass_properties().unwrap_or_default()
     }
 
+    /// Distance of the farthest point of a plate or cylinder from its centre, m; none of a surface.
+    pub fn bounding_radius(&self) -> Option<f64> {
+        match self.shape {
+            ShapeRecord::Plane { half_lengths } => Some(Vector3::from(half_lengths).norm()),
+            ShapeRecord::Cylinder { half_height, radius, .. } => Some(libm::hypot(half_height, radius)),
+            _ => None,
+        }
+    }
+
     /// Penetration of a sphere into the wall, m, see [`ball_overlap`].
     pub fn ball_overlap(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
         ball_overlap(&self.shape, &(self.axes * (centre - self.centre)), radius)

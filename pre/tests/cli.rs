@@ -401,3 +401,33 @@ fn an_attraction_at_every_corner_is_a_warning() {
     assert_eq!(made("Sphere", "10.0"), "");
     assert_eq!(made("Cube", "0.0"), "");
 }
+
+/// cd-solve next to cd-pre computes the scene, with the options after `--`; here a script that stops.
+#[cfg(unix)]
+#[test]
+fn pour_runs_the_solver_next_to_cd_pre() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::copy(env!("CARGO_BIN_EXE_cd-pre"), at("cd-pre")).unwrap();
+    std::fs::write(at("cd-solve"), "#!/bin/sh\necho \"$@\" > \"$(dirname \"$0\")/ran\"\nexit 4\n").unwrap();
+    std::fs::set_permissions(at("cd-solve"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    let output = Command::new(at("cd-pre"))
+        .args([
+            "pour".as_ref(),
+            example("accretion").as_path(),
+            &at("bed"),
+            "--set".as_ref(),
+            "grains.1.solid_fraction=0.2".as_ref(),
+        ])
+        .args(["--", "--threads", "2"])
+        .output()
+        .unwrap();
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("bed/pour: cd-solve: ended with exit code 4; expected a run to its end"), "{said}");
+    let ran = std::fs::read_to_string(at("ran")).unwrap();
+    assert_eq!(ran, format!("{} --force --threads 2\n", at("bed/pour").display()));
+    assert_eq!(Bodies::read(&at("bed/pour/DATBOX/BODIES.DAT")).unwrap().0.len(), 1000);
+    assert!(!at("bed/DATBOX").exists());
+}

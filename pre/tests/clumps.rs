@@ -226,6 +226,14 @@ fn clumps_from_a_file() {
     ] {
         assert_eq!(faults_in(folder.path(), &fields(&format!("ClumpFile(file: \"{file}\")"))), expected);
     }
+    // A template of LIGGGHTS, in mm.
+    let template = "# stone\n0 0 0 500 # first\n\n 600\t0 0 4e2\n";
+    std::fs::write(folder.path().join("stone.multisphere"), template).unwrap();
+    let template = fields("ClumpFile(file: \"stone.multisphere\", scale: Factor(0.001))");
+    assert_eq!(faults_in(folder.path(), &template), "nothing");
+    std::fs::write(folder.path().join("wrong.multisphere"), "0 0 0 1\n0 0 2\n").unwrap();
+    let found = faults_in(folder.path(), &fields("ClumpFile(file: \"wrong.multisphere\")"));
+    assert!(found.contains("wrong.multisphere:2: particle 2: 3 values; expected 4, one for each column"), "{found}");
     let found = faults_in(folder.path(), &fields("ClumpFile(file: \"absent.csv\")"));
     assert!(found.contains("scene.ron:6:") && found.contains("absent.csv cannot be read"), "{found}");
     let found = faults_in(folder.path(), &fields("ClumpFile(file: \"pair.csv\", scale: Factor(1e70))"));
@@ -332,11 +340,6 @@ fn scenes_of_clumps_that_are_rejected() {
     let model = |balls: &str| shape_faults(&format!("Model(file: \"a.obj\", contact_shape: Balls({balls}))"));
     assert!(model("max_balls: 1").contains("max_balls: 1; expected 2 to 1000"), "{}", model("max_balls: 1"));
     assert!(model("max_balls: 9, max_error: 0.01").contains("max_error: 0.01; expected 0.02 to 0.5"));
-    let dense = faults(
-        "shape: Clump([(0, 0, 0, 1), (1, 0, 0, 1)]), number: 9, solid_fraction: 0.5, \
-         placement: DensePacking(envelope: Ball())",
-    );
-    assert!(dense.contains("placement: a DensePacking of clumps; expected spheres: clumps are poured"), "{dense}");
     let file = faults("shape: Clump([(0, 0, 0, 1), (1, 0, 0, 1)]), placement: File(path: \"a.csv\")");
     assert!(file.contains("given for the spheres of a file"), "{file}");
     let large = faults(

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use cd_pre::grain::Population;
+use cd_pre::grain::{Grain, Population};
 use cd_pre::scene::Scene;
+use cd_pre::shapes::OrientedShape;
 use nalgebra::Vector3;
 
 /// Scene with these grains, and further fields.
@@ -78,12 +79,19 @@ fn grains_are_placed_around_walls_and_the_groups_before() {
     );
     let wall = "walls: [Plate(material: \"ROCKx\", colour: \"BLUEx\", centre: (0, 0, -2), normal: (1, 0, 3), \
                 half_lengths: (9, 9, 0.2))],";
-    for grains in [
-        "number: 150, sizes: Single(0.4)".to_string(),
-        format!("number: 60, {}", ROCKS.replace("0.2", "0.3")),
-        "number: 30, shape: Clump([(0, 0, 0, 0.4), (0.5, 0, 0, 0.3)])".to_string(),
+    let clumps = "shape: Clump([(0, 0, 0, 0.4), (0.5, 0, 0, 0.3)])";
+    let rocks = ROCKS.replace("0.2", "0.3");
+    for (placement, grains) in [
+        ("RandomSequential", "number: 150, sizes: Single(0.4)".to_string()),
+        ("RandomSequential", format!("number: 60, {rocks}")),
+        ("RandomSequential", format!("number: 30, {clumps}")),
+        ("JitteredLattice", "number: 150, sizes: Single(0.4)".to_string()),
+        ("JitteredLattice", format!("number: 50, {clumps}")),
+        ("DensePacking", "number: 250, sizes: Single(0.4)".to_string()),
+        ("DensePacking", format!("number: 200, {rocks}")),
+        ("DensePacking", format!("number: 200, {clumps}")),
     ] {
-        let grains = format!("{grains}, placement: RandomSequential(envelope: Box(lengths: (6, 6, 6)))");
+        let grains = format!("{grains}, placement: {placement}(envelope: Box(lengths: (6, 6, 6)))");
         let around = scene(&format!("{obstacles}{grains}"), wall);
         let alone = placed(&scene(&grains, ""));
         let population = placed(&around);
@@ -169,14 +177,119 @@ fn a_group_that_overlaps_the_image_of_a_dense_one_is_reported() {
     assert!(faults.contains("overlap by 5.000e-1 m"), "{faults}"); // distance 0.5 of spheres of radius 0.5
 }
 
+/// Shapes and solid fractions at which their bounding balls would never fit.
+const DENSE_SHAPES: [(&str, f64); 6] = [
+    (
+        "shape: Random(vertices: (8, 14), ratios: (1, 0.8, 0.6), angularity: 0.5), sizes: Uniform(min: 0.8, max: 1.2)",
+        0.42,
+    ),
+    ("shape: Cube, sizes: Single(1)", 0.4),
+    ("shape: Prism(sides: 6, slenderness: 3), sizes: PowerLaw(min: 0.7, max: 1.4, exponent: 2.5)", 0.35),
+    ("shape: Clump([(0, 0, 0, 1), (1, 0, 0, 0.8), (0, 1, 0, 0.6)]), sizes: Single(1)", 0.42),
+    ("shape: Capsule(half_length: 1, radius: 0.5)", 0.4),
+    ("shape: Cylinder(half_height: 0.8, radius: 0.6)", 0.38),
+];
+
+/// Farthest points of a grain, and the radius of balls about them that it contains.
+fn corners(grain: &Grain) -> Vec<(Vector3<f64>, f64)> {
+    let to_fixed_axes = grain.axes().transpose();
+    let at = |local: Vector3<f64>| grain.position + to_fixed_axes * local;
+    match &grain.shape {
+        OrientedShape::Polyhedron(polyhedron) => {
+            polyhedron.vertices().into_iter().flatten().map(|v| (at(v.into()), 0.0)).collect()
+        }
+        OrientedShape::Clump(clump) => clump.balls().map(|ball| (at(ball.centre), ball.radius)).collect(),
+        OrientedShape::RoundSolid(solid) if solid.shape.is_capsule => {
+            [1.0, -1.0].map(|side| (at(side * solid.shape.half_length * Vector3::z()), solid.shape.radius)).into()
+        }
+        OrientedShape::RoundSolid(solid) => {
+            let corner = |k: u32| {
+                let (sin, cos) = (0.1 * f64::from(k)).sin_cos();
+                let half_height = if k % 2 == 0 { solid.shape.half_length } else { -solid.shape.half_length };
+                (at(Vector3::new(solid.shape.radius * cos, solid.shape.radius * sin, half_height)), 0.0)
+            };
+            (0..126).map(corner).collect()
+        }
+        OrientedShape::Sphere => vec![(grain.position, grain.radius)],
+    }
+}
+
+/// Overlaps are checked by the reader, from separating axes; the packing uses GJK.
 #[test]
-fn polyhedra_are_not_packed_densely() {
+fn dense_packings_of_shapes_fill_every_envelope() {
+    let envelopes = ["Ball()", "Ellipsoid(ratios: (1.5, 1.2, 1))", "Box(ratios: (1, 1, 1.5))"];
+    for (k, (shape, nu)) in DENSE_SHAPES.into_iter().enumerate() {
+        let population = placed(&scene(
+            &format!(
+                "number: 40, solid_fraction: {nu}, {shape}, placement: DensePacking(envelope: {}), \
+                 centre: (30, -20, 10), orientation: (axis: (1, 1, 1), angle: 0.7)",
+                envelopes[k % 3]
+            ),
+            "",
+        ));
+        assert_eq!(population.grains.len(), 40);
+        // Rounding of a cube root.
+        assert!((solid_fraction(&population) / nu - 1.0).abs() < 1e-12, "{shape}: {}", solid_fraction(&population));
+        let region = population.regions[0].as_ref().unwrap();
+        let axis = nalgebra::Unit::new_normalize(Vector3::new(1.0, 1.0, 1.0));
+        let turn = nalgebra::Rotation3::from_axis_angle(&axis, 0.7);
+        for (corner, radius) in population.grains.iter().flat_map(corners) {
+            let local = turn.inverse() * (corner - Vector3::new(30.0, -20.0, 10.0));
+            assert!(region.contains_ball(&local, radius), "{shape}: {local}");
+        }
+        let balls_overlap = |a: usize, b: usize| {
+            let [first, second] = [a, b].map(|k| &population.grains[k]);
+            (first.position - second.position).norm() < first.reach + second.reach
+        };
+        assert!((0..40).any(|a| (0..a).any(|b| balls_overlap(a, b))), "{shape}");
+    }
+}
+
+#[test]
+fn dense_shapes_fill_a_cylinder_of_given_size_and_keep_chosen_orientations() {
+    let grains = "solid_fraction: 0.4, shape: Cube, sizes: Single(0.5), \
+                  placement: DensePacking(envelope: Cylinder(half_height: 2.5, radius: 1.8))";
+    let population = placed(&scene(grains, ""));
+    // Whole grains, of 0.01 of the envelope each.
+    assert!((solid_fraction(&population) - 0.4).abs() < 0.006, "{}", solid_fraction(&population));
+    let mean: Vector3<f64> = population.grains.iter().map(|grain| grain.axes().row(0).transpose()).sum();
+    assert!(mean.norm() < 0.5 * population.grains.len() as f64, "{mean}");
+    let fixed = format!("{grains}, grain_orientation: Same((axis: (0, 0, 1), angle: 0.5))").replace("0.4,", "0.3,");
+    let population = placed(&scene(&fixed, ""));
+    let axes = population.grains[0].axes();
+    assert!(population.grains.iter().all(|grain| grain.axes() == axes) && axes[(2, 2)] == 1.0, "{axes}");
+}
+
+/// Without walls no direction is preferred: the mean of the squares of a component of the axes is 1/3, with the variance 4/45
+/// of a random direction; four standard errors.
+#[test]
+fn a_periodic_packing_of_capsules_favours_no_direction() {
+    let grains = "number: 150, shape: Capsule(half_length: 0.5, radius: 0.5), \
+                  placement: DensePacking(envelope: Box(lengths: (7.2, 7.2, 7.2)))";
+    let population = placed(&scene(grains, "compute: (xperiode: 7.2, yperiode: 7.2, zperiode: 7.2),"));
+    // A sphere and a cylinder of radius 0.5 and length 1: 150 (pi/6 + pi/4) of 7.2^3.
+    assert!((solid_fraction(&population) - 0.52605).abs() < 1e-5, "{}", solid_fraction(&population));
+    let number = population.grains.len() as f64;
+    for k in 0..3 {
+        let share = population.grains.iter().map(|grain| grain.axes()[(2, k)].powi(2)).sum::<f64>() / number;
+        assert!((share - 1.0 / 3.0).abs() < 4.0 * (4.0 / 45.0 / number).sqrt(), "axis {k}: {share}");
+        let farthest = population.grains.iter().map(|grain| grain.position[k].abs()).fold(0.0, f64::max);
+        assert!(farthest > 3.1 && farthest <= 3.6, "no grain is across the end: {farthest}");
+    }
+}
+
+#[test]
+fn shapes_that_jam_are_reported_with_the_solid_fraction_at_which_they_fit() {
     let faults = read(
         Path::new(""),
-        &scene("number: 10, shape: Cube, sizes: Single(1), placement: DensePacking(envelope: Ball(radius: 9))", ""),
+        &scene(
+            "number: 30, solid_fraction: 0.9, shape: Cube, sizes: Single(1), placement: DensePacking(envelope: Box())",
+            "",
+        ),
     )
     .unwrap_err();
-    assert!(faults.contains("grains 1, placement: a DensePacking of polyhedra; expected spheres"), "{faults}");
+    assert!(faults.contains("30 grains at a solid fraction of 0.9000 in a box of lengths"), "{faults}");
+    assert!(faults.contains("jam: they fit at 0."), "{faults}");
 }
 
 /// Two spheres of a file, in a scene with further fields of the grains.

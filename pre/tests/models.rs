@@ -453,6 +453,34 @@ fn a_model_as_an_envelope_holds_its_grains() {
     assert!(wrong.unwrap_err().contains("grains 1, placement: no.stl cannot be read: there is no such file"));
 }
 
+/// No corner of a cube leaves the L, and no part of the edge at its inner corner is in a cube: a point of it, in the axes of the
+/// cube, is not within its half edge along all of them.
+#[test]
+fn a_dense_packing_of_cubes_keeps_within_a_concave_model() {
+    let (v, f) = angle();
+    let folder = folder(&[("angle.obj", obj(&v, &f).into_bytes())]);
+    let grains = "shape: Cube, sizes: Single(1.6), solid_fraction: 0.3, \
+                  placement: DensePacking(envelope: Model(file: \"angle.obj\", scale: Factor(10)))";
+    let (bodies, dof) = datbox(folder.path(), grains).unwrap();
+    assert_eq!(bodies.0.len(), 70); // 0.3 * 4000 / (4/3 pi 1.6^3)
+    for (body, state) in bodies.0.iter().zip(&dof.bodies) {
+        let centre: Vector3<f64> = Vector3::from(body.position) + 10.0 * Vector3::new(1.25, 0.5, 0.75);
+        let ShapeRecord::Polyhedron { vertices, .. } = &body.contactors[0].shape else { panic!() };
+        let to_fixed_axes: Matrix3<f64> = state.axes.into();
+        let half = vertices[0][0].abs();
+        for vertex in vertices {
+            let p: Vector3<f64> = centre + to_fixed_axes * Vector3::from(*vertex);
+            let is_inside = p.min() > 0.0 && p.y < 10.0 && p.x < 30.0 && p.z < if p.x < 10.0 { 20.0 } else { 10.0 };
+            assert!(is_inside, "{p}");
+        }
+        for k in 0..1000 {
+            let on_edge = Vector3::new(10.0, 0.01 * f64::from(k), 10.0);
+            let local: Vector3<f64> = to_fixed_axes.transpose() * (on_edge - centre);
+            assert!(local.abs().max() > half, "{on_edge} {centre}");
+        }
+    }
+}
+
 #[test]
 fn a_broken_monolith_moves_as_one_and_fills_its_solid() {
     let folder = cube_files();

@@ -520,11 +520,12 @@ fn cylinders() {
     ] {
         assert_eq!(wall(fields), format!("scene.ron:{message}"));
     }
-    // A pillar through the grains, and a drum that they do not fit in.
+    // A pillar through the envelope, which leaves too few sites, a drum in which the grains fit, and one in which they do not.
     let solid = wall("centre: (0, 0, 0), half_height: 20, radius: 8");
-    assert!(solid.contains("and wall 1 overlap by"), "{solid}");
-    let small = wall(&drum.replace("radius: 10.5", "radius: 5"));
-    assert!(small.contains("and wall 1 overlap by"), "{small}");
+    assert!(solid.contains("in a ball of radius 10 m: the lattice has 2 sites"), "{solid}");
+    assert_eq!(wall(&drum.replace("radius: 10.5", "radius: 5")), "nothing");
+    let small = wall(&drum.replace("radius: 10.5", "radius: 1.1"));
+    assert!(small.contains("in a ball of radius 10 m: the lattice has "), "{small}");
 }
 
 #[test]

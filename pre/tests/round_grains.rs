@@ -148,7 +148,4 @@ fn wrong_rods_are_rejected() {
         let found = faults(&scene(&format!("shape: {shape}, {ONE}"), ""));
         assert!(found.contains(expected), "{found}");
     }
-    let dense = "shape: Capsule(half_length: 0.5, radius: 0.5), number: 9, sizes: Single(0.5), \
-                 placement: DensePacking(envelope: Ball())";
-    assert!(faults(&scene(dense, "")).contains("a DensePacking of capsules"));
 }

@@ -7,7 +7,8 @@ use cd_formats::bodies::{Bodies, ShapeRecord};
 use cd_formats::compute::Compute;
 use cd_formats::snapshot::{self, Snapshot};
 use cd_formats::tact_behav::{TactBehav, VisibilityRow};
-use cd_tests::case::{Case, cloud, files, from_outbox, surfaces_of_an_l};
+use cd_pre::pour::{PourRequest, pour_grains};
+use cd_tests::case::{Case, cloud, files, from_outbox, solve, surfaces_of_an_l};
 
 /// Forty rocks in the thick of their collisions at step 150.
 fn collapse() -> Case {
@@ -1008,4 +1009,54 @@ fn what_stands_out_of_a_level_is_left_behind() {
     assert!(!kept.is_empty() && kept.len() < all.bodies.body_id.len());
     let case = next_case(&from, &format!("(bodies: [(select: Below({height:?}))])")).solved(&["--steps", "1"]);
     assert_eq!(case.snapshot(0).bodies.body_x, kept);
+}
+
+/// Files of a DATBOX but for the comment in COMPUTE.RON that names the case.
+fn datbox_without_origin(case: &Path) -> Vec<(String, Vec<u8>)> {
+    let datbox = case.join("DATBOX");
+    let content = |name: &String| {
+        let bytes = fs::read(datbox.join(name)).unwrap();
+        if name != "COMPUTE.RON" {
+            return bytes;
+        }
+        let text = String::from_utf8(bytes).unwrap();
+        text.lines().filter(|line| !line.starts_with("//")).collect::<String>().into_bytes()
+    };
+    files(&datbox).iter().map(|name| (name.clone(), content(name))).collect()
+}
+
+#[test]
+fn pouring_is_a_run_to_rest_and_a_datbox_from_its_end() {
+    let scene = r#"(
+        gravity: (0, 0, -9.81),
+        materials: [(name: "ROCKx", density: 2000.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
+        contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0")],
+        grains: [(material: "ROCKx", colour: "BLUEx", shape: Cube, sizes: Single(0.5), number: 4,
+            placement: DensePacking(envelope: Box(lengths: (4, 4, 2))), centre: (0, 0, 1.1))],
+        walls: [Plate(material: "ROCKx", colour: "BLUEx", centre: (0, 0, -0.1), half_lengths: (4, 4, 0.1))],
+        compute: (dt: 5e-3, end_time: 50, output_every: 50, events: [(time: 1.5, action: SetQuench(0.1))],
+            until: [AtRest(speed: 1e-3, during: 0.05)]),
+    )"#;
+    let folder = Case::empty();
+    let [scene_file, changes, bed, twin] =
+        ["scene.ron", "changes.ron", "bed", "twin"].map(|name| folder.path().join(name));
+    fs::write(&scene_file, scene).unwrap();
+    fs::write(&changes, "(bodies: [(remove_motion: All)], compute: (dt: 5e-3, end_time: 0.5))").unwrap();
+    let request =
+        PourRequest { scene: &scene_file, settings: &["seed=3".to_string()], dir: &bed, changes: Some(&changes) };
+    // A run that is stopped makes no DATBOX.
+    let faults = pour_grains(&request, |_| Ok(Some(4))).unwrap_err().to_string();
+    assert!(faults.contains("pour: cd-solve: ended with exit code 4; expected a run to its end"), "{faults}");
+    assert!(!bed.join("DATBOX").exists());
+    let faults = pour_grains(&request, |_| Err(std::io::ErrorKind::NotFound.into())).unwrap_err().to_string();
+    assert!(faults.contains("cd-solve: cannot be started: "), "{faults}");
+
+    pour_grains(&request, |case| Ok(Some(solve(case, &["--force"])))).unwrap();
+    let last = snapshot::list_snapshots(&bed.join("pour/OUTBOX")).unwrap().pop().unwrap();
+    assert!(last.0 < 10_000, "the run did not end by itself: {last:?}");
+    assert_eq!(solve(&bed, &["--steps", "10"]), 0);
+    fs::create_dir(&twin).unwrap();
+    assert_eq!(from_outbox(&bed.join("pour"), &twin, &fs::read_to_string(&changes).unwrap()), 0);
+    assert_eq!(datbox_without_origin(&bed), datbox_without_origin(&twin));
 }

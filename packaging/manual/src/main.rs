@@ -102,7 +102,7 @@ mod tests {
     fn completions_know_options_and_commands_in_each_shell() {
         let files = manual_files();
         for (program, words) in [
-            ("cd-pre", &["from-outbox", "study", "output"][..]),
+            ("cd-pre", &["from-outbox", "pour", "study", "output"][..]),
             ("cd-solve", &["resume", "dump-problem", "threads"]),
             ("cd-post", &["compare", "report", "no-vtk"]),
         ] {

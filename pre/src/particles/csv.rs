@@ -1,4 +1,4 @@
-//! Tables with a header, separated by commas, semicolons, tabs or blanks.
+//! Tables with a header, separated by commas, semicolons, tabs or blanks, and templates of clumps, which have none.
 
 use std::path::Path;
 
@@ -6,6 +6,18 @@ use cd_formats::error::{Fault, Faults};
 
 use super::columns::{ParticleTable, words_with_columns};
 use super::state::ParticleState;
+
+/// Reads the balls of a template of LIGGGHTS, a line each: x, y, z and radius, separated by blanks; `#` begins a comment.
+pub fn read_multisphere(path: &Path, text: &str, faults: &mut Faults) -> ParticleState {
+    let mut table = ParticleTable::new(path, 1, &["x", "y", "z", "r"], faults);
+    for (number, line) in (1..).zip(text.lines()) {
+        let words = words_with_columns(line.split('#').next().unwrap_or_default(), None);
+        if !words.is_empty() {
+            table.add_row(number, &words, faults);
+        }
+    }
+    table.into_state([[0.0, 1.0]; 3])
+}
 
 /// Reads a table. Its first line that is not empty is the header, with or without a `#` before it; later lines that begin
 /// with `#` are comments.

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `state` | particles of a file |
 //! | `columns` | named columns of numbers, of all text formats |
-//! | `csv` | tables with a header |
+//! | `csv` | tables with a header, templates of clumps of LIGGGHTS |
 //! | `xyz` | XYZ and extended XYZ |
 //! | `lammps` | text dumps of LAMMPS and LIGGGHTS |
 //! | `pkdgrav` | `ss` files of pkdgrav |
@@ -32,7 +32,7 @@ const MAX_PRINTED_FAULTS: usize = 5;
 /// Errors: a file that cannot be read, and every fault of its numbers, with line and column.
 pub fn read_particles(path: &Path, format: Option<ParticleFormat>) -> Result<ParticleState, Faults> {
     let Some(format) = format.or_else(|| format_of_ending(path)) else {
-        let expected = "expected .csv, .xyz, .extxyz, .dump, .lammpstrj or .ss, or a format in the scene";
+        let expected = "expected .csv, .xyz, .extxyz, .dump, .lammpstrj, .multisphere or .ss, or a format in the scene";
         return Err(Fault::new(path, None, "file", "an ending that names no format", expected).into());
     };
     let mut faults = Faults::default();
@@ -42,6 +42,7 @@ pub fn read_particles(path: &Path, format: Option<ParticleFormat>) -> Result<Par
             pkdgrav::read(path, &bytes, &mut faults)
         }
         ParticleFormat::Csv => csv::read(path, &atomic::read_text(path)?, &mut faults),
+        ParticleFormat::Multisphere => csv::read_multisphere(path, &atomic::read_text(path)?, &mut faults),
         ParticleFormat::Xyz => xyz::read(path, &atomic::read_text(path)?, &mut faults),
         ParticleFormat::Lammps => lammps::read(path, &atomic::read_text(path)?, &mut faults),
     };
@@ -63,6 +64,7 @@ fn format_of_ending(path: &Path) -> Option<ParticleFormat> {
         "csv" => ParticleFormat::Csv,
         "xyz" | "extxyz" => ParticleFormat::Xyz,
         "dump" | "lammpstrj" => ParticleFormat::Lammps,
+        "multisphere" => ParticleFormat::Multisphere,
         "ss" => ParticleFormat::Pkdgrav,
         _ => return None,
     })

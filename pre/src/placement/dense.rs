@@ -1,36 +1,52 @@
-//! Dense packings of spheres up to random close packing, by minimisation of the energy of their overlaps.
+//! Dense packings of grains up to random close packing, by minimisation of the energy of their overlaps.
 //!
-//! Spheres start at random positions. Their overlaps δ store the energy Σ δ²/2 of equal springs, which is minimised from
+//! Grains start at random positions. Their overlaps δ store the energy Σ δ²/2 of equal springs, which is minimised from
 //! there (C. S. O'Hern, L. E. Silbert, A. J. Liu, S. R. Nagel, Phys. Rev. E 68, 011306, 2003) by FIRE (E. Bitzek et al.,
 //! Phys. Rev. Lett. 97, 170201, 2006). Below the jamming density the energy falls to 0. Spheres have a padding, and the
 //! minimisation ends as soon as overlaps are smaller than that: the spheres themselves then do not overlap at all.
-//! Forces on a sphere are summed in the order of its neighbours, and sums over spheres in their order, so that results do
+//! Grains of other shapes are hulls that turn as well as move; the overlap of two is the shortest translation that
+//! separates them, and their padding is that of a sphere of the same volume.
+//! Forces on a grain are summed in the order of its neighbours, and sums over grains in their order, so that results do
 //! not depend on the number of threads.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
-use super::cells::SphereGrid;
+use super::neighbours::{NeighbourLists, PackingCell};
 use super::order::z_order;
-use super::region::GrainRegion;
+use super::packed_shapes::{GrainLoad, MovingShapes, PackingShapes};
+use super::rounded_hulls::RoundedHull;
 use crate::random::RandomStream;
 
 /// Paddings of the radii as ratios to them, largest first: the next one is used if spheres jam with one. The first lets
 /// loose packings end after a few hundred steps; the last lowers the density that can be reached by 3e-4 of it.
 const PADDINGS: [f64; 5] = [1e-2, 3e-3, 1e-3, 3e-4, 1e-4];
 
-/// Steps between two tests of whether the energy still falls.
-const STALL_STEPS: usize = 500;
-
-/// Ratio of the energies of two such tests above which the spheres are jammed: the slowest packings that still become free
-/// of overlaps lose a fifth of their energy in that time.
+/// Ratio of the energies of two tests above which the spheres are jammed: the slowest packings that still become free of
+/// overlaps lose a fifth of their energy in that time.
 const STALL_RATIO: f64 = 0.98;
+
+/// Limits of the minimisation.
+struct PackingEffort {
+    /// Paddings, largest first.
+    paddings: &'static [f64],
+    /// Steps between two tests of whether the energy still falls.
+    stall_steps: usize,
+    /// Smallest relative reduction of the radii in the search for the density at which grains jam.
+    min_shrinkage: f64,
+}
+
+const SPHERE_EFFORT: PackingEffort = PackingEffort { paddings: &PADDINGS, stall_steps: 500, min_shrinkage: 1e-4 };
+
+/// Limits for shapes, whose overlaps cost a hundred times as much.
+const SHAPE_EFFORT: PackingEffort = PackingEffort { paddings: &[1e-2, 1e-3], stall_steps: 200, min_shrinkage: 2e-3 };
+
+/// Ratio of the radii of the spheres at whose positions shapes start to those of spheres of equal volume: up to a solid
+/// fraction of 0.8 they do not jam.
+const START_SCALE: f64 = 0.9;
 
 /// Largest number of steps of one minimisation. Packings next to the jamming density take some 10^4.
 const MAX_STEPS: usize = 200_000;
-
-/// Smallest relative reduction of the radii in the search for the density at which spheres jam.
-const MIN_SHRINKAGE: f64 = 1e-4;
 
 /// Number of reductions of the radii; overlaps fall by about ten times in each.
 const MAX_SHRINKAGES: usize = 40;
@@ -63,13 +79,6 @@ const SPHERES_PER_TASK: usize = 1024;
 /// Number of random points for one start position.
 const MAX_ATTEMPTS: usize = 1_000_000;
 
-/// Region with the periods of the scene that it fills.
-pub struct PackingCell<'a> {
-    pub region: &'a GrainRegion,
-    /// Periods along the axes of a box, m; none along an axis on which the region has walls.
-    pub periods: [Option<f64>; 3],
-}
-
 /// Reason why spheres are not packed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PackingError {
@@ -91,6 +100,15 @@ impl std::fmt::Display for PackingError {
 
 impl std::error::Error for PackingError {}
 
+/// Positions of packed grains.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PackedGrains {
+    /// m
+    pub centres: Vec<Vector3<f64>>,
+    /// Rotations from the first orientations.
+    pub rotations: Vec<UnitQuaternion<f64>>,
+}
+
 /// Centres of spheres of `radii`, m, without overlap and completely in the cell.
 ///
 /// Errors: spheres that jam, a region that is too thin.
@@ -99,87 +117,220 @@ pub fn pack_spheres(
     radii: &[f64],
     random: &mut RandomStream,
 ) -> Result<Vec<Vector3<f64>>, PackingError> {
+    let centres = random_centres(cell, radii.len(), random, &|_| true)?;
+    let mut packing = MovingGrains::new(cell, radii, radii, centres);
+    packing.remove_overlaps(&SPHERE_EFFORT)?;
+    Ok(packing.centres)
+}
+
+/// Positions and rotations of grains of any shape in bounding balls of `radii`, m, without overlap and completely in the
+/// cell. They start where smaller spheres of equal volumes do not overlap.
+///
+/// Errors: grains that jam, a region that is too thin.
+pub fn pack_shapes(
+    cell: &PackingCell,
+    radii: &[f64],
+    shapes: &PackingShapes,
+    random: &mut RandomStream,
+) -> Result<PackedGrains, PackingError> {
+    let mean_size = shapes.sizes.iter().sum::<f64>() / shapes.sizes.len() as f64;
+    let ball = |radius: f64| RoundedHull::new(vec![Vector3::zeros()], radius);
+    let mean_ball = ball(START_SCALE * mean_size);
+    let is_clear = |point: &Vector3<f64>| shapes.obstacles.iter().all(|body| body.is_clear_of(cell, &mean_ball, point));
+    let centres = random_centres(cell, radii.len(), random, &is_clear)?;
+    let mut spheres = MovingGrains::new(cell, &shapes.sizes, &shapes.sizes, centres);
+    if !shapes.obstacles.is_empty() {
+        let hulls = shapes.sizes.iter().map(|size| vec![ball(*size)]).collect();
+        spheres = spheres.with_shapes(&PackingShapes { hulls, can_turn: false, ..shapes.clone() });
+    }
+    spheres.relax(START_SCALE, PADDINGS[0], &SPHERE_EFFORT);
+    spheres.cell.move_inside(&mut spheres.centres);
+    spheres.centres.truncate(radii.len());
+    let mut packing = MovingGrains::new(cell, radii, &shapes.sizes, spheres.centres).with_shapes(shapes);
+    packing.remove_overlaps(&SHAPE_EFFORT)?;
+    packing.centres.truncate(radii.len());
+    let rotations = packing.shapes.map(|shapes| shapes.rotations).unwrap_or_default();
+    Ok(PackedGrains { centres: packing.centres, rotations })
+}
+
+/// Random points in the cell, m, along the Z-curve, that are clear of other bodies. Errors: a region that is too thin.
+fn random_centres(
+    cell: &PackingCell,
+    number: usize,
+    random: &mut RandomStream,
+    is_clear: &dyn Fn(&Vector3<f64>) -> bool,
+) -> Result<Vec<Vector3<f64>>, PackingError> {
     let halves = cell.region.half_extents();
     let start = |_| {
         let mut trials = (0..MAX_ATTEMPTS).map(|_| random.point_in_cube().component_mul(&halves));
-        trials.find(|point| cell.region.contains_ball(point, 0.0)).ok_or(PackingError::NoPoint)
+        trials.find(|point| cell.region.contains_ball(point, 0.0) && is_clear(point)).ok_or(PackingError::NoPoint)
     };
-    let mut centres = (0..radii.len()).map(start).collect::<Result<Vec<_>, _>>()?;
-    // Spheres that are near in space are near in memory.
+    let centres = (0..number).map(start).collect::<Result<Vec<_>, _>>()?;
+    // Grains that are near in space are near in memory.
     let order = z_order(cell.region, &centres);
-    centres = order.into_iter().map(|k| centres[k]).collect();
-    let mut packing = MovingSpheres::new(cell, radii, centres);
-    for padding in PADDINGS {
-        if packing.relax(1.0, padding) {
-            packing.move_into_cell();
-            return Ok(packing.centres);
-        }
-    }
-    let last_padding = PADDINGS[PADDINGS.len() - 1];
-    let (mut scale, mut overlap) = (1.0, packing.mean_overlap(1.0, last_padding));
-    for _ in 0..MAX_SHRINKAGES {
-        scale *= 1.0 - overlap.clamp(MIN_SHRINKAGE, 0.5);
-        if packing.relax(scale, last_padding) {
-            break;
-        }
-        overlap = packing.mean_overlap(scale, last_padding);
-    }
-    Err(PackingError::Jammed { volume_ratio: scale.powi(3) })
+    Ok(order.into_iter().map(|k| centres[k]).collect())
 }
 
-/// Force on a sphere, and its contributions to sums over all spheres.
-#[derive(Clone, Copy, Default)]
-struct SphereLoad {
-    /// Force, in metres of overlap.
-    force: Vector3<f64>,
-    /// Energy, m^2; half of that of each contact of two spheres.
-    energy: f64,
-    /// Largest overlap, divided by the sum of the padded radii, or by the padded radius at a wall.
-    deepest: f64,
-    /// Sum of these ratios, and number of contacts.
-    sum: f64,
-    contacts: u32,
+/// Motion of grains down the gradient of the energy (FIRE).
+struct GrainDescent {
+    velocities: Vec<Vector3<f64>>,
+    /// Angular velocities, none of grains that do not turn.
+    spins: Vec<Vector3<f64>>,
+    time_step: f64,
+    mixing: f64,
+    downhill_steps: usize,
 }
 
-/// Spheres that move to positions without overlap.
-struct MovingSpheres<'a> {
+impl GrainDescent {
+    fn new(number: usize) -> GrainDescent {
+        GrainDescent {
+            velocities: vec![Vector3::zeros(); number],
+            spins: Vec::new(),
+            time_step: TIME_STEPS[0],
+            mixing: FIRE_MIXING,
+            downhill_steps: 0,
+        }
+    }
+
+    /// Sets the velocities at the end of a step under these loads and torques on grains of these masses and moments of
+    /// inertia, whose bounding radii are `radii`, m, limited to a displacement of `longest`, m.
+    fn accelerate(
+        &mut self,
+        (loads, torques): &(Vec<GrainLoad>, Vec<Vector3<f64>>),
+        (masses, inertias): (&[f64], &[f64]),
+        radii: &[f64],
+        longest: f64,
+    ) {
+        self.spins.resize(torques.len(), Vector3::zeros());
+        let (mut power, mut speed_square, mut force_square) = (0.0, 0.0, 0.0);
+        for ((load, velocity), mass) in loads.iter().zip(&self.velocities).zip(masses) {
+            power += load.force.dot(velocity);
+            speed_square += mass * velocity.norm_squared();
+            force_square += load.force.norm_squared() / mass;
+        }
+        for ((torque, spin), inertia) in torques.iter().zip(&self.spins).zip(inertias) {
+            power += torque.dot(spin);
+            speed_square += inertia * spin.norm_squared();
+            force_square += torque.norm_squared() / inertia;
+        }
+        if power > 0.0 {
+            let pull = self.mixing * (speed_square / force_square).sqrt();
+            for ((load, velocity), mass) in loads.iter().zip(&mut self.velocities).zip(masses) {
+                *velocity = *velocity * (1.0 - self.mixing) + load.force * (pull / mass);
+            }
+            for ((torque, spin), inertia) in torques.iter().zip(&mut self.spins).zip(inertias) {
+                *spin = *spin * (1.0 - self.mixing) + torque * (pull / inertia);
+            }
+            self.downhill_steps += 1;
+            if self.downhill_steps > FIRE_DELAY {
+                self.time_step = f64::min(FIRE_GROWTH * self.time_step, TIME_STEPS[1]);
+                self.mixing *= FIRE_MIXING_FACTOR;
+            }
+        } else {
+            self.velocities.fill(Vector3::zeros());
+            self.spins.fill(Vector3::zeros());
+            (self.downhill_steps, self.mixing) = (0, FIRE_MIXING);
+            self.time_step = f64::max(FIRE_REDUCTION * self.time_step, 0.01 * TIME_STEPS[0]);
+        }
+        let fastest = longest / self.time_step;
+        for ((load, velocity), mass) in loads.iter().zip(&mut self.velocities).zip(masses) {
+            add_limited(velocity, load.force * (self.time_step / mass), fastest);
+        }
+        for (((torque, spin), inertia), radius) in torques.iter().zip(&mut self.spins).zip(inertias).zip(radii) {
+            add_limited(spin, torque * (self.time_step / inertia), fastest / radius);
+        }
+    }
+}
+
+/// Adds a vector to a velocity, which is then shortened to `fastest`.
+fn add_limited(velocity: &mut Vector3<f64>, change: Vector3<f64>, fastest: f64) {
+    *velocity += change;
+    let speed = velocity.norm();
+    if speed > fastest {
+        *velocity *= fastest / speed;
+    }
+}
+
+/// Grains that move to positions without overlap, and bodies at rest.
+struct MovingGrains<'a> {
     cell: &'a PackingCell<'a>,
+    /// Radii of the bounding balls of the grains, m.
     radii: &'a [f64],
+    /// Radii to which overlaps are relative, m: of spheres of equal volume.
+    sizes: &'a [f64],
     mean_radius: f64,
-    /// Masses: the squares of the radii, as the number of contacts of a sphere, divided by that of the mean radius.
+    /// Masses: the squares of the sizes, as the number of contacts of a sphere, divided by that of the mean radius.
     masses: Vec<f64>,
+    /// Centres of the grains, then of the bodies at rest, m.
     centres: Vec<Vector3<f64>>,
+    /// Radii of the bounding balls of the bodies at rest, m.
+    fixed_radii: Vec<f64>,
+    /// Shapes; none of spheres among spheres.
+    shapes: Option<MovingShapes>,
+    /// Scale of `shapes`.
+    scale: f64,
     neighbours: NeighbourLists,
     /// m
     skin: f64,
 }
 
-/// Spheres near each sphere, by increasing index.
-#[derive(Default)]
-struct NeighbourLists {
-    /// First entry of each sphere in `entries`, and the end of the last.
-    starts: Vec<usize>,
-    entries: Vec<u32>,
-    /// Whether a wall is near.
-    near_walls: Vec<bool>,
-    /// Centres for which the lists were made, m.
-    centres: Vec<Vector3<f64>>,
-}
-
-impl<'a> MovingSpheres<'a> {
-    fn new(cell: &'a PackingCell, radii: &'a [f64], centres: Vec<Vector3<f64>>) -> Self {
-        let mean_radius = radii.iter().sum::<f64>() / radii.len() as f64;
-        let masses = radii.iter().map(|radius| (radius / mean_radius).powi(2)).collect();
+impl<'a> MovingGrains<'a> {
+    fn new(cell: &'a PackingCell, radii: &'a [f64], sizes: &'a [f64], centres: Vec<Vector3<f64>>) -> Self {
+        let mean_radius = sizes.iter().sum::<f64>() / sizes.len() as f64;
+        let masses = sizes.iter().map(|size| (size / mean_radius).powi(2)).collect();
         let skin = SKINS[0] * mean_radius;
-        MovingSpheres { cell, radii, mean_radius, masses, centres, neighbours: NeighbourLists::default(), skin }
+        MovingGrains {
+            cell,
+            radii,
+            sizes,
+            mean_radius,
+            masses,
+            centres,
+            fixed_radii: Vec::new(),
+            shapes: None,
+            scale: 1.0,
+            neighbours: NeighbourLists::default(),
+            skin,
+        }
     }
 
-    /// Minimises the energy at radii of `scale` times their own and `padding` until no sphere overlaps without padding, or
-    /// the energy stops falling. Returns whether no two spheres overlap and none reaches out of the region.
-    fn relax(&mut self, scale: f64, padding: f64) -> bool {
+    /// Adds the shapes of the grains, and the bodies at rest.
+    fn with_shapes(mut self, shapes: &PackingShapes) -> Self {
+        self.shapes = Some(MovingShapes::new(shapes, &self.masses, self.radii, self.mean_radius));
+        self.centres.extend(shapes.obstacles.iter().map(|body| body.position));
+        self.fixed_radii = shapes.obstacles.iter().map(|body| body.reach).collect();
+        self
+    }
+
+    /// Removes all overlaps. Errors: grains that jam.
+    fn remove_overlaps(&mut self, effort: &PackingEffort) -> Result<(), PackingError> {
+        for padding in effort.paddings {
+            if self.relax(1.0, *padding, effort) {
+                self.cell.move_inside(&mut self.centres);
+                return Ok(());
+            }
+        }
+        let last_padding = effort.paddings[effort.paddings.len() - 1];
+        let (mut scale, mut overlap) = (1.0, self.mean_overlap(1.0, last_padding));
+        for _ in 0..MAX_SHRINKAGES {
+            scale *= 1.0 - overlap.clamp(effort.min_shrinkage, 0.5);
+            if self.relax(scale, last_padding, effort) {
+                break;
+            }
+            overlap = self.mean_overlap(scale, last_padding);
+        }
+        Err(PackingError::Jammed { volume_ratio: scale.powi(3) })
+    }
+
+    /// Minimises the energy at radii of `scale` times their own and `padding` until no grain overlaps without padding, or
+    /// the energy stops falling. Returns whether no two grains overlap and none reaches out of the region.
+    fn relax(&mut self, scale: f64, padding: f64, effort: &PackingEffort) -> bool {
         let factor = scale * (1.0 + padding);
-        let mut velocities = vec![Vector3::zeros(); self.radii.len()];
-        let (mut time_step, mut mixing, mut downhill_steps) = (TIME_STEPS[0], FIRE_MIXING, 0);
+        if let Some(shapes) = &mut self.shapes {
+            shapes.rescale(scale / self.scale);
+        }
+        self.scale = scale;
+        let mut descent = GrainDescent::new(self.radii.len());
         let (mut last_energy, mut list_step) = (f64::INFINITY, 0);
         self.list_neighbours(factor);
         for step in 0..MAX_STEPS {
@@ -196,49 +347,25 @@ impl<'a> MovingSpheres<'a> {
                 list_step = step;
                 self.list_neighbours(factor);
             }
-            let loads = self.loads(factor);
-            let deepest = loads.iter().map(|load| load.deepest).fold(0.0, f64::max);
+            let loads = self.loads(scale, padding);
+            let deepest = loads.0.iter().map(|load| load.deepest).fold(0.0, f64::max);
             if deepest <= padding / (1.0 + padding) {
                 return true;
             }
-            if step % STALL_STEPS == 0 {
-                let energy = loads.iter().map(|load| load.energy).sum();
+            if step % effort.stall_steps == 0 {
+                let energy = loads.0.iter().map(|load| load.energy).sum();
                 if energy > STALL_RATIO * last_energy {
                     break;
                 }
                 last_energy = energy;
             }
-            let (mut power, mut speed_square, mut force_square) = (0.0, 0.0, 0.0);
-            for ((load, velocity), mass) in loads.iter().zip(&velocities).zip(&self.masses) {
-                power += load.force.dot(velocity);
-                speed_square += mass * velocity.norm_squared();
-                force_square += load.force.norm_squared() / mass;
+            let inertias = self.shapes.as_ref().map_or(&[][..], |shapes| &shapes.inertias[..]);
+            descent.accelerate(&loads, (&self.masses, inertias), self.radii, MAX_TRAVEL * self.mean_radius);
+            for (velocity, centre) in descent.velocities.iter().zip(&mut self.centres) {
+                *centre += *velocity * descent.time_step;
             }
-            if power > 0.0 {
-                let pull = mixing * (speed_square / force_square).sqrt();
-                for ((load, velocity), mass) in loads.iter().zip(&mut velocities).zip(&self.masses) {
-                    *velocity = *velocity * (1.0 - mixing) + load.force * (pull / mass);
-                }
-                downhill_steps += 1;
-                if downhill_steps > FIRE_DELAY {
-                    time_step = f64::min(FIRE_GROWTH * time_step, TIME_STEPS[1]);
-                    mixing *= FIRE_MIXING_FACTOR;
-                }
-            } else {
-                velocities.fill(Vector3::zeros());
-                (downhill_steps, mixing) = (0, FIRE_MIXING);
-                time_step = f64::max(FIRE_REDUCTION * time_step, 0.01 * TIME_STEPS[0]);
-            }
-            let longest = MAX_TRAVEL * self.mean_radius / time_step;
-            for (((load, velocity), mass), centre) in
-                loads.iter().zip(&mut velocities).zip(&self.masses).zip(&mut self.centres)
-            {
-                *velocity += load.force * (time_step / mass);
-                let speed = velocity.norm();
-                if speed > longest {
-                    *velocity *= longest / speed;
-                }
-                *centre += *velocity * time_step;
+            if let Some(shapes) = &mut self.shapes {
+                shapes.turn(&descent.spins, descent.time_step);
             }
         }
         false
@@ -246,174 +373,75 @@ impl<'a> MovingSpheres<'a> {
 
     /// Mean overlap of the contacts, divided by the sum of the padded radii, with the present lists of neighbours.
     fn mean_overlap(&self, scale: f64, padding: f64) -> f64 {
-        let loads = self.loads(scale * (1.0 + padding));
+        let loads = self.loads(scale, padding).0;
         let contacts: u64 = loads.iter().map(|load| u64::from(load.contacts)).sum();
         loads.iter().map(|load| load.sum).sum::<f64>() / contacts.max(1) as f64
     }
 
-    /// Vector from the nearest image of one centre to another, m, from their difference.
-    fn nearest_separation(&self, mut difference: Vector3<f64>) -> Vector3<f64> {
-        for (k, period) in self.cell.periods.iter().enumerate() {
-            if let Some(period) = period
-                && difference[k].abs() > 0.5 * period
-            {
-                difference[k] -= period.copysign(difference[k]);
-            }
-        }
-        difference
-    }
-
-    /// Whether a sphere has moved by half the skin since the lists were made.
+    /// Whether a grain has moved by half the skin since the lists were made.
     fn has_left_lists(&self) -> bool {
         // A hair less, for rounding.
         let longest = 0.499 * self.skin;
         self.centres.iter().zip(&self.neighbours.centres).any(|(a, b)| (a - b).norm_squared() > longest * longest)
     }
 
-    /// Forces on all spheres of `factor` times their radii.
-    fn loads(&self, factor: f64) -> Vec<SphereLoad> {
-        (0..self.radii.len()).into_par_iter().with_min_len(SPHERES_PER_TASK).map(|k| self.load(k, factor)).collect()
+    /// Forces on all grains of `scale` times their size, padded, and their moments, none of spheres.
+    fn loads(&self, scale: f64, padding: f64) -> (Vec<GrainLoad>, Vec<Vector3<f64>>) {
+        if let Some(shapes) = &self.shapes {
+            let sizes: Vec<f64> = self.sizes.iter().map(|size| scale * size).collect();
+            let paddings: Vec<f64> = sizes.iter().map(|size| padding * size).collect();
+            return shapes.loads(self.cell, &self.neighbours, &self.centres, [&sizes, &paddings]);
+        }
+        let factor = scale * (1.0 + padding);
+        let numbers = (0..self.radii.len()).into_par_iter().with_min_len(SPHERES_PER_TASK);
+        (numbers.map(|k| self.sphere_load(k, factor)).collect(), Vec::new())
     }
 
-    /// Force on a sphere from its neighbours and the walls.
-    fn load(&self, k: usize, factor: f64) -> SphereLoad {
-        let mut load = SphereLoad::default();
+    /// Force on a sphere of `factor` times its radius from its neighbours and the walls.
+    fn sphere_load(&self, k: usize, factor: f64) -> GrainLoad {
+        let mut load = GrainLoad::default();
         let (centre, radius) = (self.centres[k], factor * self.radii[k]);
-        let mut add = |direction: Vector3<f64>, overlap: f64, length: f64, share: f64| {
-            load.force += direction * overlap;
-            load.energy += share * 0.5 * overlap * overlap;
-            load.deepest = load.deepest.max(overlap / length);
-            load.sum += overlap / length;
-            load.contacts += 1;
-        };
-        let lists = &self.neighbours;
-        for &other in &lists.entries[lists.starts[k]..lists.starts[k + 1]] {
+        for &other in self.neighbours.entries_near(k) {
             let other = other as usize;
             let reach = radius + factor * self.radii[other];
-            let separation = self.nearest_separation(centre - self.centres[other]);
+            let separation = self.cell.nearest_separation(centre - self.centres[other]);
             let square = separation.norm_squared();
             if square < reach * reach {
                 let distance = square.sqrt();
                 let overlap = reach - distance;
                 // Spheres at the same point part along an axis.
                 let arbitrary = if k < other { Vector3::x() } else { -Vector3::x() };
-                add(if distance > 0.0 { separation / distance } else { arbitrary }, overlap, reach, 0.5);
+                let direction = if distance > 0.0 { separation / distance } else { arbitrary };
+                load.add_overlap(direction, overlap, reach, 0.5);
             }
         }
-        if lists.near_walls[k] {
-            self.for_each_wall(&centre, |distance, inward| {
+        if self.neighbours.near_walls[k] {
+            self.cell.for_each_wall(&centre, |distance, inward| {
                 if distance < radius {
-                    add(inward, radius - distance, radius, 1.0);
+                    load.add_overlap(inward, radius - distance, radius, 1.0);
                 }
             });
         }
         load
     }
 
-    /// Calls `visit` with the distance of a point from each wall that is not across a period, m, negative beyond it, and
-    /// the unit normal inward.
-    fn for_each_wall(&self, point: &Vector3<f64>, mut visit: impl FnMut(f64, Vector3<f64>)) {
-        self.cell.region.for_each_wall(point, |distance, inward| {
-            if (0..3).all(|k| self.cell.periods[k].is_none() || inward[k] == 0.0) {
-                visit(distance, inward);
-            }
-        });
-    }
-
-    /// Moves centres beyond the ends of a period to their images in the cell.
-    fn move_into_cell(&mut self) {
-        for centre in &mut self.centres {
-            for (k, period) in self.cell.periods.iter().enumerate() {
-                period.iter().for_each(|period| centre[k] -= period * (centre[k] / period).round());
-            }
-        }
-    }
-
-    /// Lists the neighbours of spheres of `factor` times their radii within the skin, after a move of the centres into the
+    /// Lists the neighbours of grains of `factor` times their radii within the skin, after a move of the centres into the
     /// cell.
     fn list_neighbours(&mut self, factor: f64) {
-        self.move_into_cell();
-        let periods = self.cell.periods;
-        let radii: Vec<f64> = self.radii.iter().map(|radius| factor * radius + 0.5 * self.skin).collect();
-        let mut order: Vec<usize> = (0..radii.len()).collect();
-        order.sort_unstable_by(|&a, &b| radii[b].total_cmp(&radii[a]).then(a.cmp(&b)));
-        let largest = order.first().map_or(1.0, |&k| radii[k]);
-        let mut cells = SphereGrid::new(largest);
-        let mut numbers = vec![0; radii.len()];
-        for (number, &k) in order.iter().enumerate() {
-            cells.add(self.centres[k], radii[k]);
-            numbers[k] = number;
-        }
-        // Neighbours that are no smaller, or as large and of a smaller index: each pair once.
-        let larger_neighbours = |k: usize| {
-            let mut found = Vec::new();
-            for shift in image_shifts(&periods, &self.centres[k], radii[k] + largest) {
-                cells.for_each_overlap(&(self.centres[k] + shift), radii[k], |number, _| {
-                    if number < numbers[k] {
-                        found.push(order[number] as u32);
-                    }
-                });
-            }
-            found
-        };
-        let pairs: Vec<Vec<u32>> =
-            (0..radii.len()).into_par_iter().with_min_len(SPHERES_PER_TASK / 4).map(larger_neighbours).collect();
-        let mut counts: Vec<usize> = pairs.iter().map(Vec::len).collect();
-        pairs.iter().flatten().for_each(|&other| counts[other as usize] += 1);
-        let lists = &mut self.neighbours;
-        lists.starts.clear();
-        lists.starts.push(0);
-        for count in counts {
-            lists.starts.push(lists.starts[lists.starts.len() - 1] + count);
-        }
-        lists.entries.clear();
-        lists.entries.resize(lists.starts[radii.len()], 0);
-        let mut ends = lists.starts.clone();
-        let mut append = |k: usize, other: u32| {
-            lists.entries[ends[k]] = other;
-            ends[k] += 1;
-        };
-        for (k, found) in pairs.iter().enumerate() {
-            for &other in found {
-                append(k, other);
-                append(other as usize, k as u32);
-            }
-        }
-        for ends in lists.starts.windows(2) {
-            lists.entries[ends[0]..ends[1]].sort_unstable();
-        }
-        lists.centres.clone_from(&self.centres);
-        let near_wall = |k: usize| {
-            let mut is_near = false;
-            self.for_each_wall(&self.centres[k], |distance, _| is_near |= distance < radii[k]);
-            is_near
-        };
-        let near_walls = (0..radii.len()).into_par_iter().with_min_len(SPHERES_PER_TASK / 4).map(near_wall).collect();
-        self.neighbours.near_walls = near_walls;
+        self.cell.move_inside(&mut self.centres);
+        let grains = self.radii.iter().map(|radius| factor * radius + 0.5 * self.skin);
+        let radii: Vec<f64> = grains.chain(self.fixed_radii.iter().map(|radius| radius + 0.5 * self.skin)).collect();
+        self.neighbours.list_overlaps(self.cell, &self.centres, &radii);
     }
-}
-
-/// Shifts, m, to those images of a point of the cell that are within `reach`, m, of the cell: none first.
-fn image_shifts(periods: &[Option<f64>; 3], point: &Vector3<f64>, reach: f64) -> Vec<Vector3<f64>> {
-    let mut shifts = vec![Vector3::zeros()];
-    for (k, period) in periods.iter().enumerate() {
-        let Some(period) = period.filter(|period| point[k].abs() > 0.5 * period - reach) else { continue };
-        let image = |shift: &Vector3<f64>| {
-            let mut shift = *shift;
-            shift[k] -= period.copysign(point[k]);
-            shift
-        };
-        let images: Vec<Vector3<f64>> = shifts.iter().map(image).collect();
-        shifts.extend(images);
-    }
-    shifts
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::placement::region::GrainRegion;
     use crate::random::StreamPurpose;
     use crate::sphere::sphere_volume;
+    use nalgebra::Matrix3;
 
     /// Cube in which spheres of `radii` have the solid fraction `nu`, periodic along all axes.
     struct PeriodicCube {
@@ -509,12 +537,43 @@ mod tests {
         assert_ne!(packed(3, 2), alone);
     }
 
+    /// Cubes of half edge 1 in a cube without walls.
+    fn packed_cubes(nu: f64, seed: u64) -> Result<PackedGrains, PackingError> {
+        let number = 40;
+        let size = (6.0 / std::f64::consts::PI).cbrt();
+        let cube = PeriodicCube::new(&vec![size; number], nu);
+        let hull = RoundedHull::from_box(&Matrix3::identity(), &Vector3::repeat(1.0));
+        let shapes = PackingShapes {
+            hulls: vec![vec![hull]; number],
+            sizes: vec![size; number],
+            can_turn: true,
+            obstacles: Vec::new(),
+        };
+        let cell = PackingCell { region: &cube.region, periods: cube.periods };
+        let mut random = RandomStream::new(seed, 0, StreamPurpose::Positions);
+        pack_shapes(&cell, &vec![3f64.sqrt(); number], &shapes, &mut random)
+    }
+
     #[test]
-    fn images_are_those_near_the_cell() {
-        let periods = [Some(10.0), None, Some(10.0)];
-        assert_eq!(image_shifts(&periods, &Vector3::new(1.0, 9.0, -1.0), 2.0), [Vector3::zeros()]);
-        let shifts = image_shifts(&periods, &Vector3::new(4.0, 9.0, -4.0), 2.0);
-        let expected = [[0.0, 0.0, 0.0], [-10.0, 0.0, 0.0], [0.0, 0.0, 10.0], [-10.0, 0.0, 10.0]];
-        assert_eq!(shifts, expected.map(Vector3::from));
+    fn shapes_turn_and_pack_the_same_on_any_number_of_threads() {
+        let packed = |threads: usize, seed: u64| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| packed_cubes(0.5, seed)).unwrap()
+        };
+        let alone = packed(1, 1);
+        assert!(alone.rotations.iter().all(|rotation| rotation.angle() > 0.0));
+        assert_eq!(packed(3, 1), alone);
+        assert_ne!(packed(3, 2), alone);
+    }
+
+    #[test]
+    fn shapes_that_do_not_fit_jam_below() {
+        match packed_cubes(0.95, 1) {
+            // Random packings of cubes reach about 0.6; the exact value depends on the search.
+            Err(PackingError::Jammed { volume_ratio }) => {
+                assert!((0.5..0.85).contains(&(0.95 * volume_ratio)), "{volume_ratio}");
+            }
+            other => panic!("{other:?}"),
+        }
     }
 }

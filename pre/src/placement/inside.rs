@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use cd_formats::surface::{Surface, SurfaceFault, SurfaceFaults};
 use nalgebra::Vector3;
+use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::math::{Pose, Vector as Point};
 use parry3d_f64::query::{self, PointQuery};
 use parry3d_f64::shape::{ConvexPolyhedron, TriMesh, TriMeshFlags};
@@ -92,6 +93,18 @@ impl SurfaceRegion {
         let sign = if nearest.is_inside { 1.0 } else { -1.0 };
         let inward = Vector3::new(from_surface.x, from_surface.y, from_surface.z) * (sign / length);
         (length > f64::EPSILON).then_some((sign * length * self.scale, inward))
+    }
+
+    /// Calls `visit` with the corners, m, of each triangle of the surface near the box from `low` to `high`, m, in the order
+    /// of their numbers.
+    pub fn for_each_triangle(&self, low: &Vector3<f64>, high: &Vector3<f64>, mut visit: impl FnMut([Vector3<f64>; 3])) {
+        let [mins, maxs] = [low, high].map(|v| Point::new(v.x / self.scale, v.y / self.scale, v.z / self.scale));
+        let mut numbers: Vec<u32> = self.mesh.bvh().intersect_aabb(&Aabb::new(mins, maxs)).collect();
+        numbers.sort_unstable();
+        for number in numbers {
+            let triangle = self.mesh.triangle(number);
+            visit([triangle.a, triangle.b, triangle.c].map(|v| self.scale * Vector3::new(v.x, v.y, v.z)));
+        }
     }
 
     /// Whether no point of the surface is nearer to the convex piece than `margin`, m. Then the piece lies inside as a

@@ -15,13 +15,15 @@ const SYMMETRIC_OFFSETS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5
 /// Returns exactly `number` sites and their distance d (m), the largest that the region allows, at least `closest`.
 ///
 /// The balls of diameter d about the sites touch at most and lie in the region: a grain within its site's ball overlaps
-/// no other. If more than `number` sites fit, some are left out at random.
+/// no other. If more than `number` sites fit, some are left out at random. `is_clear`: whether a ball about a position, m, of
+/// a radius, m, overlaps no other body.
 ///
 /// Errors: the sites at the distance `closest` are too few.
 pub fn lattice_sites(
     region: &GrainRegion,
     number: usize,
     closest: f64,
+    is_clear: &dyn Fn(&Vector3<f64>, f64) -> bool,
     random: &mut RandomStream,
 ) -> Result<(Vec<Vector3<f64>>, f64), PositionShortage> {
     let mut offsets: Vec<[f64; 3]> = SYMMETRIC_OFFSETS.to_vec();
@@ -32,7 +34,7 @@ pub fn lattice_sites(
     let (mut best, mut largest_count) = (None, 0);
     let mut distance = closest;
     for offset in offsets {
-        let site_count = |d| FccLattice { region, d, offset }.lattice_sites(number).len();
+        let site_count = |d| FccLattice { region, d, offset, is_clear }.lattice_sites(number).len();
         let count = site_count(distance);
         largest_count = largest_count.max(count);
         if count < number {
@@ -48,7 +50,7 @@ pub fn lattice_sites(
         best = Some(offset);
     }
     let offset = best.ok_or(PositionShortage { count: largest_count })?;
-    let mut sites = FccLattice { region, d: distance, offset }.lattice_sites(usize::MAX);
+    let mut sites = FccLattice { region, d: distance, offset, is_clear }.lattice_sites(usize::MAX);
     random.shuffle(&mut sites);
     sites.truncate(number);
     Ok((sites, distance))
@@ -61,10 +63,12 @@ struct FccLattice<'a> {
     d: f64,
     /// Offset in half edges of the cubic cell.
     offset: [f64; 3],
+    /// Whether a ball about a position, m, of a radius, m, overlaps no other body.
+    is_clear: &'a dyn Fn(&Vector3<f64>, f64) -> bool,
 }
 
 impl FccLattice<'_> {
-    /// First `at_most` sites whose balls of radius d/2 lie in the region.
+    /// First `at_most` sites whose balls of radius d/2 lie in the region and overlap no other body.
     fn lattice_sites(&self, at_most: usize) -> Vec<Vector3<f64>> {
         // The sites are the points of a cubic lattice of this edge whose indices have an even sum.
         let edge = self.d * std::f64::consts::FRAC_1_SQRT_2;
@@ -97,7 +101,7 @@ impl FccLattice<'_> {
             for j in indices(1, squared_share(0, i)) {
                 for k in indices(2, squared_share(0, i) + squared_share(1, j)).filter(|k| (i + j + k) % 2 == 0) {
                     let site = (Vector3::new(i as f64, j as f64, k as f64) - offset) * edge;
-                    if self.region.contains_ball(&site, 0.5 * self.d) {
+                    if self.region.contains_ball(&site, 0.5 * self.d) && (self.is_clear)(&site, 0.5 * self.d) {
                         sites.push(site);
                         if sites.len() >= at_most {
                             return sites;
@@ -115,6 +119,9 @@ mod tests {
     use super::*;
     use crate::random::StreamPurpose;
 
+    /// No other bodies.
+    const ALL_CLEAR: fn(&Vector3<f64>, f64) -> bool = |_, _| true;
+
     fn random() -> RandomStream {
         RandomStream::new(1, 0, StreamPurpose::Positions)
     }
@@ -131,7 +138,7 @@ mod tests {
             [GrainRegion::Ball(10.0), GrainRegion::Ellipsoid([20.0, 10.0, 5.0]), GrainRegion::Box([10.0, 8.0, 12.0])]
         {
             for number in [1, 2, 13, 100, 1000] {
-                let (sites, d) = lattice_sites(&region, number, 0.1, &mut random()).unwrap();
+                let (sites, d) = lattice_sites(&region, number, 0.1, &ALL_CLEAR, &mut random()).unwrap();
                 assert_eq!(sites.len(), number);
                 // Round-off of coordinates of about 10.
                 assert!(nearest(&sites) >= d * (1.0 - 1e-13), "{region} {number}");
@@ -144,7 +151,7 @@ mod tests {
     fn a_few_grains_in_a_large_region_take_no_time() {
         // A box around it would have 10^15 sites.
         for region in [GrainRegion::Ball(1e4), GrainRegion::Ellipsoid([1e4, 2e4, 5e3])] {
-            assert_eq!(lattice_sites(&region, 4, 0.1, &mut random()).unwrap().0.len(), 4);
+            assert_eq!(lattice_sites(&region, 4, 0.1, &ALL_CLEAR, &mut random()).unwrap().0.len(), 4);
         }
     }
 
@@ -152,7 +159,7 @@ mod tests {
     fn large_regions_are_filled_as_the_lattice_allows() {
         // The sites fill the ball that is smaller by d/2, a volume of d^3 / sqrt(2) each; the offsets
         // that were tried exceed the mean by less than 2 % of d.
-        let (_, d) = lattice_sites(&GrainRegion::Ball(10.0), 5000, 0.1, &mut random()).unwrap();
+        let (_, d) = lattice_sites(&GrainRegion::Ball(10.0), 5000, 0.1, &ALL_CLEAR, &mut random()).unwrap();
         let mean = (2f64.sqrt() * GrainRegion::Ball(10.0 - 0.5 * d).volume() / 5000.0).cbrt();
         assert!((1.0..1.02).contains(&(d / mean)), "{d} {mean}");
     }
@@ -161,16 +168,23 @@ mod tests {
     fn small_numbers_fit_as_tightly_as_can_be() {
         // One ball fills its region; two, four and six of radius 1 have known smallest enclosing spheres.
         for (number, radius) in [(1, 1.0), (2, 2.0), (4, 1.0 + 1.5f64.sqrt()), (6, 1.0 + 2f64.sqrt())] {
-            let (_, d) = lattice_sites(&GrainRegion::Ball(radius * 1.0001), number, 2.0, &mut random()).unwrap();
+            let (_, d) =
+                lattice_sites(&GrainRegion::Ball(radius * 1.0001), number, 2.0, &ALL_CLEAR, &mut random()).unwrap();
             assert!((2.0..2.001).contains(&d), "{number}: {d}");
         }
-        let (_, d) = lattice_sites(&GrainRegion::Box([5.0, 5.0, 1.0]), 9, 2.0, &mut random()).unwrap();
+        let (_, d) = lattice_sites(&GrainRegion::Box([5.0, 5.0, 1.0]), 9, 2.0, &ALL_CLEAR, &mut random()).unwrap();
         assert_eq!(d, 2.0); // one layer
     }
 
     #[test]
     fn errors_give_the_number_of_sites() {
-        assert_eq!(lattice_sites(&GrainRegion::Ball(0.9), 1, 2.0, &mut random()), Err(PositionShortage { count: 0 }));
-        assert_eq!(lattice_sites(&GrainRegion::Ball(1.5), 5, 2.0, &mut random()), Err(PositionShortage { count: 1 }));
+        assert_eq!(
+            lattice_sites(&GrainRegion::Ball(0.9), 1, 2.0, &ALL_CLEAR, &mut random()),
+            Err(PositionShortage { count: 0 })
+        );
+        assert_eq!(
+            lattice_sites(&GrainRegion::Ball(1.5), 5, 2.0, &ALL_CLEAR, &mut random()),
+            Err(PositionShortage { count: 1 })
+        );
     }
 }

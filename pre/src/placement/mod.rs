@@ -6,7 +6,10 @@
 //! | [`inside`] | interior of a closed surface as a region |
 //! | [`lattice`] | sites of a face-centred cubic lattice |
 //! | [`sequential`] | random sequential placement |
-//! | [`dense`] | dense packings of spheres |
+//! | [`dense`] | dense packings |
+//! | [`packed_shapes`] | overlaps of shapes in a dense packing |
+//! | [`neighbours`] | neighbours of the grains of a dense packing |
+//! | [`rounded_hulls`] | shapes as convex hulls of points with a radius, and their distances |
 //! | [`hulls`] | polyhedra compared by their shapes |
 //! | [`fragments`] | fragmentation of a solid without gaps |
 //! | `order` | order along the Z-curve |
@@ -18,8 +21,11 @@ pub mod fragments;
 pub mod hulls;
 pub mod inside;
 pub mod lattice;
+pub mod neighbours;
 mod order;
+pub mod packed_shapes;
 pub mod region;
+pub mod rounded_hulls;
 pub mod sequential;
 
 use std::sync::Arc;
@@ -28,20 +34,23 @@ use cd_formats::names::number_text;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::grain::Grain;
-use crate::overlaps::Obstacles;
+use crate::overlaps::{ObstacleSearch, Obstacles, TOUCHING_TOLERANCE};
 use crate::particles::ParticleState;
 use crate::random::{RandomStream, StreamPurpose};
 use crate::rotation::rotation_matrix;
 use crate::rounding::{round_14_columns, round_point};
-use crate::scene::{Envelope, GrainPlacement, Grains, SizeDistribution};
-use crate::shapes::{GrainSampler, OrientedPolyhedron, PrincipalSolid, SampledGrain};
+use crate::scene::{Envelope, GrainOrientations, GrainPlacement, Grains, SizeDistribution};
+use crate::shapes::{GrainSampler, OrientedPolyhedron, OrientedShape, PrincipalSolid, SampledGrain};
 use crate::sizes::{MAX_BODIES, SampleTarget};
 use crate::sphere::sphere_volume;
-use dense::{PackingCell, PackingError};
+use dense::PackingError;
 use hulls::GrainHulls;
 use inside::SurfaceRegion;
+use neighbours::PackingCell;
 use order::z_order;
+use packed_shapes::{FixedBody, PackingShapes};
 use region::{GrainRegion, PositionShortage};
+use rounded_hulls::{RoundedHull, hull_gap};
 use sequential::SequentialGrains;
 
 /// Grains at rest; positions and radii have the digits of the files.
@@ -74,7 +83,7 @@ pub struct PlacementInput<'a> {
     pub particles: Option<ParticleState>,
     /// Periods of the scene along x, y and z, m.
     pub periods: [Option<f64>; 3],
-    /// Bodies around which `RandomSequential` places grains.
+    /// Bodies around which grains are placed.
     pub obstacles: Option<Obstacles<'a>>,
 }
 
@@ -111,9 +120,9 @@ impl PlacementError {
 
 /// Sizes, shapes and positions of the grains of one (checked) group of grains, the `group`-th of the scene.
 ///
-/// Polyhedra are placed as their bounding balls, in
-/// `RandomSequential` by their shapes where these do not fit. Grains in an envelope are returned in Z-order, so that
-/// neighbours in space have near numbers.
+/// Polyhedra are placed as their bounding balls, in `RandomSequential` by their shapes where these do not fit, in
+/// `DensePacking` by their shapes, which turn. Grains in an envelope are returned in Z-order, so that neighbours in space have
+/// near numbers.
 ///
 /// Errors: grains that do not fit into the envelope, no grain or too many, a degenerate shape, no envelope, radii from two
 /// sources or none.
@@ -175,7 +184,7 @@ pub fn place_grains(
             });
         }
         (GrainPlacement::Fragments { relaxation, .. }, Some(region)) => {
-            let pose = FragmentPose { rotation, centre };
+            let pose = EnvelopePose { rotation, centre };
             return place_fragments(&region, grains.number.unwrap_or(0), *relaxation, pose, &mut random);
         }
         (
@@ -211,19 +220,30 @@ pub fn place_grains(
     // Positions of spheres are rounded to 8 digits, by at most sqrt(3) 5e-8 of the largest coordinate, those of polyhedra
     // to more. Grains keep slightly more than that from each other and from the envelope.
     let margin = 1e-7 * (region.half_extents().norm() + centre.amax());
+    let pose = EnvelopePose { rotation, centre };
+    let is_clear_of = |search: &Option<ObstacleSearch>, grain: &SampledGrain, local: &Vector3<f64>| {
+        let position = rounded_point(rotation * local + centre);
+        search.as_ref().is_none_or(|search| search.is_clear(&grain_at(grain, position)))
+    };
+    let obstacles = obstacles.filter(|obstacles| obstacles.are_near(&centre, region.half_extents().norm()));
     let positions = match &grains.placement {
         GrainPlacement::JitteredLattice { jitter, .. } => {
-            jittered_lattice(&region, &drawn, margin, *jitter, &mut random)
+            let search = obstacles.map(|obstacles| obstacles.into_search(1.01 * region.half_extents().max()));
+            let is_clear = |site: &Vector3<f64>, radius: f64| {
+                // Grains keep the margin from the end of the ball, and bodies may overlap by the tolerance.
+                let radius = (1.0 + TOUCHING_TOLERANCE) * (radius - margin);
+                is_clear_of(&search, &SampledGrain { radius, reach: radius, shape: OrientedShape::Sphere }, site)
+            };
+            jittered_lattice(&region, &drawn, margin, *jitter, &is_clear, &mut random)
         }
         GrainPlacement::DensePacking { .. } => {
-            dense_packing(&PackingCell { region: &region, periods }, &mut drawn, margin, &mut random)
+            let cell = PackingCell { region: &region, periods };
+            let can_turn = grains.grain_orientation == GrainOrientations::Random;
+            dense_packing(&cell, &mut drawn, margin, (pose, can_turn), obstacles, &mut random)
         }
         _ => {
             let search = obstacles.map(|obstacles| obstacles.into_search(largest_reach(&drawn)));
-            let is_clear = |grain: &SampledGrain, local: &Vector3<f64>| {
-                let position = rounded_point(rotation * local + centre);
-                search.as_ref().is_none_or(|search| search.is_clear(&grain_at(grain, position)))
-            };
+            let is_clear = |grain: &SampledGrain, local: &Vector3<f64>| is_clear_of(&search, grain, local);
             random_sequential(&region, &mut drawn, &rotation, margin, &is_clear, &mut random)
         }
     };
@@ -256,9 +276,9 @@ pub fn filled_periods(grains: &Grains, periods: [Option<f64>; 3]) -> [Option<f64
     }
 }
 
-/// Rotation of a solid about its centre, and its position, m.
+/// Rotation of an envelope about its centre, and its position, m.
 #[derive(Debug, Clone, Copy)]
-struct FragmentPose {
+struct EnvelopePose {
     rotation: Matrix3<f64>,
     centre: Vector3<f64>,
 }
@@ -268,10 +288,10 @@ fn place_fragments(
     region: &GrainRegion,
     number: usize,
     relaxation: usize,
-    pose: FragmentPose,
+    pose: EnvelopePose,
     random: &mut RandomStream,
 ) -> Result<PlacedGrains, PlacementError> {
-    let FragmentPose { rotation, centre } = pose;
+    let EnvelopePose { rotation, centre } = pose;
     let solid = fragments::region_polyhedron(region, number).map_err(PlacementError::from_shape)?;
     let cells = fragments::voronoi_fragments(&solid, number, relaxation, random).map_err(PlacementError::from_shape)?;
     let solids = cells.iter().map(PrincipalSolid::from_convex).collect::<Result<Vec<PrincipalSolid>, _>>();
@@ -353,12 +373,14 @@ fn largest_reach(grains: &[SampledGrain]) -> f64 {
     grains.iter().map(|grain| grain.reach).fold(0.0, f64::max)
 }
 
-/// Positions each grain at random in its site's ball, within the share `jitter` of the free distance.
+/// Positions each grain at random in its site's ball, within the share `jitter` of the free distance. `is_clear`: whether
+/// a ball about a position in the region, m, of a radius, m, overlaps no other body.
 fn jittered_lattice(
     region: &GrainRegion,
     grains: &[SampledGrain],
     margin: f64,
     jitter: f64,
+    is_clear: &dyn Fn(&Vector3<f64>, f64) -> bool,
     random: &mut RandomStream,
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     let largest = largest_reach(grains);
@@ -372,7 +394,8 @@ fn jittered_lattice(
         expected: "fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very \
                    unequal grains",
     };
-    let (mut sites, distance) = lattice::lattice_sites(region, grains.len(), closest, random).map_err(misfit)?;
+    let (mut sites, distance) =
+        lattice::lattice_sites(region, grains.len(), closest, is_clear, random).map_err(misfit)?;
     let order = z_order(region, &sites);
     sites = order.into_iter().map(|k| sites[k]).collect();
     let move_in_ball = |(site, grain): (&Vector3<f64>, &SampledGrain)| {
@@ -418,16 +441,58 @@ fn random_sequential(
     Ok(order.into_iter().map(|k| centres[k]).collect())
 }
 
-/// Packs spheres densely; reorders them like the returned positions.
+/// Those of the bodies that enter the box around the region, or its images within the reach of a grain.
+fn bodies_within(cell: &PackingCell, bodies: Vec<FixedBody>, grains: &[SampledGrain]) -> Vec<FixedBody> {
+    let smallest = grains.iter().map(|grain| grain.radius).fold(f64::INFINITY, f64::min);
+    let mut halves = cell.region.half_extents();
+    (0..3).filter(|k| cell.periods[*k].is_some()).for_each(|k| halves[k] += largest_reach(grains));
+    let region_box = RoundedHull::from_box(&Matrix3::identity(), &halves);
+    let enters = |body: &FixedBody| {
+        let limits = body.hulls.iter().map(|hull| (hull, hull.radius - TOUCHING_TOLERANCE * smallest));
+        let gap = |(hull, limit)| hull_gap(&region_box, hull, &body.position, limit, halves.max());
+        limits.map(gap).any(|gap| gap.is_some())
+    };
+    bodies.into_iter().filter(enters).collect()
+}
+
+/// Packs grains densely around `obstacles`; turns them, if they can turn, and reorders them like the returned positions.
 fn dense_packing(
     cell: &PackingCell,
     grains: &mut Vec<SampledGrain>,
     margin: f64,
+    (pose, can_turn): (EnvelopePose, bool),
+    obstacles: Option<Obstacles>,
     random: &mut RandomStream,
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     let padded_radii: Vec<f64> = grains.iter().map(|grain| grain.reach + margin).collect();
     let region = cell.region;
-    let centres = dense::pack_spheres(cell, &padded_radii, random).map_err(|error| {
+    let EnvelopePose { rotation, centre } = pose;
+    let to_region_axes = rotation.transpose();
+    let obstacles = obstacles.map_or(Vec::new(), |obstacles| {
+        let bodies = obstacles.to_fixed_bodies(&centre, &to_region_axes, region.half_extents().norm(), &cell.periods);
+        bodies_within(cell, bodies, grains)
+    });
+    let are_spheres = grains.iter().all(|grain| grain.shape == OrientedShape::Sphere);
+    let packed = if are_spheres && obstacles.is_empty() {
+        dense::pack_spheres(cell, &padded_radii, random).map(|centres| (centres, Vec::new()))
+    } else {
+        let hulls = |grain: &SampledGrain| {
+            let hulls = RoundedHull::from_shape(&grain.shape, grain.radius, &to_region_axes).into_iter();
+            let add_margin = |hull: RoundedHull| {
+                let radius = hull.radius + margin;
+                hull.with_radius(radius)
+            };
+            hulls.map(add_margin).collect()
+        };
+        let shapes = PackingShapes {
+            hulls: grains.iter().map(hulls).collect(),
+            sizes: grains.iter().map(|grain| grain.radius).collect(),
+            can_turn: can_turn && !are_spheres,
+            obstacles,
+        };
+        dense::pack_shapes(cell, &padded_radii, &shapes, random).map(|packed| (packed.centres, packed.rotations))
+    };
+    let (centres, rotations) = packed.map_err(|error| {
         let volume: f64 = grains.iter().map(SampledGrain::volume).sum();
         let fraction = volume / region.volume();
         let found = match error {
@@ -436,10 +501,17 @@ fn dense_packing(
                 grains.len(),
                 volume_ratio * fraction
             ),
-            PackingError::NoPoint => format!("no random point lies in {region}: it is too thin"),
+            PackingError::NoPoint => {
+                format!("no random point lies in {region} and outside of other bodies: it is too thin")
+            }
         };
         PlacementError { found, expected: "fewer or smaller grains, or a larger envelope (a smaller solid fraction)" }
     })?;
+    if can_turn {
+        for (grain, turn) in grains.iter_mut().zip(&rotations) {
+            grain.shape.turn(&(rotation * turn.to_rotation_matrix().into_inner() * to_region_axes));
+        }
+    }
     let order = z_order(region, &centres);
     *grains = order.iter().map(|&k| grains[k].clone()).collect();
     Ok(order.into_iter().map(|k| centres[k]).collect())
@@ -451,7 +523,7 @@ mod tests {
     use crate::placement::cells::SphereGrid;
     use crate::rounding::round_8_digits;
     use crate::scene::Rotation;
-    use crate::scene::{GrainOrientations, GrainShape, RadiusKind};
+    use crate::scene::{GrainShape, RadiusKind};
     use proptest::prelude::*;
 
     fn grains(

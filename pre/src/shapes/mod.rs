@@ -32,7 +32,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::random::{RandomStream, StreamPurpose};
 use crate::rotation::rotation_matrix;
-use crate::rounding::{round_8_digits, round_14_columns};
+use crate::rounding::{round_8_digits, round_14_columns, round_axes};
 use crate::scene::{GrainOrientations, GrainShape, Grains, RadiusKind};
 use crate::sphere::sphere_volume;
 pub use clump::{OrientedClump, PrincipalClump};
@@ -60,6 +60,17 @@ impl OrientedShape {
             OrientedShape::Clump(clump) => clump.volume(),
             OrientedShape::RoundSolid(round_solid) => round_solid.shape.mass_properties().volume,
         }
+    }
+
+    /// Turns the shape by a rotation about the fixed axes, with the digits of the files.
+    pub fn turn(&mut self, rotation: &Matrix3<f64>) {
+        let axes = match self {
+            OrientedShape::Sphere => return,
+            OrientedShape::Polyhedron(polyhedron) => &mut polyhedron.axes,
+            OrientedShape::Clump(clump) => &mut clump.axes,
+            OrientedShape::RoundSolid(round_solid) => &mut round_solid.axes,
+        };
+        *axes = round_axes(&(*axes * rotation.transpose()));
     }
 
     /// Polyhedron; none for other shapes.

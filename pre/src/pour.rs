@@ -1,0 +1,70 @@
+//! `cd-pre pour SCENE DIR`: grains of a scene fall and come to rest, and their last state starts the next run.
+
+use std::ffi::OsString;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use cd_formats::error::{Fault, Faults};
+use cd_formats::messages::print_line;
+
+use crate::datbox;
+use crate::from_outbox;
+
+/// Folder of the first run below that of the next.
+pub const POUR_FOLDER: &str = "pour";
+
+/// Arguments of the command.
+#[derive(Debug, Clone, Copy)]
+pub struct PourRequest<'a> {
+    /// Scene of the first run.
+    pub scene: &'a Path,
+    /// Values of the scene that are replaced.
+    pub settings: &'a [String],
+    /// Folder of the next run.
+    pub dir: &'a Path,
+    /// File of changes between the two runs.
+    pub changes: Option<&'a Path>,
+}
+
+/// Writes DATBOX of the scene below `dir`/pour, computes it by `run_solver`, which returns the exit code of cd-solve, none if
+/// that was killed, and makes `dir`/DATBOX from the last snapshot. Returns a summary for people.
+///
+/// Errors: faults of the scene or of the changes, or a run that does not end; see [`datbox::write_datbox`] and
+/// [`from_outbox::write_datbox`].
+pub fn pour_grains(
+    request: &PourRequest,
+    run_solver: impl FnOnce(&Path) -> io::Result<Option<i32>>,
+) -> Result<String, Faults> {
+    let PourRequest { scene, settings, dir, changes } = *request;
+    let case = dir.join(POUR_FOLDER);
+    print_line(datbox::write_datbox(scene, settings, &case.join("DATBOX"))?.trim_end());
+    let code = run_solver(&case).map_err(|error| {
+        let expected = "expected cd-solve in the folder of cd-pre, or in one of PATH";
+        Fault::new(&case, None, "cd-solve", format!("cannot be started: {error}"), expected)
+    })?;
+    if code != Some(0) {
+        let ending = code.map_or("was killed".to_string(), |code| format!("ended with exit code {code}"));
+        let expected = format!(
+            "expected a run to its end; after cd-solve {} --resume the next step is cd-pre from-outbox",
+            case.display()
+        );
+        return Err(Fault::new(&case, None, "cd-solve", ending, expected).into());
+    }
+    from_outbox::write_datbox(&case, changes, &[], dir)
+}
+
+/// Runs cd-solve on a case, which it computes anew, with further arguments. Returns its exit code, none if it was killed.
+///
+/// Errors: a program that cannot be started.
+pub fn run_solver(case: &Path, arguments: &[OsString]) -> io::Result<Option<i32>> {
+    let status = Command::new(solver_path()).arg(case).arg("--force").args(arguments).status()?;
+    Ok(status.code())
+}
+
+/// Path of cd-solve: in the folder of this program, or else a name for which PATH is searched.
+fn solver_path() -> PathBuf {
+    let name = format!("cd-solve{}", std::env::consts::EXE_SUFFIX);
+    let sibling = std::env::current_exe().map(|program| program.with_file_name(&name));
+    sibling.ok().filter(|path| path.is_file()).unwrap_or_else(|| name.into())
+}
