@@ -7,8 +7,12 @@
 //! | [`columns`] | a file of results as named columns of numbers |
 //! | [`golden`] | the expected files of `tests/golden`: stages, tolerances, changes |
 //! | [`pages`] | pages of the documentation as text |
+//! | [`process`] | the programs as processes |
+//! | [`torture`] | the programs killed, without disk, without folder |
 
 pub mod case;
 pub mod columns;
 pub mod golden;
 pub mod pages;
+pub mod process;
+pub mod torture;
