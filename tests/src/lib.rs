@@ -5,6 +5,8 @@
 //! |---|---|
 //! | [`case`] | a case in a temporary folder, and the programs on it |
 //! | [`columns`] | a file of results as named columns of numbers |
+//! | [`draws`] | random choices |
+//! | [`fuzzing`] | readers and damaged files |
 //! | [`golden`] | the expected files of `tests/golden`: stages, tolerances, changes |
 //! | [`pages`] | pages of the documentation as text |
 //! | [`process`] | the programs as processes |
@@ -12,6 +14,8 @@
 
 pub mod case;
 pub mod columns;
+pub mod draws;
+pub mod fuzzing;
 pub mod golden;
 pub mod pages;
 pub mod process;

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use cd_formats::dof::Dof;
 use cd_formats::snapshot::Snapshot;
+use cd_formats::vloc_rloc::VlocRloc;
 
 /// Files below a folder by their paths relative to it, with their bytes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -84,11 +86,15 @@ impl Contents {
         let is_whole = |name: &String, bytes: &Vec<u8>| {
             let known = [before, after].into_iter().filter_map(|contents| contents.0.get(name));
             let mut known = known.peekable();
+            let path = folder.join(name);
             if snapshot_step(name).is_some() && known.peek().is_none() {
                 // A snapshot of a run that was asked to stop; its parts are read with it.
-                return name.contains("-part-") || Snapshot::read(&folder.join(name)).is_ok();
+                return name.contains("-part-") || Snapshot::read(&path).is_ok();
             }
             known.any(|known| known == bytes || (grows(name) && known.starts_with(bytes)))
+                // The state of such a run in text.
+                || (name.starts_with("OUTBOX/DOF.") && Dof::read(&path).is_ok())
+                || (name.starts_with("OUTBOX/Vloc_Rloc.") && VlocRloc::read(&path).is_ok())
         };
         let files = self.0.iter().filter(|(name, _)| !is_temporary(name) && !has_durations(name));
         files.filter(|(name, bytes)| !is_whole(name, bytes)).map(|(name, _)| name.clone()).collect()

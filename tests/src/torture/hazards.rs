@@ -6,10 +6,10 @@ use std::process::{Command, Stdio};
 
 use super::Torture;
 use super::contents::Contents;
-use super::draws::Draws;
 use super::interruptions::Trial;
 use super::shim::Sabotage;
 use super::stage::{Program, Stage};
+use crate::draws::Draws;
 
 impl Torture {
     /// Starts a program twice in one folder: cd-solve on one case, cd-post, or cd-pre on two scenes.

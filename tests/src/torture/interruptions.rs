@@ -2,10 +2,10 @@
 
 use super::Torture;
 use super::contents::Contents;
-use super::draws::Draws;
 use super::shim::{FILE_ERRORS, INTERRUPTED, OPERATION_KINDS, Operations, Sabotage};
 use super::stage::{Program, Stage};
 use super::workplace::{Outcome, Workplace};
+use crate::draws::Draws;
 
 /// Exit code of a program that SIGKILL has ended.
 const KILLED: i32 = 128 + 9;
@@ -63,17 +63,31 @@ impl<'a> Trial<'a> {
         }
         let lines = outcome.stderr.lines().filter(|line| !line.contains("warning")).count();
         self.check((1..=2).contains(&lines), || format!("{lines} messages: {}", outcome.stderr));
-        if outcome.code == 2 && self.stage.program == Program::Solve {
-            let new = |name: &&String| name.contains("OUTBOX/snapshot") && !self.stage.before.0.contains_key(*name);
-            let snapshots = contents.0.keys().filter(new).count();
+        if outcome.code == 2 {
+            let snapshots = self.new_snapshots(&contents);
             self.check(snapshots == 0, || format!("exit code 2 after {snapshots} snapshots: {}", outcome.stderr));
         }
     }
 
-    /// Runs the program to its end without disturbance, and compares all files.
+    /// Number of complete snapshots that the folder did not have before the program.
+    fn new_snapshots(&self, contents: &Contents) -> usize {
+        let is_new = |name: &&String| {
+            name.starts_with("OUTBOX/snapshot") && !name.contains("-part-") && !self.stage.before.0.contains_key(*name)
+        };
+        contents.0.keys().filter(is_new).count()
+    }
+
+    /// Runs the program to its end without disturbance, and compares all files. A run that ended before its first snapshot may
+    /// have left files, which only `--force` replaces.
     pub fn finish(&mut self, draws: &mut Draws) {
-        let words = self.words(draws);
-        let outcome = self.workplace.run(&words, None);
+        let has_snapshots = self.new_snapshots(&Contents::read(&self.workplace.case())) > 0;
+        let mut words = self.words(draws);
+        let mut outcome = self.workplace.run(&words, None);
+        if !has_snapshots && outcome.code == 2 && outcome.stderr.contains("use --force") {
+            words.retain(|word| word != "--resume");
+            words.push("--force".into());
+            outcome = self.workplace.run(&words, None);
+        }
         let message = || format!("the run after it: exit code {}: {}", outcome.code, outcome.stderr);
         self.check(outcome.code == 0, message);
         self.check_results("the run after it");
@@ -263,10 +277,8 @@ impl Trial<'_> {
         self.check(codes.contains(&outcome.code), || format!("exit code {}: {}", outcome.code, outcome.stderr));
         if stops == 1 && self.stage.program == Program::Solve && outcome.code > 128 {
             // A single request ends cd-solve at once only before it has begun.
-            let snapshots = Contents::read(&self.workplace.case());
-            let new = |name: &&String| name.contains("OUTBOX/snapshot") && !self.stage.before.0.contains_key(*name);
-            let count = snapshots.0.keys().filter(new).count();
-            self.check(count == 0, || format!("ended at once after {count} snapshots"));
+            let snapshots = self.new_snapshots(&Contents::read(&self.workplace.case()));
+            self.check(snapshots == 0, || format!("ended at once after {snapshots} snapshots"));
         }
     }
 }

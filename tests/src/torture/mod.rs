@@ -9,13 +9,11 @@
 //! | [`workplace`] | the folder in which programs run, their processes |
 //! | [`shim`] | the library in C that lets file operations fail |
 //! | [`contents`] | comparison of folders |
-//! | [`draws`] | random choices |
 //! | [`interruptions`] | kills, faults of files, signals |
 //! | [`hazards`] | second writers, folders that vanish, clocks, full disks |
 //! | [`tally`] | counts |
 
 pub mod contents;
-pub mod draws;
 pub mod hazards;
 pub mod interruptions;
 pub mod scenes;
@@ -24,8 +22,8 @@ pub mod stage;
 pub mod tally;
 pub mod workplace;
 
+use crate::draws::Draws;
 use crate::process::Programs;
-use draws::Draws;
 use scenes::TortureScene;
 use shim::Shim;
 use stage::{Program, Stage, unbroken_stages};
