@@ -14,7 +14,7 @@ MDBOOK := $(TARGET)/mdbook-$(MDBOOK_VERSION)/bin/mdbook
 MANUAL := $(TARGET)/manual
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-.PHONY: help build demo paper accuracy-study trade extremes performance performance-page test torture fuzz ranks python aarch64 vtk browser golden dist lint fmt doc docs check clean
+.PHONY: help build demo paper accuracy-study trade extremes performance performance-page test torture fuzz soak ranks python aarch64 vtk browser golden dist lint fmt doc docs check clean
 .DEFAULT_GOAL := help
 
 help: ## lists the targets
@@ -96,6 +96,10 @@ torture: ## kills the programs and lets disks fail: TORTURE: numbers of trials a
 
 fuzz: ## reads INPUTS damaged files with each reader, without a nightly Rust; FUZZ: further options, see docs/development/fuzzing.md
 	$(CARGO) run --release --package cd-tests --example fuzz -- --inputs $(or $(INPUTS),10000000) $(FUZZ)
+
+soak: ## runs a small scene for STEPS (1e7) steps, and for 1e5 with a snapshot each: memory and time per step must not grow
+	$(CARGO) run --release --package cd-tests --example soak -- --steps $(or $(STEPS),10000000)
+	$(CARGO) run --release --package cd-tests --example soak -- --steps 100000 --snapshots 100000
 
 # With all packages as in `make test`: only those with the feature are built again.
 ranks: MPI = 1

@@ -17,9 +17,8 @@ fn damaged_files_are_read_or_rejected_within_limits() {
         let number = seeds(reader).len() as u64;
         let report = fuzz(reader, number + 400, Duration::from_secs(20), 1, None);
         println!("{}", report.text());
-        let inputs = report.failures.iter().map(|(fault, input)| {
-            format!("{}: {fault}\n{}", reader.name, input.escape_ascii())
-        });
+        let inputs =
+            report.failures.iter().map(|(fault, input)| format!("{}: {fault}\n{}", reader.name, input.escape_ascii()));
         failures.extend(inputs);
         assert!(report.accepted > 0, "{}: none of the seeds is accepted", reader.name);
     }

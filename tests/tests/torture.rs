@@ -15,7 +15,9 @@ fn program_process() {
 fn broken_runs_lose_nothing_and_continue_to_the_same_bytes() {
     let shim = match Shim::compile() {
         Ok(shim) => shim,
-        Err(reason) if std::env::var_os("CD_REQUIRE_TORTURE").is_some_and(|value| !value.is_empty()) => panic!("{reason}"),
+        Err(reason) if std::env::var_os("CD_REQUIRE_TORTURE").is_some_and(|value| !value.is_empty()) => {
+            panic!("{reason}")
+        }
         Err(reason) => return println!("not tested: {reason}"),
     };
     let mut torture = Torture::new(Programs::of_test(), shim, &SCENES).unwrap();

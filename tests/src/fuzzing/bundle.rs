@@ -14,7 +14,8 @@ pub fn files_of_bundle(bytes: &[u8]) -> Vec<(&str, &[u8])> {
         let file = bytes.get(start + MARK.len()..end)?;
         let line_end = file.iter().position(|&byte| byte == b'\n')?;
         let name = std::str::from_utf8(&file[..line_end]).ok()?;
-        let is_name = !name.is_empty() && name.len() < 100 && !name.starts_with('.') && !name.contains(['/', '\\', '\0']);
+        let is_name =
+            !name.is_empty() && name.len() < 100 && !name.starts_with('.') && !name.contains(['/', '\\', '\0']);
         is_name.then_some((name, &file[line_end + 1..]))
     });
     files.collect()

@@ -6,16 +6,80 @@ use crate::draws::Draws;
 
 /// Numbers at the ends of ranges, and texts that are almost numbers.
 const NUMBERS: [&str; 30] = [
-    "nan", "NaN", "inf", "-inf", "1e308", "-1e308", "-0", "0", "-1", "1", "2", "3", "1e-320", "18446744073709551615",
-    "9223372036854775808", "4294967296", "4294967295", "2147483648", "99999", "0.5", "1.7976931348623157E+308", "*****",
-    "1e999", "1.0-10", "0x10", "1.", ".5", "--1", "1e", "1.0D+30",
+    "nan",
+    "NaN",
+    "inf",
+    "-inf",
+    "1e308",
+    "-1e308",
+    "-0",
+    "0",
+    "-1",
+    "1",
+    "2",
+    "3",
+    "1e-320",
+    "18446744073709551615",
+    "9223372036854775808",
+    "4294967296",
+    "4294967295",
+    "2147483648",
+    "99999",
+    "0.5",
+    "1.7976931348623157E+308",
+    "*****",
+    "1e999",
+    "1.0-10",
+    "0x10",
+    "1.",
+    ".5",
+    "--1",
+    "1e",
+    "1.0D+30",
 ];
 
 /// Words and signs of the formats.
 const TOKENS: [&str; 40] = [
-    "(", ")", "[", "]", "{", "}", ",", ":", "\"", "'", "//", "/*", "*/", "#", "$", "$bdyty", "$$$$$$", "\r\n", "\n", "\t", "\0",
-    "\u{feff}", "é", "Some(", "None", "((((((((((", "[[[[[[[[[[", "!", "../x", "evolution", "<", ">", "/>", "&lt;", "\\", "=",
-    "binary", "vertex", "ascii", "r#\"",
+    "(",
+    ")",
+    "[",
+    "]",
+    "{",
+    "}",
+    ",",
+    ":",
+    "\"",
+    "'",
+    "//",
+    "/*",
+    "*/",
+    "#",
+    "$",
+    "$bdyty",
+    "$$$$$$",
+    "\r\n",
+    "\n",
+    "\t",
+    "\0",
+    "\u{feff}",
+    "é",
+    "Some(",
+    "None",
+    "((((((((((",
+    "[[[[[[[[[[",
+    "!",
+    "../x",
+    "evolution",
+    "<",
+    ">",
+    "/>",
+    "&lt;",
+    "\\",
+    "=",
+    "binary",
+    "vertex",
+    "ascii",
+    "r#\"",
 ];
 
 /// Longest input that damage makes, bytes.
@@ -106,7 +170,8 @@ fn numbers_in(bytes: &[u8]) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut at = 0;
     while at < bytes.len() {
-        let is_start = bytes[at].is_ascii_digit() || (b"+-.".contains(&bytes[at]) && bytes.get(at + 1).is_some_and(u8::is_ascii_digit));
+        let is_start = bytes[at].is_ascii_digit()
+            || (b"+-.".contains(&bytes[at]) && bytes.get(at + 1).is_some_and(u8::is_ascii_digit));
         if !is_start {
             at += 1;
             continue;
@@ -115,7 +180,9 @@ fn numbers_in(bytes: &[u8]) -> Vec<Range<usize>> {
         at += 1;
         let continues = |at: usize| match bytes.get(at) {
             Some(b'0'..=b'9' | b'.') => true,
-            Some(b'e' | b'E' | b'd' | b'D') => bytes.get(at + 1).is_some_and(|next| next.is_ascii_digit() || b"+-".contains(next)),
+            Some(b'e' | b'E' | b'd' | b'D') => {
+                bytes.get(at + 1).is_some_and(|next| next.is_ascii_digit() || b"+-".contains(next))
+            }
             Some(b'+' | b'-') => b"eEdD".contains(&bytes[at - 1]),
             _ => false,
         };
@@ -134,7 +201,8 @@ mod tests {
     #[test]
     fn numbers_are_found() {
         let text = b"a: -1.5e-3, [2.D+01 x7] .5-1";
-        let found: Vec<&str> = numbers_in(text).into_iter().map(|range| std::str::from_utf8(&text[range]).unwrap()).collect();
+        let found: Vec<&str> =
+            numbers_in(text).into_iter().map(|range| std::str::from_utf8(&text[range]).unwrap()).collect();
         assert_eq!(found, ["-1.5e-3", "2.D+01", "7", ".5", "-1"]);
     }
 

@@ -62,7 +62,10 @@ pub const READERS: [Reader; 29] = [
     Reader { name: "pkdgrav", read: |bytes| read_particles(bytes, "a.ss") },
     Reader { name: "fc3d", read: read_fc3d },
     Reader { name: "driver", read: read_driver },
-    Reader { name: "steps", read: |bytes| read_file(bytes, "steps.csv", |path| cd_post::tables::read_log(path, &["step"])) },
+    Reader {
+        name: "steps",
+        read: |bytes| read_file(bytes, "steps.csv", |path| cd_post::tables::read_log(path, &["step"])),
+    },
     Reader { name: "ron_value", read: read_flag },
     Reader { name: "case", read: read_case },
 ];

@@ -23,7 +23,8 @@ impl Torture {
         if program == Program::Pre {
             let scene = self.workplace.folder().join("other.ron");
             fs::write(&scene, other.scene.text).unwrap();
-            second = [second[0].as_str(), scene.to_str().unwrap(), "-o", case.to_str().unwrap()].map(String::from).into();
+            second =
+                [second[0].as_str(), scene.to_str().unwrap(), "-o", case.to_str().unwrap()].map(String::from).into();
         }
         let first = self.workplace.start(&stage.words(&case, 2, false), None, "");
         std::thread::sleep(stage.duration.mul_f64(0.3 * draws.share()));
@@ -49,7 +50,8 @@ impl Torture {
         let stage = self.draw_stage_of(draws.choice(&[Program::Solve, Program::Solve, Program::Post]), draws);
         let mut trial = Trial::new(&self.workplace, stage);
         let case = self.workplace.case();
-        let name = if stage.program == Program::Solve { draws.choice(&["OUTBOX", "OUTBOX", "DATBOX"]) } else { "OUTBOX" };
+        let name =
+            if stage.program == Program::Solve { draws.choice(&["OUTBOX", "OUTBOX", "DATBOX"]) } else { "OUTBOX" };
         let [folder, elsewhere] = [case.join(name), self.workplace.folder().join("elsewhere")];
         let _ = fs::remove_dir_all(&elsewhere);
         let is_removed = stage.program == Program::Solve && name == "OUTBOX" && draws.below(2) == 0;
@@ -58,7 +60,8 @@ impl Torture {
         std::thread::sleep(stage.duration.mul_f64(0.2 + 0.6 * draws.share()));
         let is_moved = fs::rename(&folder, &elsewhere).is_ok();
         let files = Contents::read(&elsewhere).0;
-        let is_done = stage.after.0.keys().filter_map(|path| path.strip_prefix("OUTBOX/")).all(|path| files.contains_key(path));
+        let is_done =
+            stage.after.0.keys().filter_map(|path| path.strip_prefix("OUTBOX/")).all(|path| files.contains_key(path));
         if is_moved && is_removed {
             // The program may write to it at this moment.
             while elsewhere.exists() {
@@ -66,7 +69,12 @@ impl Torture {
             }
         }
         let outcome = running.outcome();
-        let event = format!("{} {name} {} {}", stage.program.name(), if is_removed { "removed" } else { "renamed" }, outcome.code);
+        let event = format!(
+            "{} {name} {} {}",
+            stage.program.name(),
+            if is_removed { "removed" } else { "renamed" },
+            outcome.code
+        );
         trial.check([0, 2, 4].contains(&outcome.code), || format!("exit code {}: {}", outcome.code, outcome.stderr));
         trial.check(outcome.code == 0 || !outcome.stderr.is_empty(), || "no message".into());
         if elsewhere.exists() {
@@ -131,7 +139,9 @@ impl Torture {
         let case = self.workplace.case();
         let _ = fs::remove_dir_all(&case);
         fs::create_dir_all(&case).unwrap();
-        let size = |contents: &Contents| contents.0.values().map(|bytes| bytes.len().div_ceil(4096) as u64 + 1).sum::<u64>() * 4;
+        let size = |contents: &Contents| {
+            contents.0.values().map(|bytes| bytes.len().div_ceil(4096) as u64 + 1).sum::<u64>() * 4
+        };
         let [before, after] = [size(&stage.before), size(&stage.after)];
         let kilobytes = before + 40 + draws.below(after.saturating_sub(before).max(8) + 8);
         let Some(_mount) = MountedDisk::mount(&case, kilobytes) else {

@@ -21,7 +21,8 @@ impl Shim {
         let source = folder.path().join("shim.c");
         std::fs::write(&source, SOURCE).map_err(|error| error.to_string())?;
         let shim = Shim(folder);
-        let compiler = Command::new("cc").args(["-shared", "-fPIC", "-O1", "-o"]).arg(shim.library()).arg(source).output();
+        let compiler =
+            Command::new("cc").args(["-shared", "-fPIC", "-O1", "-o"]).arg(shim.library()).arg(source).output();
         match compiler {
             Ok(output) if output.status.success() => Ok(shim),
             Ok(output) => Err(format!("cc: {}", String::from_utf8_lossy(&output.stderr).trim())),
@@ -94,9 +95,8 @@ impl Sabotage {
                 vec![("CD_SHIM_SHARE", share.to_string()), ("CD_SHIM_SEED", seed.to_string())]
             }
         };
-        let action = |name: &str, kinds: &str| {
-            vec![("CD_SHIM_ACTION", name.to_string()), ("CD_SHIM_KINDS", kinds.to_string())]
-        };
+        let action =
+            |name: &str, kinds: &str| vec![("CD_SHIM_ACTION", name.to_string()), ("CD_SHIM_KINDS", kinds.to_string())];
         match self {
             Sabotage::Count(path) => vec![("CD_SHIM_COUNT", path.display().to_string())],
             Sabotage::Kill { kinds, operation } => {

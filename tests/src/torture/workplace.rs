@@ -12,7 +12,7 @@ use crate::process::{Programs, exit_code};
 
 /// Longest duration of a program before it counts as one that hangs. The scenes take a second; other programs may use the
 /// machine.
-const MAX_DURATION: Duration = Duration::from_secs(120);
+const MAX_DURATION: Duration = Duration::from_secs(600);
 
 /// Exit code in place of that of a program that hangs.
 pub const HANGS: i32 = -2;
@@ -57,7 +57,8 @@ impl Running {
 
     /// Sends signals, one after the other.
     pub fn send(&self, signals: &[&str]) {
-        let kills: Vec<String> = signals.iter().map(|signal| format!("kill -{signal} {} || true", self.0.id())).collect();
+        let kills: Vec<String> =
+            signals.iter().map(|signal| format!("kill -{signal} {} || true", self.0.id())).collect();
         let sent = Command::new("sh").args(["-c", &kills.join("; ")]).stderr(Stdio::null()).status();
         assert!(sent.is_ok_and(|status| status.success()), "no signal could be sent");
     }
