@@ -132,6 +132,17 @@ fn a_killed_run_continues_to_the_same_bytes() {
 }
 
 #[test]
+fn a_run_that_was_killed_after_its_last_snapshot_gets_its_last_files() {
+    let case = collapse().solved(&["--steps", "100"]);
+    let killed = case.twin().solved(&["--steps", "100"]);
+    for name in ["DOF.LAST", "Vloc_Rloc.LAST"] {
+        fs::rename(killed.outbox().join(name), killed.outbox().join(format!(".{name}.part"))).unwrap();
+    }
+    assert_eq!(killed.solve(&["--steps", "100", "--resume"]), 0);
+    assert_same_results(&case, &killed);
+}
+
+#[test]
 fn results_are_not_overwritten_unasked() {
     let case = Case::from_scene(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10")).solved(&[]);
     let before = case.results();
