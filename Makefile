@@ -14,7 +14,7 @@ MDBOOK := $(TARGET)/mdbook-$(MDBOOK_VERSION)/bin/mdbook
 MANUAL := $(TARGET)/manual
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-.PHONY: help build demo paper accuracy-study trade extremes performance performance-page test ranks python aarch64 vtk browser golden dist lint fmt doc docs check clean
+.PHONY: help build demo paper accuracy-study trade extremes performance performance-page test torture fuzz soak ranks python aarch64 vtk browser golden dist lint fmt doc docs check clean
 .DEFAULT_GOAL := help
 
 help: ## lists the targets
@@ -86,10 +86,20 @@ performance-page: ## draws docs/explanation/performance.md from bench/results, f
 	LC_ALL=C awk $(MACHINE:%=-v machine=%) -f bench/performance.awk docs/explanation/performance.md > docs/explanation/performance.md.part
 	mv docs/explanation/performance.md.part docs/explanation/performance.md
 
-test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1 and CD_REQUIRE_VALGRIND=1 missing tools are errors
+test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1, CD_REQUIRE_VALGRIND=1 and CD_REQUIRE_TORTURE=1 missing tools are errors
 	$(CARGO) test --workspace $(FEATURES) --no-fail-fast
 	$(MAKE) --no-print-directory vtk
 	$(MAKE) --no-print-directory browser
+
+torture: ## kills the programs and lets disks fail: TORTURE: numbers of trials and seed, as docs/development/torture.md says
+	$(CARGO) run --release --package cd-tests --example torture -- $(TORTURE)
+
+fuzz: ## reads INPUTS damaged files with each reader, without a nightly Rust; FUZZ: further options, see docs/development/fuzzing.md
+	$(CARGO) run --release --package cd-tests --example fuzz -- --inputs $(or $(INPUTS),10000000) $(FUZZ)
+
+soak: ## runs a small scene for STEPS (1e7) steps, and for 1e5 with a snapshot each: memory and time per step must not grow
+	$(CARGO) run --release --package cd-tests --example soak -- --steps $(or $(STEPS),10000000)
+	$(CARGO) run --release --package cd-tests --example soak -- --steps 100000 --snapshots 100000
 
 # With all packages as in `make test`: only those with the feature are built again.
 ranks: MPI = 1

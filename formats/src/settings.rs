@@ -54,6 +54,9 @@ pub fn setting_of_path<'a>(settings: &'a [String], path: &str) -> Option<&'a str
 
 /// Last of `settings` that sets the value at a line and column of `text`, 1-based, if any.
 pub fn setting_at<'a>(settings: &'a [String], text: &str, line: usize, column: usize) -> Option<&'a str> {
+    if settings.is_empty() {
+        return None;
+    }
     let line_start: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
     let bytes_in_line: usize = text[line_start..].chars().take(column - 1).map(char::len_utf8).sum();
     // RON reports some missing values where the blank before them begins.

@@ -198,6 +198,10 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         }
     }
     let scene = &*present;
+    if mode.resumed && statistics.steps == 0 {
+        // A run that was killed after its last snapshot lacks these files.
+        write_last(&mut results, scene, &mut state)?;
+    }
     statistics.presence = presence_text(scene, &state);
     let last_output = StageTimes { writing, ..StageTimes::default() };
     statistics.estimator.add_writing_time(&last_output);

@@ -5,12 +5,20 @@
 //! |---|---|
 //! | [`case`] | a case in a temporary folder, and the programs on it |
 //! | [`columns`] | a file of results as named columns of numbers |
+//! | [`draws`] | random choices |
+//! | [`fuzzing`] | readers and damaged files |
 //! | [`golden`] | the expected files of `tests/golden`: stages, tolerances, changes |
 //! | [`pages`] | pages of the documentation as text |
 //! | [`vtp`] | arrays of a ParaView file |
+//! | [`process`] | the programs as processes |
+//! | [`torture`] | the programs killed, without disk, without folder |
 
 pub mod case;
 pub mod columns;
+pub mod draws;
+pub mod fuzzing;
 pub mod golden;
 pub mod pages;
 pub mod vtp;
+pub mod process;
+pub mod torture;

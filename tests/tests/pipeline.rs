@@ -10,6 +10,7 @@ use cd_formats::snapshot::list_snapshots;
 use cd_formats::vloc_rloc::VlocRloc;
 use cd_tests::case::{Case, assert_same_results, cloud, files, post, pre, surfaces_of_an_l};
 use cd_tests::columns::vtp;
+use cd_tests::process::{Programs, run_requested_program};
 
 /// Forty rocks in the thick of their collisions at the end; snapshots 0, 50, ... 300.
 fn collapse() -> Case {
@@ -98,21 +99,15 @@ fn a_stop_between_two_snapshots_changes_nothing_that_follows() {
     assert_same_results(&unbroken, &broken);
 }
 
-/// Not a test of its own: cd-solve as a process that a test can kill, or listen to.
+/// Not a test of its own: a program as a process that a test can kill, or listen to.
 #[test]
-fn solver_process() {
-    if let (Ok(case), Ok(flag)) = (std::env::var("CD_TESTS_CASE"), std::env::var("CD_TESTS_FLAG")) {
-        let code = cd_solve::run(["cd-solve".into(), case.into(), flag.into()]);
-        std::process::exit(code);
-    }
+fn program_process() {
+    run_requested_program();
 }
 
-/// That process.
+/// Process of cd-solve.
 fn process(case: &Case, flag: &str) -> Command {
-    let mut process = Command::new(std::env::current_exe().unwrap());
-    process.args(["--exact", "solver_process", "--nocapture"]);
-    process.env("CD_TESTS_CASE", case.path()).env("CD_TESTS_FLAG", flag);
-    process
+    Programs::of_test().command(&["cd-solve".as_ref(), case.path().as_os_str(), flag.as_ref()])
 }
 
 #[test]
@@ -134,6 +129,17 @@ fn a_killed_run_continues_to_the_same_bytes() {
         fs::remove_file(killed.outbox().join(name)).unwrap();
     }
     assert_same_results(&unbroken, &killed);
+}
+
+#[test]
+fn a_run_that_was_killed_after_its_last_snapshot_gets_its_last_files() {
+    let case = collapse().solved(&["--steps", "100"]);
+    let killed = case.twin().solved(&["--steps", "100"]);
+    for name in ["DOF.LAST", "Vloc_Rloc.LAST"] {
+        fs::rename(killed.outbox().join(name), killed.outbox().join(format!(".{name}.part"))).unwrap();
+    }
+    assert_eq!(killed.solve(&["--steps", "100", "--resume"]), 0);
+    assert_same_results(&case, &killed);
 }
 
 #[test]

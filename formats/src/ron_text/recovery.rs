@@ -13,7 +13,7 @@ use crate::names::nearest_name;
 const MAX_FAULTS: usize = 20;
 
 /// Length of a text, bytes, beyond which the first fault alone is found: each further one needs up to a dozen readings.
-const MAX_TEXT_LENGTH: usize = 1 << 20;
+const MAX_TEXT_LENGTH: usize = 1 << 16;
 
 /// Values one of which fits most types, in place of one that does not fit.
 const STAND_INS: [&str; 10] =

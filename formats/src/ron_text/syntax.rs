@@ -57,6 +57,9 @@ pub fn display_text(text: &str) -> String {
     }
 }
 
+/// Number of mistakes after which parsing stops: more than anybody reads, and the time for a text full of mistakes is bounded.
+const MAX_MISTAKES: usize = 500;
+
 /// Nesting depth beyond which the library rejects a text.
 pub const MAX_DEPTH: usize = 128;
 
@@ -196,6 +199,7 @@ impl<'a> RonParser<'a> {
         if !self.aborted {
             let [found, expected] = [found, expected].map(str::to_string);
             self.mistakes.push(TextFault { offset, path: path.into(), found, expected });
+            self.aborted = self.mistakes.len() >= MAX_MISTAKES;
         }
     }
 
@@ -431,7 +435,11 @@ impl<'a> RonParser<'a> {
     /// Skips a bracket, its contents and its closing bracket.
     fn skip_items(&mut self, path: &str, bracket: char) {
         let start = self.offset;
-        let (line, column) = line_and_column(self.text, start);
+        let text = self.text;
+        let position = || {
+            let (line, column) = line_and_column(text, start);
+            format!("{line}:{column}")
+        };
         let closing = closing_bracket(bracket);
         if bracket == '{' {
             self.add_fault(start, path, "'{'", "expected '(' around fields, '[' around lists");
@@ -464,7 +472,7 @@ impl<'a> RonParser<'a> {
                     return self.advance(1);
                 }
                 Some(close @ (')' | ']' | '}')) => {
-                    let found = format!("'{close}', while '{bracket}' of {line}:{column} is open");
+                    let found = format!("'{close}', while '{bracket}' of {} is open", position());
                     self.add_fault(self.offset, path, &found, &format!("expected '{closing}' before it"));
                     return self.give_up();
                 }
@@ -479,7 +487,7 @@ impl<'a> RonParser<'a> {
             let name = self.read_field_name(path);
             let word = name.as_ref().map_or("", |name| &self.text[name.clone()]);
             if name.is_some() && bracket == '[' {
-                let found = format!("'{word}:' in a list, while '[' of {line}:{column} is open");
+                let found = format!("'{word}:' in a list, while '[' of {} is open", position());
                 self.add_fault(
                     item,
                     path,
@@ -489,7 +497,7 @@ impl<'a> RonParser<'a> {
                 return self.give_up();
             }
             if name.is_some() && count > names && names == 0 {
-                let found = format!("'{word}:', while '(' of {line}:{column} is open");
+                let found = format!("'{word}:', while '(' of {} is open", position());
                 self.add_fault(item, path, &found, "expected ')' before it");
                 return self.give_up();
             }

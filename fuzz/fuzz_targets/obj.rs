@@ -1,0 +1,6 @@
+//! Target for the reader `obj` of `cd_tests::fuzzing::readers`.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    cd_tests::fuzzing::readers::read("obj", bytes);
+});
