@@ -19,6 +19,6 @@ pub mod draws;
 pub mod fuzzing;
 pub mod golden;
 pub mod pages;
-pub mod vtp;
 pub mod process;
 pub mod torture;
+pub mod vtp;

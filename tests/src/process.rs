@@ -1,11 +1,16 @@
 //! The three programs as processes of their own, which a test can kill, limit and listen to.
 
 use std::ffi::{OsStr, OsString};
+#[cfg(unix)]
+use std::fs::File;
 use std::path::PathBuf;
 use std::process::{Command, ExitStatus};
 
 /// Environment variable with the command line of a process, a word in each line.
 const WORDS: &str = "CD_TESTS_WORDS";
+
+/// Environment variable with a file that takes the place of standard output, to which an executable of tests itself prints.
+pub const STDOUT: &str = "CD_TESTS_STDOUT";
 
 /// Executables of the programs.
 #[derive(Debug, Clone)]
@@ -46,13 +51,18 @@ pub fn run_requested_program() {
     let Some(text) = std::env::var_os(WORDS) else { return };
     let words: Vec<OsString> = text.to_str().unwrap().lines().map(OsString::from).collect();
     cd_formats::atomic::turn_size_limit_into_error();
-    let code = match words[0].to_str().unwrap() {
+    #[cfg(unix)]
+    if let Some(path) = std::env::var_os(STDOUT) {
+        rustix::stdio::dup2_stdout(File::options().append(true).create(true).open(path).unwrap()).unwrap();
+    }
+    let program = words[0].to_str().unwrap().to_string();
+    let code = match program.as_str() {
         "cd-pre" => cd_pre::run(words),
         "cd-solve" => cd_solve::run(words),
         "cd-post" => cd_post::run(words),
         other => panic!("{other} is none of the programs"),
     };
-    std::process::exit(code);
+    std::process::exit(cd_formats::messages::exit_code(&program, code));
 }
 
 /// Exit code of a process; 128 and the number of the signal if one has ended it, as shells count.

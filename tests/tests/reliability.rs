@@ -2,13 +2,11 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Output, Stdio};
 
 use cd_formats::lock::FolderLock;
 use cd_tests::case::{Case, assert_same_results, copy, files, pre};
-
-/// Environment variable with the command line that `program_process` runs, a word in each line.
-const WORDS: &str = "CD_TESTS_WORDS";
+use cd_tests::process::{Programs, STDOUT, run_requested_program};
 
 /// Ball on a plate, `radius` in m: 40 steps, a snapshot every 10.
 fn scene(radius: f64) -> String {
@@ -31,16 +29,10 @@ fn scene(radius: f64) -> String {
     )
 }
 
-/// Environment variable with a file that takes the place of standard output, since the test program itself prints there.
-const STDOUT: &str = "CD_TESTS_STDOUT";
-
-/// Runs one of the programs as a process of its own: this test program calls it, on words from the environment. Its text goes
-/// to the file `text`, if there is one.
+/// Runs one of the programs as a process of its own. Its text goes to the file `text`, if there is one.
 fn program(words: &[&str], text: Option<&Path>) -> Output {
-    let test = std::env::current_exe().unwrap();
-    Command::new(test)
-        .args(["program_process", "--exact", "--nocapture", "--ignored", "--test-threads=1"])
-        .env(WORDS, words.join("\n"))
+    Programs::of_test()
+        .command(words)
         .envs(text.map(|path| (STDOUT, path)))
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -50,21 +42,10 @@ fn program(words: &[&str], text: Option<&Path>) -> Output {
         .unwrap()
 }
 
+/// The programs of other tests, which start this test as a process.
 #[test]
-#[ignore = "a process that other tests start"]
 fn program_process() {
-    let words = std::env::var(WORDS).expect("started by another test");
-    let words = words.lines().map(std::ffi::OsString::from).collect::<Vec<_>>();
-    let (name, run): (&str, fn(Vec<std::ffi::OsString>) -> i32) = match words[0].to_str().unwrap() {
-        "cd-pre" => ("cd-pre", |words| cd_pre::run(words)),
-        "cd-solve" => ("cd-solve", |words| cd_solve::run(words)),
-        _ => ("cd-post", |words| cd_post::run(words)),
-    };
-    #[cfg(unix)]
-    if let Ok(path) = std::env::var(STDOUT) {
-        rustix::stdio::dup2_stdout(fs::OpenOptions::new().append(true).create(true).open(path).unwrap()).unwrap();
-    }
-    std::process::exit(cd_formats::messages::exit_code(name, run(words)));
+    run_requested_program();
 }
 
 /// Exit code and standard error of `cd-solve CASE FLAGS`.
