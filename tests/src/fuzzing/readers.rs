@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::BulkBehav;
+use cd_formats::checksums::{CHECKSUMS_FILE, read_list};
 use cd_formats::compute::{Compute, ComputeFlags};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
@@ -35,7 +36,7 @@ pub struct Reader {
 }
 
 /// All readers.
-pub const READERS: [Reader; 29] = [
+pub const READERS: [Reader; 30] = [
     Reader { name: "scene", read: read_scene },
     Reader { name: "changes", read: read_changes },
     Reader { name: "study", read: read_study },
@@ -65,6 +66,10 @@ pub const READERS: [Reader; 29] = [
     Reader {
         name: "steps",
         read: |bytes| read_file(bytes, "steps.csv", |path| cd_post::tables::read_log(path, &["step"])),
+    },
+    Reader {
+        name: "checksums",
+        read: |bytes| read_file(bytes, CHECKSUMS_FILE, |path| read_list(path.parent().unwrap_or(Path::new("")))),
     },
     Reader { name: "ron_value", read: read_flag },
     Reader { name: "case", read: read_case },
