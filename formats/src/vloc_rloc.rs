@@ -82,9 +82,18 @@ struct ContactKind {
 }
 
 /// Kinds that can be read, in their order in a file.
-const CONTACT_KINDS: [ContactKind; 12] = [
+const CONTACT_KINDS: [ContactKind; 13] = [
     ContactKind {
         name: "CDCDx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: true,
+    },
+    // Cylinders with surfaces MESHx, which LMGC90 does not have.
+    ContactKind {
+        name: "CDMSx",
         pair: &LONG_COLUMNS,
         components: "stn",
         gap_label: "gTT =",

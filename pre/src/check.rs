@@ -999,17 +999,6 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
             |colour: &String| wall_colours.contains(&&colour[..]) && !grain_colours.contains(&&colour[..]);
         let is_wall_law = contact.law.is_some() && is_of_walls(a) && is_of_walls(b) && !walls_meet(&scene.walls, a, b);
         report.require(!is_wall_law, &path, format!("a law between the walls '{a}' and '{b}'"), NO_WALL_LAW);
-        let has_round_solids = |colour: &String| {
-            scene.grains.iter().any(|grains| grains.colour == *colour && grains.shape.is_round_solid())
-        };
-        let has_surfaces =
-            |colour: &String| scene.walls.iter().any(|wall| wall.colour() == colour && wall.contactor() == "MESHx");
-        let meets_surface = has_round_solids(a) && has_surfaces(b) || has_round_solids(b) && has_surfaces(a);
-        let is_round_on_surface = contact.law.is_some() && meets_surface;
-        let found = format!("a law between '{a}' and '{b}', which are cylinders or capsules and a Mesh");
-        let expected =
-            "no law: a Mesh has contacts with spheres, polyhedra and clumps; use Plate, Box or Cylinder as wall";
-        report.require(!is_round_on_surface, &path, found, expected);
         let exist = [a, b].iter().all(|colour| all_colours.contains(&colour.as_str()));
         let are_imposed = exist && is_imposed(scene, a) && is_imposed(scene, b);
         // A scene in which nothing is free has another fault.

@@ -116,7 +116,8 @@ fn what_the_guides_show_is_accepted() {
         let (path, text) = page_of(&format!("how-to/{page}.md"));
         assert_eq!(expect_accepted(&path, &text), text.matches("```ron").count(), "{page}");
     }
-    let scenes = ["bed", "clumps", "pour", "pressed", "silo", "tube"].map(|name| format!("how-to/{name}.ron"));
+    let names = ["bed", "clumps", "pour", "pressed", "rods", "silo", "tube"];
+    let scenes = names.map(|name| format!("how-to/{name}.ron"));
     for scene in scenes.iter().map(String::as_str).chain(["tutorial/scene.ron"]) {
         let (path, text) = page_of(scene);
         cd_pre::read_scene(&path, &text, &[]).unwrap_or_else(|faults| panic!("{scene}\n{faults}"));

@@ -13,6 +13,7 @@ use cd_formats::deforming_cell::CellState;
 use cd_formats::field::{FieldModel, PrimaryResponse};
 use cd_formats::geometry::periodic_cell::PeriodicCell;
 use cd_formats::snapshot::{FallbackState, Ledger, PostproSums};
+use cd_formats::wall_mesh::TriangleList;
 use rayon::prelude::*;
 
 use crate::geometry::CachedFeature;
@@ -142,6 +143,8 @@ pub struct DetectionCache {
     pub restored_pairs: Vec<CachedPair>,
     /// Separating axis of each pair; it affects only time.
     pub separations: Vec<SeparatingAxis>,
+    /// Triangles of surfaces near spheres, by tasks of pairs; they affect only time.
+    pub near_surfaces: Vec<NearSurfaces>,
     /// Positions of the contactors in the last step, and accumulated displacements of their surfaces, m.
     pub last: Vec<(Vec3, Quat)>,
     pub accumulated_travel: Vec<f64>,
@@ -182,6 +185,28 @@ impl DetectionCache {
 impl PartialEq for DetectionCache {
     fn eq(&self, other: &Self) -> bool {
         self.cached_pairs() == other.cached_pairs()
+    }
+}
+
+/// Triangles of surfaces near the spheres of one task, ordered by contactors.
+#[derive(Debug, Clone, Default)]
+pub struct NearSurfaces(Vec<([PartId; 2], TriangleList)>);
+
+impl NearSurfaces {
+    /// Triangles near a sphere, of a sphere and a surface; none before the first search.
+    pub fn triangles_of(&mut self, parts: &[PartId; 2]) -> &mut TriangleList {
+        let index = self.0.binary_search_by_key(parts, |(known, _)| *known).unwrap_or_else(|index| {
+            self.0.insert(index, (*parts, TriangleList::default()));
+            index
+        });
+        &mut self.0[index].1
+    }
+
+    /// Drops the triangles near a sphere that is far from the surface.
+    pub fn remove_triangles(&mut self, parts: &[PartId; 2]) {
+        if let Ok(index) = self.0.binary_search_by_key(parts, |(known, _)| *known) {
+            self.0.remove(index);
+        }
     }
 }
 

@@ -96,6 +96,21 @@ const FLUSH_ANGLE: f64 = 1e-5;
 /// Cosine between a direction and an edge up to which the direction is perpendicular to the edge: rounding of unit vectors.
 const CONE_TOLERANCE: f64 = 1e-12;
 
+/// Triangles near a ball, kept from step to step: they contain all in its reach until it has moved by more than the skin with
+/// which they were searched. They affect only time.
+#[derive(Debug, Clone, Default)]
+pub struct TriangleList {
+    /// Centre of the ball when they were searched, m, and the distance from it up to which all are in the list, m.
+    centre: Vec3,
+    reach: f64,
+    /// Numbers of the triangles, ascending.
+    numbers: SmallVec<[u32; 12]>,
+}
+
+/// Ratio of the skin of a [`TriangleList`] to the radius of its ball: chosen so that a ball that moves by a hundredth of its
+/// radius per step is searched in every sixth, and a ball at rest has few triangles more than without it.
+const SKIN_PER_RADIUS: f64 = 0.0625;
+
 /// Triangle near a ball.
 #[derive(Debug, Clone, Copy)]
 struct NearTriangle {
@@ -311,6 +326,9 @@ impl WallMesh {
 
     /// Number of the feature of a region of a triangle, see [`feature_of`].
     pub fn feature(&self, triangle: u32, region: TriangleRegion) -> u32 {
+        if region == TriangleRegion::Face {
+            return feature_of(triangle, 0);
+        }
         let first = self.triangles_at(triangle, region).first().copied().unwrap_or(triangle);
         let corners = &self.triangles[triangle as usize];
         let position =
@@ -387,6 +405,19 @@ impl WallMesh {
             && self.outward_direction(triangle, region, &at_feature).is_none_or(|outward| outward.dot(n) >= 0.0)
     }
 
+    /// Whether the vector `n` points to a side of the surface that pushes, seen from a region of a triangle: always if both
+    /// sides push, and at the rim.
+    pub fn is_pushing_side(&self, triangle: u32, region: TriangleRegion, n: &Vec3) -> bool {
+        if self.sides == MeshSides::Both {
+            return true;
+        }
+        if region == TriangleRegion::Face {
+            return self.normals[triangle as usize].dot(n) >= 0.0;
+        }
+        let outward = self.outward_direction(triangle, region, &self.triangles_at(triangle, region));
+        outward.is_none_or(|outward| outward.dot(n) >= 0.0)
+    }
+
     /// Whether each edge belongs to two triangles or more.
     pub fn has_no_rim(&self) -> bool {
         !self.rim.contains(&true)
@@ -404,7 +435,34 @@ impl WallMesh {
     /// Behind a surface with one side the nearest point alone is returned, if it is no farther from the centre than the
     /// radius. The rim of an open surface pushes in all directions.
     pub fn ball_contacts(&self, centre: &Vec3, radius: f64, range: f64) -> SmallVec<[MeshContact; 2]> {
-        let triangles = self.near_triangles(centre, radius + range);
+        self.contacts_among(&self.near_triangles(centre, radius + range), centre, radius)
+    }
+
+    /// [`Self::ball_contacts`] of a ball whose triangles are searched only if it has left the region of its list.
+    pub fn listed_ball_contacts(
+        &self,
+        list: &mut TriangleList,
+        centre: &Vec3,
+        radius: f64,
+        range: f64,
+    ) -> SmallVec<[MeshContact; 2]> {
+        let reach = radius + range;
+        // Distances of the same triangle from two positions have a rounding error each.
+        let moved = (centre - list.centre).norm();
+        if moved + reach > list.reach - 2.0 * self.rounding(centre) {
+            // A ball that leaves any skin in one step is searched in each, without a skin.
+            let skin = SKIN_PER_RADIUS * radius;
+            let reach = reach + if moved <= 2.0 * skin { skin } else { 0.0 };
+            let numbers = self.near_triangles(centre, reach).iter().map(|found| found.triangle).collect();
+            *list = TriangleList { centre: *centre, reach, numbers };
+        }
+        let listed = list.numbers.iter().map(|&triangle| self.near_triangle(triangle, centre));
+        let in_reach: SmallVec<[NearTriangle; 16]> = listed.filter(|triangle| triangle.distance <= reach).collect();
+        self.contacts_among(&in_reach, centre, radius)
+    }
+
+    /// Contacts of a ball with the surface; `triangles`: all in its reach, by number.
+    fn contacts_among(&self, triangles: &[NearTriangle], centre: &Vec3, radius: f64) -> SmallVec<[MeshContact; 2]> {
         let Some(nearest) = triangles.iter().min_by(|a, b| a.distance.total_cmp(&b.distance)) else {
             return SmallVec::new();
         };
@@ -414,7 +472,7 @@ impl WallMesh {
         }
         let rounding = self.rounding(centre);
         let mut minima: SmallVec<[NearTriangle; 4]> =
-            triangles.iter().filter(|found| self.is_minimum(found, &triangles, rounding)).copied().collect();
+            triangles.iter().filter(|found| self.is_minimum(found, triangles, rounding)).copied().collect();
         minima.retain(|found| self.is_in_front(found, centre));
         // Nearest first. Of contacts with the same normal and, up to rounding, the same distance the loop below keeps a face.
         minima.sort_by(|a, b| a.distance.total_cmp(&b.distance));
@@ -486,6 +544,11 @@ impl WallMesh {
         &self.fans[start..end]
     }
 
+    /// Whether a triangle has a vertex.
+    fn has_vertex(&self, triangle: u32, vertex: u32) -> bool {
+        self.triangles[triangle as usize].contains(&vertex)
+    }
+
     /// Triangles that have the edge or corner of a region of a triangle, ascending.
     fn triangles_at(&self, triangle: u32, region: TriangleRegion) -> SmallVec<[u32; 8]> {
         let vertices = &self.triangles[triangle as usize];
@@ -494,8 +557,7 @@ impl WallMesh {
             TriangleRegion::Corner(k) => self.fan(vertices[k]).iter().copied().collect(),
             TriangleRegion::Edge(k) => {
                 let end = vertices[(k + 1) % 3];
-                let has_end = |other: &u32| self.triangles[*other as usize].contains(&end);
-                self.fan(vertices[k]).iter().copied().filter(has_end).collect()
+                self.fan(vertices[k]).iter().copied().filter(|&other| self.has_vertex(other, end)).collect()
             }
         }
     }
@@ -523,23 +585,25 @@ impl WallMesh {
 
     /// Whether no triangle with the feature of `found` is nearer to the centre than `found`; `triangles`: all in reach, by number.
     fn is_minimum(&self, found: &NearTriangle, triangles: &[NearTriangle], rounding: f64) -> bool {
-        if found.region == TriangleRegion::Face {
-            return true;
-        }
-        self.triangles_at(found.triangle, found.region).iter().all(|other| {
+        let is_not_nearer = |other: &u32| {
             let position = triangles.binary_search_by_key(other, |triangle| triangle.triangle);
             position.is_err() || position.is_ok_and(|k| triangles[k].distance >= found.distance - rounding)
-        })
+        };
+        let vertices = &self.triangles[found.triangle as usize];
+        match found.region {
+            TriangleRegion::Face => true,
+            TriangleRegion::Corner(k) => self.fan(vertices[k]).iter().all(is_not_nearer),
+            TriangleRegion::Edge(k) => {
+                let end = vertices[(k + 1) % 3];
+                let mut at_edge = self.fan(vertices[k]).iter().filter(|&&other| self.has_vertex(other, end));
+                at_edge.all(is_not_nearer)
+            }
+        }
     }
 
     /// Whether a point is in front of the surface at its nearest point: always if both sides push, and at the rim.
     fn is_in_front(&self, found: &NearTriangle, point: &Vec3) -> bool {
-        if self.sides == MeshSides::Both {
-            return true;
-        }
-        let at_feature = self.triangles_at(found.triangle, found.region);
-        let outward = self.outward_direction(found.triangle, found.region, &at_feature);
-        outward.is_none_or(|outward| outward.dot(&(point - found.point)) >= 0.0)
+        self.is_pushing_side(found.triangle, found.region, &(point - found.point))
     }
 
     /// Angle of a triangle at one of its vertices, rad.
@@ -596,8 +660,8 @@ fn is_flush_edge(
 /// Number of faults of one surface that are printed one by one; a broken surface has thousands of the same kind.
 const MAX_PRINTED_FAULTS: usize = 5;
 
-/// Whether a feature is a face.
-fn is_face(feature: u32) -> bool {
+/// Whether a feature is a face of a triangle.
+pub fn is_face(feature: u32) -> bool {
     feature.is_multiple_of(FEATURES_PER_TRIANGLE)
 }
 
@@ -898,6 +962,22 @@ mod tests {
         assert_eq!(WallMesh::read(&path, MeshSides::One).unwrap(), plane(3));
         std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 x 0\nf 1 2 3\n").unwrap();
         assert!(WallMesh::read(&path, MeshSides::One).unwrap_err().to_string().contains(":3: "));
+    }
+
+    /// A ball that moves slowly, then fast, has the contacts that it has without a list, to the last bit.
+    #[test]
+    fn lists_of_triangles_change_no_contacts() {
+        for mesh in [cube(MeshSides::Both), cube(MeshSides::One), plane(8)] {
+            let (mut list, mut count) = (TriangleList::default(), 0);
+            for k in 0..500 {
+                let t = 1e-7 * f64::from(k).powi(3);
+                let centre = Vec3::new(1.4 * libm::cos(t), 1.3 * libm::sin(2.0 * t), 1.35 * libm::sin(t));
+                let found = mesh.listed_ball_contacts(&mut list, &centre, 0.5, 0.2);
+                assert_eq!(found, mesh.ball_contacts(&centre, 0.5, 0.2));
+                count += found.len();
+            }
+            assert!(count > 100, "{count}");
+        }
     }
 
     /// The tree leaves out no triangle: contacts are those of all triangles.

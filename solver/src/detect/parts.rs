@@ -8,6 +8,7 @@ use smallvec::SmallVec;
 
 use cd_formats::compute::NarrowPhase;
 use cd_formats::geometry::periodic_cell::PeriodicCell;
+use cd_formats::wall_mesh::WallMesh;
 
 use super::neighbours::BoundingBalls;
 use super::posed::{CandidatePair, PairSettings, PosedContactor, PosedShape, posed_contactors};
@@ -17,15 +18,15 @@ use super::{joints, narrow, periodic, rank_pairs};
 use crate::activity;
 use crate::geometry::{
     CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairRequest, PairResult, Separated,
-    WallContacts, capsule_capsule, capsule_cylinder, cylinder_cylinder, cylinder_hollow_cylinder, far_walls,
-    nearest_of_segment, polyhedron_capsule, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_mesh,
-    polyhedron_sphere, rims_at_far_walls, segment_ends, vertices_at_far_walls,
+    WallContacts, capsule_capsule, capsule_cylinder, capsule_mesh, cylinder_cylinder, cylinder_hollow_cylinder,
+    cylinder_mesh, far_walls, nearest_of_segment, polyhedron_capsule, polyhedron_cylinder, polyhedron_hollow_cylinder,
+    polyhedron_mesh, polyhedron_sphere, rims_at_far_walls, segment_ends, vertices_at_far_walls,
 };
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3, group_by_key};
 use crate::scene::{BodyId, PartId, Scene};
-use crate::state::{Contact, DetectionCache, SeparatingAxis, VisiblePair};
+use crate::state::{Contact, DetectionCache, NearSurfaces, SeparatingAxis, VisiblePair};
 
 impl DetectionCache {
     /// Updates positions and accumulated displacements of the contactors, and the list of pairs with the cached data of each
@@ -73,6 +74,7 @@ impl DetectionCache {
         let features = cached_features.into_iter().map(|cached| (cached.parts, cached.memory));
         self.memories = previous_values(&pairs, &order, features);
         (self.pairs, self.order_by_parts, self.restored_pairs) = (Arc::new(pairs), Arc::new(order), Vec::new());
+        self.near_surfaces.clear();
     }
 }
 
@@ -108,7 +110,7 @@ pub fn listed_contacts(
     let mut contactors = posed_contactors(scene, q_c, bounds);
     let settings = PairSettings { bounds, cell: &q_c.cell };
     cache.rebuild_if_stale(scene, &mut contactors, &q_c.cell, &q_c.order);
-    let DetectionCache { pairs, memories, separations, .. } = cache;
+    let DetectionCache { pairs, memories, separations, near_surfaces, .. } = cache;
     let narrow = match narrow {
         NarrowPhase::Fast => NarrowPhaseMode::Fast,
         NarrowPhase::Accurate => NarrowPhaseMode::Accurate,
@@ -116,11 +118,18 @@ pub fn listed_contacts(
     let width = SimdWidth::detect();
     let own_pairs = rank_pairs::own_pairs(scene, pairs.len());
     let own = own_pairs.clone().unwrap_or(0..pairs.len());
+    near_surfaces.resize_with(own.len().div_ceil(PAIRS_PER_TASK), NearSurfaces::default);
     let chunks = pairs[own.clone()]
         .par_chunks(PAIRS_PER_TASK)
         .zip(memories[own.clone()].par_chunks_mut(PAIRS_PER_TASK))
-        .zip(separations[own].par_chunks_mut(PAIRS_PER_TASK));
-    let chunks = chunks.map(|((pairs, memories), separations)| PairChunk { pairs, memories, separations });
+        .zip(separations[own].par_chunks_mut(PAIRS_PER_TASK))
+        .zip(near_surfaces);
+    let chunks = chunks.map(|(((pairs, memories), separations), near_surfaces)| PairChunk {
+        pairs,
+        memories,
+        separations,
+        near_surfaces,
+    });
     let scratch =
         || NarrowPhaseScratch { polyhedra: PairBatch::new(width), prefetcher: Prefetcher::new(&contactors, width) };
     let mut found: Vec<ListedContacts> = chunks
@@ -164,13 +173,14 @@ pub fn swept_contacts(
         let (mut memories, mut separations) =
             ([CachedFeature::default(); PAIRS_PER_TASK], [SeparatingAxis::default(); PAIRS_PER_TASK]);
         let (memories, separations) = (&mut memories[..pairs.len()], &mut separations[..pairs.len()]);
+        let near_surfaces = &mut NearSurfaces::default();
         narrow_phase_chunk(
             scene,
             &contactors,
             PairSettings { bounds, cell: &q_c.cell },
             narrow,
             &mut scratch,
-            PairChunk { pairs, memories, separations },
+            PairChunk { pairs, memories, separations, near_surfaces },
         )
     };
     let found: Vec<ListedContacts> = pairs.chunks(PAIRS_PER_TASK).map(narrow_phase_of).collect();
@@ -182,6 +192,7 @@ struct PairChunk<'p> {
     pairs: &'p [VisiblePair],
     memories: &'p mut [CachedFeature],
     separations: &'p mut [SeparatingAxis],
+    near_surfaces: &'p mut NearSurfaces,
 }
 
 /// Pairs per task.
@@ -206,7 +217,7 @@ fn narrow_phase_chunk<'a>(
     scratch: &mut NarrowPhaseScratch<'a>,
     chunk: PairChunk,
 ) -> ListedContacts<'a> {
-    let PairChunk { pairs, memories, separations } = chunk;
+    let PairChunk { pairs, memories, separations, near_surfaces } = chunk;
     if activity::is_stopped() {
         return ListedContacts::new(0, settings);
     }
@@ -233,10 +244,15 @@ fn narrow_phase_chunk<'a>(
         }
         let (memory, separation) = (std::mem::take(&mut memories[k]), std::mem::take(&mut separations[k]));
         if pair.is_near() {
-            let hint = separation.n.filter(|_| memory == CachedFeature::default());
-            narrow_phase_pair(pair, narrow, &memory, hint, polyhedra, &mut |pair, result| {
+            let record = &mut |pair: CandidatePair<'a>, result: PairResult| {
                 listed.record_result(&pair, result, memories, separations);
-            });
+            };
+            if let (PosedShape::Sphere { radius }, PosedShape::Mesh(mesh)) = (&pair.a.shape, &pair.b.shape) {
+                sphere_on_surface(pair, *radius, mesh, (near_surfaces, &pairs[k].0), record);
+            } else {
+                let hint = separation.n.filter(|_| memory == CachedFeature::default());
+                narrow_phase_pair(pair, narrow, &memory, hint, polyhedra, record);
+            }
         }
     }
     polyhedra.flush(&mut |pair, result| listed.record_result(&pair, result, memories, separations));
@@ -438,17 +454,8 @@ fn narrow_phase_pair<'a>(
     let CandidatePair { a, b, c, range, .. } = pair;
     let one_point = |found: narrow::ContactGeometry| point_manifold(&found, 0);
     let zero = Vec3::zeros();
-    if let (PosedShape::Sphere { radius }, PosedShape::Mesh(mesh)) = (&a.shape, &b.shape) {
-        match narrow::sphere_mesh(mesh, *radius, &c, &b.axes, range.alert) {
-            WallContacts::Listed(found) => found.into_iter().for_each(|point| {
-                record(pair, Ok((CachedFeature::default(), &one_point(point))));
-            }),
-            WallContacts::Apart { min_gap } => record(pair, Err(Separated { n: Vec3::z(), s: min_gap })),
-        }
-        return;
-    }
-    if let (PosedShape::Polyhedron(p), PosedShape::Mesh(mesh)) = (&a.shape, &b.shape) {
-        match polyhedron_mesh(p, mesh, &c, &b.axes, range) {
+    if let PosedShape::Mesh(mesh) = &b.shape {
+        match surface_manifolds(&pair, mesh) {
             WallContacts::Listed(found) => {
                 found.iter().for_each(|manifold| record(pair, Ok((CachedFeature::default(), manifold))));
             }
@@ -512,8 +519,8 @@ fn narrow_phase_pair<'a>(
             [one_point(narrow::ContactGeometry { feature, ..found })].into_iter().collect()
         }
         (PosedShape::Capsule { half_length, radius }, _) => capsule_manifolds(pair, [*half_length, *radius]),
-        // Not computed, and rejected on input if one can move: two plates, a hollow cylinder with a plate or another
-        // one, a surface with anything but spheres and polyhedra.
+        // Not computed, and rejected on input if one can move: two plates, and a hollow cylinder with a plate or another
+        // one.
         _ => SmallVec::new(),
     };
     let nearest = found.iter().min_by(|a, b| a.gap().total_cmp(&b.gap()));
@@ -522,6 +529,42 @@ fn narrow_phase_pair<'a>(
     }
     for manifold in &found {
         record(pair, Ok((CachedFeature::default(), manifold)));
+    }
+}
+
+/// Calls `record` with the contacts of a sphere with a surface, the `parts`.
+fn sphere_on_surface<'a>(
+    pair: CandidatePair<'a>,
+    radius: f64,
+    mesh: &WallMesh,
+    (near, parts): (&mut NearSurfaces, &[PartId; 2]),
+    record: &mut impl FnMut(CandidatePair<'a>, PairResult),
+) {
+    let CandidatePair { b, c, range, .. } = pair;
+    match narrow::sphere_mesh(mesh, near.triangles_of(parts), radius, (&c, &b.axes), range.alert) {
+        WallContacts::Listed(found) => found.iter().for_each(|point| {
+            record(pair, Ok((CachedFeature::default(), &point_manifold(point, 0))));
+        }),
+        WallContacts::Apart { min_gap } => {
+            near.remove_triangles(parts);
+            record(pair, Err(Separated { n: Vec3::z(), s: min_gap }));
+        }
+    }
+}
+
+/// Contacts of a contactor that is no sphere with a surface.
+fn surface_manifolds(pair: &CandidatePair, mesh: &WallMesh) -> WallContacts<Manifold> {
+    let &CandidatePair { a, b, c, range, .. } = pair;
+    match &a.shape {
+        PosedShape::Polyhedron(p) => polyhedron_mesh(p, mesh, &c, &b.axes, range),
+        PosedShape::Cylinder { half_height, radius, hollow: false } => {
+            cylinder_mesh(&a.axes, [*half_height, *radius], mesh, &c, &b.axes, range)
+        }
+        PosedShape::Capsule { half_length, radius } => {
+            capsule_mesh(&a.axes, [*half_length, *radius], mesh, &c, &b.axes, range)
+        }
+        // Pairs with plates, hollow cylinders and other surfaces are rejected on input if one can move.
+        _ => WallContacts::Listed(SmallVec::new()),
     }
 }
 
@@ -555,7 +598,7 @@ fn capsule_manifolds(pair: CandidatePair, size: [f64; 2]) -> SmallVec<[Manifold;
             };
             segment_ends(&a.axes, size[0]).into_iter().flat_map(end_manifolds).collect()
         }
-        // Rows for capsules and surfaces are rejected on input.
+        // Spheres are candidates; surfaces have contacts of their own.
         PosedShape::Mesh(_) | PosedShape::Sphere { .. } => SmallVec::new(),
     }
 }

@@ -192,7 +192,9 @@ impl<'a> CylinderPair<'a> {
                 let across = n0 * n1.z.abs() + n1 * n0.z.abs();
                 self.try_axis(&mut best, -Vec3::new(across.x, across.y, 0.0).normalize(), feature);
             }
-            for m in self.rim_to_edge(edge.ends.map(u32::from), best.s + self.tie).into_iter().flatten() {
+            let ends = edge.ends.map(|v| self.vertices[usize::from(v)]);
+            let size = [self.half_height, self.radius];
+            for m in rim_to_edge(ends, size, best.s + self.tie).into_iter().flatten() {
                 self.try_axis(&mut best, m, feature);
             }
         }
@@ -241,31 +243,6 @@ impl<'a> CylinderPair<'a> {
             }
         }
         lowest
-    }
-
-    /// Directions from the rim of either end to the line through two vertices in which the separation is largest, if
-    /// larger than `min_separation` (m).
-    ///
-    /// With u and w across the edge, u level, a rim seen along the edge is an ellipse with the semi-axes R and R k. On
-    /// m = x u + y w, f = a x + b y - R sqrt(x^2 + k^2 y^2) has one maximum with y on each side, where x has a's sign.
-    fn rim_to_edge(&self, [from, to]: [u32; 2], min_separation: f64) -> [Option<Vec3>; 2] {
-        let [p, to] = [from, to].map(|v| self.vertices[v as usize]);
-        let along = (to - p).normalize();
-        let level = libm::hypot(along.x, along.y);
-        if level == 0.0 {
-            return [None; 2];
-        }
-        let u = Vec3::new(-along.y, along.x, 0.0) / level;
-        let w = along.cross(&u);
-        let (a, k) = (u.dot(&p), along.z.abs());
-        [1.0, -1.0].map(|side| {
-            let b = side * w.dot(&p) - self.half_height * w.z.abs();
-            if libm::hypot(a, b.max(0.0)) - self.radius * k <= min_separation {
-                return None;
-            }
-            let (x, y) = rim_maximum(a.abs(), b, self.radius, k)?;
-            Some((u * x.copysign(a) + w * (side * y)).normalize())
-        })
     }
 
     /// Returns the face of A that faces the cylinder.
@@ -479,6 +456,34 @@ impl<'a> CylinderPair<'a> {
     }
 }
 
+/// Directions from the rim of either end of a cylinder of `[half height, radius]` (m) to the line through two points, relative
+/// to its centre along its axes, in which the separation is largest, if larger than `min_separation` (m).
+///
+/// With u and w across the line, u level, a rim seen along the line is an ellipse with the semi-axes R and R k. On
+/// m = x u + y w, f = a x + b y - R sqrt(x^2 + k^2 y^2) has one maximum with y on each side, where x has a's sign.
+pub(super) fn rim_to_edge(
+    [p, to]: [Vec3; 2],
+    [half_height, radius]: [f64; 2],
+    min_separation: f64,
+) -> [Option<Vec3>; 2] {
+    let along = (to - p).normalize();
+    let level = libm::hypot(along.x, along.y);
+    if level == 0.0 {
+        return [None; 2];
+    }
+    let u = Vec3::new(-along.y, along.x, 0.0) / level;
+    let w = along.cross(&u);
+    let (a, k) = (u.dot(&p), along.z.abs());
+    [1.0, -1.0].map(|side| {
+        let b = side * w.dot(&p) - half_height * w.z.abs();
+        if libm::hypot(a, b.max(0.0)) - radius * k <= min_separation {
+            return None;
+        }
+        let (x, y) = rim_maximum(a.abs(), b, radius, k)?;
+        Some((u * x.copysign(a) + w * (side * y)).normalize())
+    })
+}
+
 /// Unit vector (x, y) in the first quadrant at which f = a x + b y - r sqrt(x^2 + k^2 y^2) has an inner maximum; a >= 0,
 /// k <= 1. `None` if f is largest at an end of the quadrant.
 ///
@@ -525,7 +530,7 @@ pub(super) fn rim_maximum(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> 
 const BRACKET_SAMPLES: usize = 32;
 
 /// Area of the common part of a convex polygon and a disc about the origin, m^2.
-fn area_in_disc(polygon: &[[f64; 3]], radius: f64) -> f64 {
+pub(super) fn area_in_disc(polygon: &[[f64; 3]], radius: f64) -> f64 {
     let cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
     let sector = |p: [f64; 2], q: [f64; 2]| radius * radius * libm::atan2(cross(p, q), p[0] * q[0] + p[1] * q[1]);
     let mut doubled = 0.0;

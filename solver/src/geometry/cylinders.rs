@@ -39,14 +39,13 @@ use crate::math::{Mat3, Quat, Vec3};
 /// ```
 pub fn cylinder_cylinder(
     axes_a: &Quat,
-    [half_a, radius_a]: [f64; 2],
+    size_a: [f64; 2],
     c: &Vec3,
     axes_b: &Quat,
-    [half_b, radius_b]: [f64; 2],
+    size_b: [f64; 2],
     range: impl Into<ListingRange>,
 ) -> Option<Manifold> {
-    let a = PosedCylinder { centre: Vec3::zeros(), axes: axes_a, half_height: half_a, radius: radius_a, rounding: 0.0 };
-    let b = PosedCylinder { centre: *c, axes: axes_b, half_height: half_b, radius: radius_b, rounding: 0.0 };
+    let (a, b) = (PosedCylinder::new(axes_a, size_a, Vec3::zeros()), PosedCylinder::new(axes_b, size_b, *c));
     core_contact(a, b, range.into())
 }
 
@@ -63,16 +62,14 @@ pub fn cylinder_cylinder(
 /// ```
 pub fn capsule_cylinder(
     axes_a: &Quat,
-    [half_a, radius_a]: [f64; 2],
+    size_a: [f64; 2],
     c: &Vec3,
     axes_b: &Quat,
-    [half_b, radius_b]: [f64; 2],
+    size_b: [f64; 2],
     range: impl Into<ListingRange>,
 ) -> Option<Manifold> {
-    let a = PosedCylinder { centre: Vec3::zeros(), axes: axes_a, half_height: half_a, radius: 0.0, rounding: radius_a };
-    let b = PosedCylinder { centre: *c, axes: axes_b, half_height: half_b, radius: radius_b, rounding: 0.0 };
-    let found = core_contact(a, b, range.into().widened_by(radius_a))?;
-    Some(rounded_manifold(&found, [radius_a, 0.0]))
+    let (a, b) = (PosedCylinder::core_of(axes_a, size_a, Vec3::zeros()), PosedCylinder::new(axes_b, size_b, *c));
+    rounded_contact(a, b, range.into())
 }
 
 /// Contact of two capsules of `[half length, radius]` (m), with the other arguments and results of [`cylinder_cylinder`].
@@ -88,16 +85,21 @@ pub fn capsule_cylinder(
 /// ```
 pub fn capsule_capsule(
     axes_a: &Quat,
-    [half_a, radius_a]: [f64; 2],
+    size_a: [f64; 2],
     c: &Vec3,
     axes_b: &Quat,
-    [half_b, radius_b]: [f64; 2],
+    size_b: [f64; 2],
     range: impl Into<ListingRange>,
 ) -> Option<Manifold> {
-    let a = PosedCylinder { centre: Vec3::zeros(), axes: axes_a, half_height: half_a, radius: 0.0, rounding: radius_a };
-    let b = PosedCylinder { centre: *c, axes: axes_b, half_height: half_b, radius: 0.0, rounding: radius_b };
-    let found = core_contact(a, b, range.into().widened_by(radius_a + radius_b))?;
-    Some(rounded_manifold(&found, [radius_a, radius_b]))
+    let (a, b) = (PosedCylinder::core_of(axes_a, size_a, Vec3::zeros()), PosedCylinder::core_of(axes_b, size_b, *c));
+    rounded_contact(a, b, range.into())
+}
+
+/// Contact of two cylinders, A at the origin, with their rounding; `None` if they are farther apart than `range` lists.
+fn rounded_contact(a: PosedCylinder, b: PosedCylinder, range: ListingRange) -> Option<Manifold> {
+    let rounding = [a.rounding, b.rounding];
+    let found = core_contact(a, b, range.widened_by(rounding[0] + rounding[1]))?;
+    Some(rounded_manifold(&found, rounding))
 }
 
 /// Contact of two cylinders, A at the origin, without their rounding; `None` if they are farther apart than `range` lists.
@@ -134,6 +136,18 @@ struct PosedCylinder<'a> {
     radius: f64,
     /// Distance of the surface from the cylinder, m: the radius of a capsule, whose core has the radius 0.
     rounding: f64,
+}
+
+impl<'a> PosedCylinder<'a> {
+    /// Cylinder of `[half height, radius]` (m) about `centre`.
+    fn new(axes: &'a Quat, [half_height, radius]: [f64; 2], centre: Vec3) -> Self {
+        PosedCylinder { centre, axes, half_height, radius, rounding: 0.0 }
+    }
+
+    /// Core of a capsule of `[half length, radius]` (m) about `centre`.
+    fn core_of(axes: &'a Quat, [half_height, rounding]: [f64; 2], centre: Vec3) -> Self {
+        PosedCylinder { centre, axes, half_height, radius: 0.0, rounding }
+    }
 }
 
 impl PosedCylinder<'_> {

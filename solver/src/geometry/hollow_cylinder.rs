@@ -31,23 +31,54 @@ pub fn polyhedron_hollow_cylinder(
     [half_height, radius]: [f64; 2],
     alert: f64,
 ) -> Vec<Manifold> {
-    let mut found = Vec::new();
-    let mut add_contact = |v: Vec3, outward: Vec3, gap: f64, features: (u32, u32)| {
-        if gap <= alert {
-            found.push(point_contact(v, q * outward, gap, features));
-        }
-    };
+    let mut inside = InsideContacts { c, q, half_height, radius, alert, found: Vec::new() };
     for k in 0..a.shape.vertices().len() as u32 {
         let v = a.vertex(k);
-        let local = q.inverse_transform_vector(&(v - c));
+        let local = inside.local_point(&v);
+        inside.add_at_side(v, &local, vertex_feature(k));
+        inside.add_at_end(v, &local, local.z, vertex_feature(k));
+    }
+    inside.found
+}
+
+/// Contacts of points of A with the inside of a hollow cylinder of these lengths (m) at `c` = x_B - x_A (m) with the
+/// orientation `q`, up to the gap `alert`, m.
+struct InsideContacts<'a> {
+    c: &'a Vec3,
+    q: &'a Quat,
+    half_height: f64,
+    radius: f64,
+    alert: f64,
+    found: Vec<Manifold>,
+}
+
+impl InsideContacts<'_> {
+    /// Position of a point along the axes of the cylinder, m.
+    fn local_point(&self, point: &Vec3) -> Vec3 {
+        self.q.inverse_transform_vector(&(point - self.c))
+    }
+
+    /// Adds the contact of a point with the side; a point on the axis has none. `local`: its position along the axes.
+    fn add_at_side(&mut self, point: Vec3, local: &Vec3, feature: u32) {
         let distance = local.xy().norm();
         if distance > 0.0 {
-            add_contact(v, Vec3::new(local.x, local.y, 0.0) / distance, radius - distance, (vertex_feature(k), 0));
+            let outward = Vec3::new(local.x, local.y, 0.0) / distance;
+            self.add(point, outward, self.radius - distance, (feature, 0));
         }
-        let end = if local.z >= 0.0 { 1 } else { 2 };
-        add_contact(v, Vec3::z() * 1f64.copysign(local.z), half_height - local.z.abs(), (vertex_feature(k), end));
     }
-    found
+
+    /// Adds the contact of a point with the end on the side of the height `height`, m.
+    fn add_at_end(&mut self, point: Vec3, local: &Vec3, height: f64, feature: u32) {
+        let end = if height >= 0.0 { 1 } else { 2 };
+        let gap = self.half_height - local.z.abs();
+        self.add(point, Vec3::z() * 1f64.copysign(height), gap, (feature, end));
+    }
+
+    fn add(&mut self, point: Vec3, outward: Vec3, gap: f64, features: (u32, u32)) {
+        if gap <= self.alert {
+            self.found.push(point_contact(point, self.q * outward, gap, features));
+        }
+    }
 }
 
 /// Contact of the point `x` of A, m, with a wall at the distance `gap` along the unit vector `outward`, world frame.
@@ -94,12 +125,7 @@ pub fn cylinder_hollow_cylinder(
     [half_height, radius]: [f64; 2],
     alert: f64,
 ) -> Vec<Manifold> {
-    let mut found = Vec::new();
-    let mut add_contact = |point: Vec3, outward: Vec3, gap: f64, features: (u32, u32)| {
-        if gap <= alert {
-            found.push(point_contact(point, q * outward, gap, features));
-        }
-    };
+    let mut inside = InsideContacts { c, q, half_height, radius, alert, found: Vec::new() };
     for (rim, PosedRim { centre, radii }) in (0..).zip(posed_rims(axes, size)) {
         let point = |angle: f64| {
             let (sin, cos) = libm::sincos(angle);
@@ -109,23 +135,19 @@ pub fn cylinder_hollow_cylinder(
         let [x, e, f] = [local(&(centre - c)), local(&radii[0]), local(&radii[1])];
         for (angle, number) in farthest_angles(&x, [&e, &f]) {
             let point = point(angle);
-            let at = local(&(point - c));
-            let distance = at.xy().norm();
-            if distance > 0.0 {
-                let outward = Vec3::new(at.x, at.y, 0.0) / distance;
-                add_contact(point, outward, radius - distance, (rim_feature(rim, number), 0));
-            }
+            let local = inside.local_point(&point);
+            inside.add_at_side(point, &local, rim_feature(rim, number));
         }
-        let (up, end) = (1f64.copysign(x.z), if x.z >= 0.0 { 1 } else { 2 });
+        let up = 1f64.copysign(x.z);
         let tilt = libm::hypot(e.z, f.z);
         let highest = (tilt > FLUSH_TILT * size[1]).then(|| (libm::atan2(up * f.z, up * e.z), 4));
         for (angle, number) in fixed_angles().into_iter().chain(highest) {
             let point = point(angle);
-            let height = local(&(point - c)).z.abs();
-            add_contact(point, Vec3::z() * up, half_height - height, (rim_feature(rim, number), end));
+            let local = inside.local_point(&point);
+            inside.add_at_end(point, &local, x.z, rim_feature(rim, number));
         }
     }
-    found
+    inside.found
 }
 
 /// Rim of a cylinder relative to its centre in the world's axes, m.

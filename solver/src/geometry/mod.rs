@@ -17,7 +17,7 @@
 //! | `hollow_cylinder` | contacts of polyhedra, balls and solid cylinders inside a hollow cylinder |
 //! | `cylinders` | contact of two cylinders or capsules |
 //! | `capsule` | contact of a polyhedron with a capsule |
-//! | `mesh` | contact of a polyhedron with a triangulated wall |
+//! | `mesh` | contact of a polyhedron, cylinder or capsule with a triangulated wall |
 //! | `flush` | heights and contact along a given direction |
 //! | `outline` | the corners of the common part of two faces seen along the normal |
 //! | `triangles` | corners of the common part of two triangles, for several pairs at once |
@@ -58,7 +58,7 @@ pub use manifold::{
     ContactPoint, ContactPoints, ListingRange, Manifold, NarrowPhaseMode, Separated, WallContacts, edge_feature,
     face_feature, vertex_feature,
 };
-pub use mesh::polyhedron_mesh;
+pub use mesh::{capsule_mesh, cylinder_mesh, polyhedron_mesh};
 pub use near_pairs::{near_pairs, near_pairs_from};
 pub use plate::polyhedron_plane;
 pub use polyhedra::{PairBatch, PairRequest, PairResult, polyhedron_polyhedron};

@@ -229,8 +229,9 @@ fn uncomputed_pair(names: [&str; 2]) -> Option<&'static str> {
             "expected no such row: a hollow cylinder has no contacts with plates and other hollow cylinders; make the \
              other a POLYR",
         ),
-        ["MESHx", other] | [other, "MESHx"] if !["SPHER", "POLYR"].contains(&other) => Some(
-            "expected no such row: a surface MESHx has contacts with SPHER and POLYR alone; make the other a POLYR",
+        ["MESHx", "PLANx" | "DNLYC" | "MESHx"] | ["PLANx" | "DNLYC", "MESHx"] => Some(
+            "expected no such row: a surface MESHx has no contacts with plates, hollow cylinders and other surfaces; make \
+             the other a POLYR",
         ),
         _ => None,
     }
@@ -531,8 +532,8 @@ pub fn check_text(datbox: &Path, scene: &mut Scene, faults: &mut Faults) {
         scene.notes.push(note.into());
     }
     if scene.options.text && scene.parts.iter().any(|part| matches!(part.geometry, ContactorShape::Mesh(_))) {
-        let note =
-            "Vloc_Rloc.OUT.k: contacts with surfaces MESHx are written as SPMSx and PRMSx, which LMGC90 does not have";
+        let note = "Vloc_Rloc.OUT.k: contacts with surfaces MESHx are written as SPMSx, PRMSx and CDMSx, which LMGC90 \
+                    does not have";
         scene.notes.push(note.into());
     }
 }

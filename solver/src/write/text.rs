@@ -113,7 +113,7 @@ fn contactor_name(part: &BodyPart) -> &'static str {
 }
 
 /// Contact kind in LMGC90. It has none between a polyhedron and a cylinder: PRPRx is the nearest. Contacts with surfaces,
-/// which LMGC90 does not have, are SPMSx and PRMSx.
+/// which LMGC90 does not have, are SPMSx, PRMSx and CDMSx.
 fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
     match (candidate, antagonist) {
         ("PT3Dx", _) => "PTPT3",
@@ -123,6 +123,7 @@ fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
         (_, "SPHER") => "SPSPx",
         ("CYLND", "PLANx") => "CDPLx",
         ("CYLND", "CYLND") => "CDCDx",
+        ("CYLND", "MESHx") => "CDMSx",
         (_, "PLANx") => "SPPLx",
         (_, "POLYR") => "SPPRx",
         (_, "CYLND") => "SPCDx",

@@ -32,6 +32,7 @@ mod laws_of_lmgc90;
 mod limits;
 mod listing;
 mod long_runs;
+mod mesh_cylinders;
 mod mesh_polyhedra;
 mod meshes;
 mod messages;

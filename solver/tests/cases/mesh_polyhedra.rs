@@ -14,7 +14,7 @@ use crate::same_bits::{files, same};
 const STEP: f64 = 1.0 / 128.0;
 
 /// Triangles of a plane with corners at random positions: squares of `side` about the origin, `count` along x and y.
-fn random_plane(count: u32, side: f64) -> Triangles {
+pub fn random_plane(count: u32, side: f64) -> Triangles {
     let (mut vertices, triangles) = terrain(count, side, || 0.0);
     let mut random = uniform(7);
     for [x, y, _] in &mut vertices {
@@ -45,7 +45,7 @@ fn wall(case: &mut Case, is_mesh: bool, axes: [[f64; 3]; 3]) -> usize {
 }
 
 /// Makes a wall of triangles push from both sides.
-fn make_two_sided(case: &mut Case, wall: usize, (vertices, triangles): &Triangles) {
+pub fn make_two_sided(case: &mut Case, wall: usize, (vertices, triangles): &Triangles) {
     if let ShapeRecord::Mesh { sides, surface, .. } = &mut case.bodies[wall].contactors[0].shape {
         *sides = MeshSides::Both;
         *surface = Some(WallMesh::new(vertices, triangles, MeshSides::Both).unwrap().into());
@@ -159,7 +159,7 @@ fn a_block_slides_over_flush_edges_without_being_stopped() {
 }
 
 /// Sum of the forces on the free body in contacts that pass a test, N: on the candidate, in the world's axes.
-fn force_of(state: &Snapshot, is_counted: impl Fn(&Vec3) -> bool) -> Vec3 {
+pub fn force_of(state: &Snapshot, is_counted: impl Fn(&Vec3) -> bool) -> Vec3 {
     let contacts = state.contacts.contact_force.iter().zip(&state.contacts.contact_frame);
     contacts
         .map(|(force, frame)| (Vec3::from(*force), frame.map(Vec3::from)))

@@ -7,6 +7,7 @@ mod oracle;
 mod other;
 mod patch;
 mod random;
+mod round_on_mesh;
 mod shapes;
 mod table;
 
