@@ -52,6 +52,9 @@ pub struct Torture {
     pub tally: Tally,
 }
 
+/// Trial of one kind, with choices that are drawn.
+type Trial = fn(&mut Torture, &mut Draws);
+
 impl Torture {
     /// Runs the programs on the scenes without disturbance. Errors: one of them fails.
     pub fn new(programs: Programs, shim: Shim, scenes: &[TortureScene]) -> Result<Torture, String> {
@@ -62,7 +65,7 @@ impl Torture {
 
     /// Makes all trials of a plan. Prints the counts of each kind when it is done.
     pub fn run(&mut self, plan: &TorturePlan) {
-        let kinds: [(&str, u64, fn(&mut Torture, &mut Draws)); 9] = [
+        let kinds: [(&str, u64, Trial); 9] = [
             ("kills", plan.kills, Torture::kill),
             ("faults of files", plan.faults, Torture::let_operations_fail),
             ("signals", plan.signals, Torture::send_signals),
