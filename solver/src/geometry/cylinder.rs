@@ -546,7 +546,8 @@ pub(super) fn area_in_disc(polygon: &[[f64; 3]], radius: f64) -> f64 {
         }
         // Fractions of the side at which it enters and leaves the disc.
         let [enter, leave] = [-root.sqrt(), root.sqrt()].map(|root| ((root - half) / square).clamp(0.0, 1.0));
-        let line_point = |share: f64| [x + along[0] * share, y + along[1] * share];
+        // The end itself: next to the middle of the disc, its rounding would turn the direction from there by any angle.
+        let line_point = |share: f64| if share == 1.0 { q } else { [x + along[0] * share, y + along[1] * share] };
         if enter >= leave {
             doubled += sector(p, q);
         } else {

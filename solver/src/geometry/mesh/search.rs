@@ -117,7 +117,7 @@ struct TakenDirection {
     /// n, and two tangents.
     frame: [Vec3; 3],
     outline: BodyOutline,
-    /// The only point, where vertices or an edge and a vertex are nearest.
+    /// The only point, where vertices or an edge and a vertex are nearest, and no corner is as near.
     nearest: Option<ContactPoint>,
     corners: PatchCorners,
     area: f64,
@@ -384,7 +384,7 @@ impl<'a, B: SurfaceBody> MeshSearch<'a, B> {
     /// Adds the corners of a triangle to those along a direction.
     fn add_corners(&self, direction: &mut TakenDirection, triangle: &PosedTriangle) {
         let cosine = self.facing_cosine(triangle, &direction.axis.normal);
-        if direction.nearest.is_some() || cosine < -MIN_POLYGON_COSINE {
+        if cosine < -MIN_POLYGON_COSINE {
             return;
         }
         let found = self.common_corners(direction, triangle);
@@ -417,8 +417,11 @@ impl<'a, B: SurfaceBody> MeshSearch<'a, B> {
     /// Points along a direction within the range.
     fn manifold(&self, direction: &mut TakenDirection) -> Manifold {
         let TakenDirection { axis, nearest, corners, area, .. } = direction;
-        if let Some(point) = nearest {
-            return Manifold { normal: axis.normal, points: std::iter::once(*point).collect(), area: 0.0 };
+        // A triangle next to the one that gave the direction may have the nearest corners: at a vertex within a plane, each
+        // triangle is as near as the others, but a corner of A is over one of them only.
+        let has_axis_gap = corners.iter().any(|corner| corner.gap <= axis.gap + self.tie());
+        if let Some(point) = nearest.filter(|_| !has_axis_gap) {
+            return Manifold { normal: axis.normal, points: std::iter::once(point).collect(), area: 0.0 };
         }
         // A corner of A over the edge between two triangles is over both.
         let key = |corner: &PatchCorner| {
