@@ -1,4 +1,4 @@
-//! Time to reject texts full of mistakes.
+//! Texts of RON that are full of mistakes, or cut off, are rejected at once.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -24,5 +24,17 @@ fn texts_full_of_mistakes_are_rejected_at_once() {
         assert!(!faults.format_report("program").is_empty());
         // A tenth of a second each where nothing else runs.
         assert!(begin.elapsed() < Duration::from_secs(30), "{item}: {:?}", begin.elapsed());
+    }
+}
+
+/// `["é` was a panic: the name before a missing quote ended within a letter.
+#[test]
+fn texts_that_are_cut_off_are_rejected() {
+    let text =
+        r#"(dt: 1.0, /* é */ probes: [(name: "é", "quantité": Force(on: Colour("é"))), ("é", 'é', r"é")], é: "\é")"#;
+    for end in (0..text.len()).filter(|&end| text.is_char_boundary(end)) {
+        for start in [0, 1, 27].into_iter().filter(|&start| start < end) {
+            assert!(from_ron::<Compute>(Path::new("COMPUTE.RON"), &text[start..end], "options").is_err());
+        }
     }
 }

@@ -118,11 +118,13 @@ fn main() {
         std::thread::sleep(Duration::from_millis(20));
     };
     assert!(status.success(), "cd-solve: {status}");
-    report(&samples, folder.path(), snapshots);
+    let is_flat = report(&samples, folder.path(), snapshots);
+    drop(folder);
+    std::process::exit(i32::from(!is_flat));
 }
 
-/// Prints the parts of a run and ends the program, with 1 if memory or time have grown.
-fn report(samples: &[RunSample], case: &Path, snapshots: u64) {
+/// Prints the parts of a run; returns whether memory and time per step have not grown.
+fn report(samples: &[RunSample], case: &Path, snapshots: u64) -> bool {
     let rates =
         samples.windows(2).map(|pair| (pair[1].seconds - pair[0].seconds) / (pair[1].step - pair[0].step) as f64);
     let rates: Vec<f64> = rates.collect();
@@ -135,7 +137,6 @@ fn report(samples: &[RunSample], case: &Path, snapshots: u64) {
     let slowest = rates.iter().copied().fold(0.0, f64::max);
     let growth =
         samples.last().map_or(0, |last| last.memory).saturating_sub(samples.first().map_or(0, |first| first.memory));
-    let is_flat = slowest <= MAX_SLOWDOWN * fastest && growth <= MAX_GROWTH && files as u64 >= snapshots;
     println!("slowest part over fastest: {:.2}; memory grew by {} kB", slowest / fastest, growth >> 10);
-    std::process::exit(i32::from(!is_flat || rates.len() < 5));
+    slowest <= MAX_SLOWDOWN * fastest && growth <= MAX_GROWTH && files as u64 >= snapshots && rates.len() >= 5
 }

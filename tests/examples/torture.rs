@@ -31,5 +31,8 @@ fn main() {
     let shim = Shim::compile().unwrap_or_else(|reason| panic!("{reason}"));
     let mut torture = Torture::new(programs, shim, &SCENES).unwrap_or_else(|reason| panic!("{reason}"));
     torture.run(&plan);
-    std::process::exit(i32::from(!torture.tally.failures.is_empty()));
+    let failures = torture.tally.failures.len();
+    // Removes the folder in which the programs ran.
+    drop(torture);
+    std::process::exit(i32::from(failures > 0));
 }

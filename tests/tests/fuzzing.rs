@@ -15,7 +15,7 @@ fn damaged_files_are_read_or_rejected_within_limits() {
     let mut failures = Vec::new();
     for reader in &READERS {
         let number = seeds(reader).len() as u64;
-        let report = fuzz(reader, number + 400, Duration::from_secs(20), 1, None);
+        let report = fuzz(reader, number + 1000, Duration::from_secs(20), 1, None);
         println!("{}", report.text());
         let inputs =
             report.failures.iter().map(|(fault, input)| format!("{}: {fault}\n{}", reader.name, input.escape_ascii()));

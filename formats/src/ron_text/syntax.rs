@@ -267,7 +267,9 @@ impl<'a> RonParser<'a> {
         let is_quoted = self.current_char() == Some('"');
         let name = if is_quoted {
             self.skip_string(path);
-            start + 1..(self.offset - 1).max(start + 1)
+            // The closing quote may be missing.
+            let quote = usize::from(self.text[..self.offset].ends_with('"'));
+            start + 1..(self.offset - quote).max(start + 1)
         } else {
             let length = self.word_length();
             if length == 0 || !self.remaining_text().starts_with(|c: char| c.is_alphabetic() || c == '_') {

@@ -20,7 +20,6 @@ use cd_formats::snapshot::Snapshot;
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
 use cd_formats::wall_mesh::{MeshSides, WallMesh};
-use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
@@ -95,17 +94,22 @@ fn is_accepted<T>(result: Result<T, Faults>) -> bool {
 }
 
 /// Folder of this process, in memory if the system has such a folder.
-fn folder() -> &'static Path {
-    static FOLDER: std::sync::OnceLock<TempDir> = std::sync::OnceLock::new();
-    let new = || tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a temporary folder");
-    FOLDER.get_or_init(new).path()
+fn folder() -> PathBuf {
+    let in_memory = Path::new("/dev/shm");
+    let base = if in_memory.is_dir() { in_memory.to_path_buf() } else { std::env::temp_dir() };
+    base.join(format!("cd-fuzz-{}", std::process::id()))
 }
 
 /// Writes a file to that folder.
 fn file(bytes: &[u8], name: &str) -> PathBuf {
     let path = folder().join(name);
-    fs::write(&path, bytes).expect("a file in the temporary folder");
+    fs::create_dir_all(folder()).and_then(|()| fs::write(&path, bytes)).expect("a file in a temporary folder");
     path
+}
+
+/// Removes the files that readers have read.
+pub fn remove_files() {
+    let _ = fs::remove_dir_all(folder());
 }
 
 /// Reads a file of that folder.

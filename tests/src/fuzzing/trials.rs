@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::memory::{begin_count, largest_since};
 use super::mutation::damage;
-use super::readers::Reader;
+use super::readers::{Reader, remove_files};
 use crate::draws::Draws;
 
 /// Longest time for one input.
@@ -95,6 +95,7 @@ pub fn fuzz(reader: &Reader, inputs: u64, time: Duration, seed: u64, trace: Opti
         }
     }
     panic::set_hook(hook);
+    remove_files();
     report
 }
 

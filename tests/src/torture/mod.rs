@@ -44,6 +44,9 @@ pub struct TorturePlan {
     pub others: u64,
 }
 
+/// Makes one trial and counts it, or several if it kills several times.
+type TrialFunction = fn(&mut Torture, &mut Draws);
+
 /// Programs, scenes and results of torture.
 pub struct Torture {
     workplace: Workplace,
@@ -51,9 +54,6 @@ pub struct Torture {
     /// Results so far.
     pub tally: Tally,
 }
-
-/// Trial of one kind, with choices that are drawn.
-type Trial = fn(&mut Torture, &mut Draws);
 
 impl Torture {
     /// Runs the programs on the scenes without disturbance. Errors: one of them fails.
@@ -65,7 +65,7 @@ impl Torture {
 
     /// Makes all trials of a plan. Prints the counts of each kind when it is done.
     pub fn run(&mut self, plan: &TorturePlan) {
-        let kinds: [(&str, u64, Trial); 9] = [
+        let kinds: [(&str, u64, TrialFunction); 9] = [
             ("kills", plan.kills, Torture::kill),
             ("faults of files", plan.faults, Torture::let_operations_fail),
             ("signals", plan.signals, Torture::send_signals),
