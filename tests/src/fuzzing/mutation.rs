@@ -211,7 +211,7 @@ mod tests {
         let start = b"$bdyty\n RBDY3      1\n".to_vec();
         let damaged = |number: u64| {
             let (mut bytes, mut draws) = (start.clone(), Draws::new(1, number));
-            (0..20).for_each(|_| damage(&mut bytes, &[start.clone()], &mut draws));
+            (0..20).for_each(|_| damage(&mut bytes, std::slice::from_ref(&start), &mut draws));
             bytes
         };
         assert!((0..2000).all(|number| damaged(number) == damaged(number)));

@@ -19,7 +19,7 @@ fn has_durations(name: &str) -> bool {
 
 /// Whether a file grows line by line under its final name.
 fn grows(name: &str) -> bool {
-    ["OUTBOX/steps.csv", "OUTBOX/SHA256SUMS"].contains(&name)
+    name == "OUTBOX/steps.csv"
         || name.starts_with("POSTPRO/probe-")
         || (name.starts_with("POSTPRO/") && name.ends_with(".DAT"))
 }
@@ -94,7 +94,12 @@ impl Contents {
                 // A snapshot of a run that was asked to stop; its parts are read with it.
                 return name.contains("-part-") || Snapshot::read(&path).is_ok();
             }
-            known.any(|known| known == bytes || (grows(name) && known.starts_with(bytes)))
+            // A run that was asked to stop adds a row of its last step.
+            let rows =
+                bytes[..bytes.len().saturating_sub(1)].iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
+            known.any(|known| known == bytes || (grows(name) && known.starts_with(&bytes[..rows])))
+                // Its lines are those of the files at that time: --verify and the run after it compare them.
+                || name == "OUTBOX/SHA256SUMS"
                 // The state of such a run in text.
                 || (name.starts_with("OUTBOX/DOF.") && Dof::read(&path).is_ok())
                 || (name.starts_with("OUTBOX/Vloc_Rloc.") && VlocRloc::read(&path).is_ok())
