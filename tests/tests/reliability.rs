@@ -159,6 +159,15 @@ fn damaged_files_are_found_and_a_run_goes_on_from_the_last_sound_snapshot() {
     assert_eq!(case.solve(&["--verify"]), 0);
 }
 
+/// A run that is resumed at its end, as after a kill behind the last snapshot, keeps its log and its list.
+#[test]
+fn a_run_resumed_at_its_end_stays_as_it_is() {
+    let unbroken = Case::from_scene(&scene(0.1)).solved(&["--steps", "35", "--log-every", "8"]);
+    let case = unbroken.twin().solved(&["--steps", "35", "--log-every", "8"]);
+    assert_eq!(case.solve(&["--steps", "35", "--log-every", "8", "--resume"]), 0);
+    assert_same_results(&unbroken, &case);
+}
+
 /// A run that was stopped, or continued further than planned, has the list of the unbroken one.
 #[test]
 fn the_list_of_a_resumed_run_is_that_of_the_unbroken_one() {
