@@ -192,7 +192,8 @@ pub fn open_to_append(path: &Path) -> Result<File, Faults> {
     options.open(path).map_err(|error| Fault::from_io(path, "written", &error).into())
 }
 
-/// Whether `path` leads to the open file or folder, and not to another that has replaced it. True where a system cannot tell.
+/// Whether `path` leads to the open file or folder, and not to another that has replaced it. True where a system does not number
+/// its files.
 pub fn leads_to(path: &Path, file: &File) -> bool {
     #[cfg(unix)]
     {

@@ -3,19 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
-use cd_formats::checksums::{self, CHECKSUMS_FILE};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::lock::FolderLock;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
 use cd_formats::settings::{apply_settings, check_paths_once};
 
+use crate::datbox_folder::{FROM_OUTBOX_FILES, lock_datbox, write_files};
 use crate::grain::Population;
 use crate::parse::parse_with_settings;
 use crate::scene::{Law, Scene, models};
 use crate::summary::{print_warnings, scene_summary};
-use crate::{attraction, check, doubts, field_surfaces, from_outbox, population, reread, write};
+use crate::{attraction, check, doubts, field_surfaces, population, reread, write};
 
 /// Reads the scene of the file `source`, in which `settings` override values, and writes the files of the folder
 /// `datbox`; see [`apply_settings`].
@@ -68,33 +67,10 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     for (_, text) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE_FILE) {
         text.insert_str(0, &origin.as_ref().map_or(String::new(), SceneOrigin::lines));
     }
-    write_files(datbox, files.iter().map(|(name, text)| (name.as_str(), text.as_bytes())), &from_outbox::OWN_FILES)?;
+    write_files(datbox, files.iter().map(|(name, text)| (name.as_str(), text.as_bytes())), &FROM_OUTBOX_FILES)?;
     print_warnings(&report.warnings);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     Ok(format!("{}wrote {}: {}\n", scene_summary(&scene, &population), datbox.display(), names.join(" ")))
-}
-
-/// Creates the folder `datbox` and locks it for this run. Errors: it cannot be created, or another program reads or writes it.
-pub fn lock_datbox(datbox: &Path) -> Result<FolderLock, Faults> {
-    let case = datbox.parent().unwrap_or(Path::new(""));
-    std::fs::create_dir_all(case).map_err(|error| Fault::from_io(case, "created", &error))?;
-    FolderLock::exclusive(datbox)?.ok_or_else(|| {
-        let found = "another program is reading or writing it";
-        Fault::new(datbox, None, "folder", found, "wait for its end, or use another folder").into()
-    })
-}
-
-/// Writes the files of DATBOX with the list of their checksums, by which cd-solve finds files that are changed, missing or of
-/// another scene, and removes those that are `removed`. Errors: a file cannot be written or removed.
-pub fn write_files<'a>(
-    datbox: &Path,
-    files: impl IntoIterator<Item = (&'a str, &'a [u8])>,
-    removed: &[&str],
-) -> Result<(), Faults> {
-    let mut files: Vec<(&str, &[u8])> = files.into_iter().collect();
-    let list = checksums::list_text(concat!("cd-pre ", env!("CARGO_PKG_VERSION")), files.iter().copied());
-    files.push((CHECKSUMS_FILE, list.as_bytes()));
-    atomic::write_folder(datbox, files, removed)
 }
 
 /// Reads the scene in `text` and makes its bodies.

@@ -30,7 +30,7 @@
 //! | module | |
 //! |---|---|
 //! | [`cli`] | command line |
-//! | [`mod@datbox`] | DATBOX of a scene |
+//! | [`mod@datbox`], `datbox_folder` | DATBOX of a scene; its lock and its files |
 //! | [`parse`] | input files in which settings replace values |
 //! | [`scene`] | contents of scene.ron |
 //! | [`check`] | faults of a scene |
@@ -56,6 +56,7 @@ pub mod attraction;
 pub mod check;
 pub mod cli;
 pub mod datbox;
+mod datbox_folder;
 pub mod doubts;
 mod field_surfaces;
 pub mod from_outbox;

@@ -89,6 +89,13 @@ pub enum TriangleRegion {
     Corner(usize),
 }
 
+impl TriangleRegion {
+    /// Whether a feature is the face of a triangle.
+    pub fn is_face_feature(feature: u32) -> bool {
+        feature.is_multiple_of(FEATURES_PER_TRIANGLE)
+    }
+}
+
 /// Largest angle between two triangles at a flush edge, rad: the edge is no feature of their plane. Bodies whose faces
 /// cover such an edge may be wrong by 5e-6 of the triangles' size.
 const FLUSH_ANGLE: f64 = 1e-5;
@@ -484,9 +491,12 @@ impl WallMesh {
                 .find(|known| (known.normal - contact.normal).norm_squared() <= SAME_NORMAL * SAME_NORMAL);
             match same {
                 None => contacts.push(contact),
-                Some(known) if contact.distance - known.distance <= rounding && is_face(contact.feature) => {
+                Some(known)
+                    if contact.distance - known.distance <= rounding
+                        && TriangleRegion::is_face_feature(contact.feature) =>
+                {
                     // Rounding alone decides between a face and its edge.
-                    if !is_face(known.feature) {
+                    if !TriangleRegion::is_face_feature(known.feature) {
                         *known = contact;
                     }
                 }
@@ -659,11 +669,6 @@ fn is_flush_edge(
 
 /// Number of faults of one surface that are printed one by one; a broken surface has thousands of the same kind.
 const MAX_PRINTED_FAULTS: usize = 5;
-
-/// Whether a feature is a face of a triangle.
-pub fn is_face(feature: u32) -> bool {
-    feature.is_multiple_of(FEATURES_PER_TRIANGLE)
-}
 
 /// Square of the distance of a point from the box of a node, m².
 #[inline]

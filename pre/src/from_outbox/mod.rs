@@ -37,7 +37,7 @@ use cd_formats::snapshot::{self, DRIVEN_ALL, Ledger, START_FILE, Snapshot, Snaps
 use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::check::check_vector;
-use crate::datbox::{lock_datbox, write_files};
+use crate::datbox_folder::{ORIGIN_FILE, lock_datbox, write_files};
 use crate::field_surfaces;
 use crate::grain::Population;
 use crate::parse::parse_with_settings;
@@ -49,12 +49,6 @@ use crate::write;
 pub use changes::{BodyFilter, Changes, MotionRemoval, Selection, WallSelector};
 use source::{SourceCase, SourcePart, scene_path};
 use tables::BehaviourTables;
-
-/// File in DATBOX that records the origin of each body.
-pub const ORIGIN_FILE: &str = "ORIGIN.csv";
-
-/// Files that only `from-outbox` writes, and that would be misread with another scene.
-pub const OWN_FILES: [&str; 2] = [START_FILE, ORIGIN_FILE];
 
 /// A file of DATBOX: name and bytes.
 type File = (String, Vec<u8>);

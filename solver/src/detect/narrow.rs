@@ -106,16 +106,16 @@ pub fn sphere_cylinder(
 }
 
 /// Contacts of a sphere (candidate) about the origin with the surface of a wall at `wall`, m, with this orientation, up to
-/// the gap `range`, m; `near`: triangles near the sphere in the last step.
+/// the gap `range`, m; `nearby_triangles`: those near the sphere in the last step.
 pub fn sphere_mesh(
     mesh: &WallMesh,
-    near: &mut TriangleList,
+    nearby_triangles: &mut TriangleList,
     radius: f64,
     (wall, orientation): (&Vec3, &Quat),
     range: f64,
 ) -> WallContacts<ContactGeometry> {
     let centre = orientation.inverse_transform_vector(&-wall);
-    let found = mesh.listed_ball_contacts(near, &centre, radius, range);
+    let found = mesh.listed_ball_contacts(nearby_triangles, &centre, radius, range);
     if found.is_empty() {
         // A sphere that moves by less than its radius is not searched again. Behind a surface it may be nearer.
         let bound = mesh.distance_bound(&centre, 2.0 * radius + range) - radius;

@@ -1,6 +1,6 @@
 //! Search for the contacts of any convex body with a triangulated wall.
 
-use cd_formats::wall_mesh::{MeshSides, TriangleRegion, WallMesh, is_face};
+use cd_formats::wall_mesh::{MeshSides, TriangleRegion, WallMesh};
 use nalgebra::Matrix3;
 use smallvec::SmallVec;
 
@@ -426,7 +426,7 @@ impl<'a, B: SurfaceBody> MeshSearch<'a, B> {
         // A corner of A over the edge between two triangles is over both.
         let key = |corner: &PatchCorner| {
             let (own, other) = corner.features;
-            (own, if is_face(other) { 0 } else { other })
+            (own, if TriangleRegion::is_face_feature(other) { 0 } else { other })
         };
         corners.sort_by(|p, q| key(p).cmp(&key(q)).then(p.gap.total_cmp(&q.gap)).then(p.features.cmp(&q.features)));
         corners.dedup_by(|p, q| key(p) == key(q));
