@@ -200,9 +200,8 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     let scene = &*present;
     if mode.resumed && statistics.steps == 0 {
         // A run that was killed after its last snapshot lacks these rows and files.
-        results.write(|files| files.finish_rows(&mut statistics.estimator)).map_err(RunFailure::Unwritten)?;
-        results.write(ResultFiles::flush_to_file).map_err(RunFailure::Unwritten)?;
-        results.write(ResultFiles::finish_checksums).map_err(RunFailure::Unwritten)?;
+        let estimator = &mut statistics.estimator;
+        results.write(|files| files.complete_ended_run(scene, &state, estimator)).map_err(RunFailure::Unwritten)?;
         write_last(&mut results, scene, &mut state)?;
     }
     statistics.presence = presence_text(scene, &state);

@@ -155,7 +155,7 @@ fn results_are_not_overwritten_unasked() {
     fs::write(case.outbox().join("notes.txt"), "mine").unwrap();
     assert_eq!(case.solve(&["--force", "--steps", "5", "--output-every", "5"]), 0);
     let names = files(&case.outbox());
-    assert_eq!(names, ["notes.txt", "snapshot-000000.npz", "snapshot-000005.npz", "steps.csv"]);
+    assert_eq!(names, ["SHA256SUMS", "notes.txt", "snapshot-000000.npz", "snapshot-000005.npz", "steps.csv"]);
     assert_eq!(case.steps()["step"], [1.0, 2.0, 3.0, 4.0, 5.0]);
 
     // Rejected input leaves the results of before.
@@ -314,7 +314,7 @@ fn a_flag_wins_over_its_option() {
 fn a_datbox_without_options_runs_from_flags_and_defaults() {
     let case = Case::from_scene(&cloud(12, 0.4, 1, "dt: 8.0"));
     let with_options = case.twin();
-    fs::remove_file(case.datbox("COMPUTE.RON")).unwrap();
+    ["COMPUTE.RON", "SHA256SUMS"].map(|name| fs::remove_file(case.datbox(name)).unwrap());
     let case = case.solved(&["--dt=8", "--steps=20", "--output-every=10", "--self-gravity"]);
     // Tolerance and checks are those of LMGC90's examples, the others the defaults.
     let default = Compute::default();

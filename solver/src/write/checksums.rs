@@ -23,6 +23,14 @@ use super::appended::AppendedFile;
 /// Path of a file of DATBOX in the list.
 const DATBOX_PREFIX: &str = "../DATBOX/";
 
+/// Snapshot from which a run continues.
+#[derive(Debug, Clone, Copy)]
+pub struct ResumedSnapshot {
+    pub step: u64,
+    /// Whether an unbroken run writes it, too.
+    pub is_due: bool,
+}
+
 /// List of checksums that a run extends.
 pub struct ResultChecksums {
     outbox: PathBuf,
@@ -30,27 +38,32 @@ pub struct ResultChecksums {
 }
 
 impl ResultChecksums {
-    /// Begins the list of a run, or continues that of a run which was resumed after `resumed_step`, whose `logs` are open.
-    /// The second value names the files of DATBOX that have changed since the list was begun.
+    /// Begins the list of a run, or continues that of a run which was resumed after a step, whose `logs` are open. The second
+    /// value names the files of DATBOX that have changed since the list was begun.
+    ///
+    /// A last snapshot that is not due, which remains where a run was stopped, has no line from then on: the list is that of
+    /// the unbroken run.
     ///
     /// Errors: a file of DATBOX or the last snapshot cannot be read, or the list not be written.
     pub fn open(
         case: &Path,
         outbox: &Path,
-        resumed_step: Option<u64>,
+        resumed: Option<ResumedSnapshot>,
         logs: &[&AppendedFile],
     ) -> Result<(Self, Vec<String>), Faults> {
-        let old = if resumed_step.is_some() { read_list(outbox)?.unwrap_or_default() } else { Vec::new() };
+        let old = if resumed.is_some() { read_list(outbox)?.unwrap_or_default() } else { Vec::new() };
         let mut lines = vec![ChecksumLine::Comment(concat!(" cd-solve ", env!("CARGO_PKG_VERSION")).into())];
         lines.extend(datbox_lines(&case.join("DATBOX"))?);
         let is_of_datbox = |line: &&ChecksumLine| file_path(line).is_some_and(|path| path.starts_with(DATBOX_PREFIX));
         let old_datbox = old.iter().filter(is_of_datbox);
         let changed =
             old_datbox.filter(|line| !lines.contains(line)).filter_map(file_path).map(str::to_string).collect();
-        if let Some(step) = resumed_step {
+        if let Some(ResumedSnapshot { step, is_due }) = resumed {
             lines.extend(lines_before(&old, step));
-            lines.extend(log_lines(outbox, logs));
-            lines.extend(snapshot_lines(outbox, step)?);
+            if is_due {
+                lines.extend(log_lines(outbox, logs));
+                lines.extend(snapshot_lines(outbox, step)?);
+            }
         }
         let path = outbox.join(CHECKSUMS_FILE);
         let text: String = lines.iter().map(ChecksumLine::to_text).collect();

@@ -30,7 +30,7 @@ use crate::state::State;
 use crate::step::{StageTimes, StepReport};
 
 use self::appended::{AppendedFile, check_in_place};
-use self::checksums::ResultChecksums;
+use self::checksums::{ResultChecksums, ResumedSnapshot};
 use self::postpro::PostproFiles;
 use self::probes::ProbeFiles;
 use errors::ErrorEstimator;
@@ -154,9 +154,11 @@ impl ResultFiles {
         }
         let postpro = PostproFiles::open(case, scene, state)?;
         let probes = ProbeFiles::open(case, scene, state)?;
-        let resumed_step = snapshot_path(&outbox, state.step).is_file().then_some(state.step);
+        let is_resumed = snapshot_path(&outbox, state.step).is_file();
+        let resumed_snapshot =
+            is_resumed.then(|| ResumedSnapshot { step: state.step, is_due: is_snapshot_due(scene, state) });
         let logs = logs_with_checksums(&log, &postpro, &probes);
-        let (checksums, changed_inputs) = ResultChecksums::open(case, &outbox, resumed_step, &logs)?;
+        let (checksums, changed_inputs) = ResultChecksums::open(case, &outbox, resumed_snapshot, &logs)?;
         if !changed_inputs.is_empty() {
             let files = changed_inputs.join(", ");
             print_error(format_args!(
@@ -254,10 +256,31 @@ impl ResultFiles {
         self.checksums.add_snapshot(state.step, &logs_with_checksums(&self.steps, &self.postpro, &self.probes))
     }
 
+    /// Writes what a run lacks that is resumed at its end: its last rows, and the checksums of these and of its last snapshot.
+    pub fn complete_ended_run(
+        &mut self,
+        scene: &Scene,
+        state: &State,
+        estimator: &mut ErrorEstimator,
+    ) -> Result<(), Faults> {
+        self.finish_rows(estimator)?;
+        self.flush_to_file()?;
+        if !is_snapshot_due(scene, state) {
+            let logs = logs_with_checksums(&self.steps, &self.postpro, &self.probes);
+            self.checksums.add_snapshot(state.step, &logs)?;
+        }
+        self.finish_checksums()
+    }
+
     /// Adds the logs of the run, which ends, to the list of checksums.
     pub fn finish_checksums(&mut self) -> Result<(), Faults> {
         self.checksums.add_logs(&logs_with_checksums(&self.steps, &self.postpro, &self.probes))
     }
+}
+
+/// Whether a snapshot of the present step is due, as the first one of a run or by its schedule.
+fn is_snapshot_due(scene: &Scene, state: &State) -> bool {
+    state.step == scene.start.step || state.step.is_multiple_of(scene.options.output_every)
 }
 
 /// Files of a run that grow and are covered by checksums: all but TIMER.csv, since equal runs take different times.
