@@ -17,7 +17,7 @@ pub const FROM_OUTBOX_FILES: [&str; 2] = [START_FILE, ORIGIN_FILE];
 /// Creates the folder `datbox` and locks it for this run. Errors: it cannot be created, or another program reads or writes it.
 pub fn lock_datbox(datbox: &Path) -> Result<FolderLock, Faults> {
     let case = datbox.parent().unwrap_or(Path::new(""));
-    std::fs::create_dir_all(case).map_err(|error| Fault::from_io(case, "created", &error))?;
+    std::fs::create_dir_all(case).map_err(|error| Fault::from_io(case, "written", &error))?;
     FolderLock::exclusive(datbox)?.ok_or_else(|| {
         let found = "another program is reading or writing it";
         Fault::new(datbox, None, "folder", found, "wait for its end, or use another folder").into()

@@ -951,7 +951,7 @@ mod tests {
         s.meta.colours = vec!["BLUEx".into()];
         s.meta.materials = vec![MaterialName { name: "ROCKx".into(), density: 2700.0 }];
         s.bodies.body_id = vec![1, 2];
-        s.bodies.body_x = vec![[-0.0, 5e-324, 1.0 / 3.0], [9e99, -1.0, 0.0]];
+        s.bodies.body_x = vec![[-0.0, 5e-324, 1.0 / 3.0], [1e300, -1.0, 0.0]];
         s.bodies.body_q = vec![[1.0, 0.0, 0.0, 0.0]; 2];
         s.bodies.body_v = vec![[0.0; 3]; 2];
         s.bodies.body_w = vec![[0.0; 3]; 2];
@@ -1095,7 +1095,7 @@ mod tests {
             fs::write(&path, &bytes[..cut]).unwrap();
             Snapshot::read(&path).unwrap_err();
         }
-        let place = bytes.windows(8).position(|w| w == 9e99f64.to_le_bytes()).unwrap();
+        let place = bytes.windows(8).position(|w| w == 1e300f64.to_le_bytes()).unwrap();
         let mut flipped = bytes.clone();
         flipped[place] ^= 1;
         fs::write(&path, &flipped).unwrap();

@@ -558,7 +558,7 @@ mod tests {
     fn shapes_turn_and_pack_the_same_on_any_number_of_threads() {
         let packed = |threads: usize, seed: u64| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| packed_cubes(0.5, seed)).unwrap()
+            pool.install(|| packed_cubes(0.25, seed)).unwrap()
         };
         let alone = packed(1, 1);
         assert!(alone.rotations.iter().all(|rotation| rotation.angle() > 0.0));

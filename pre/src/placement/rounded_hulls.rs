@@ -268,7 +268,7 @@ mod tests {
                 surface.vertices().iter().map(|&v| rotation * Vector3::from(v)).collect::<Vec<_>>()
             };
             let (first, second) = (shape(), shape());
-            let separation = 1.5 * random.point_in_cube();
+            let separation = 2.5 * random.point_in_cube();
             let piece =
                 |points: &[Vector3<f64>], centre| ConvexPiece::new(centre, points.to_vec(), surface.triangles());
             let depth = overlap_depth(&piece(&first, Vector3::zeros()), &piece(&second, separation), f64::NEG_INFINITY);

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::compute::{NO_VALUE, OPTIONS_WRITTEN_IF_GIVEN, event_schedule};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::names::{count_text, number_text};
+use cd_formats::report::MAX_MAGNITUDE;
 use cd_formats::ron_file::value_with_current_names;
 use cd_formats::snapshot::{
     self, LawName, PRESENCE_PRESENT, PRESENCE_WAITING, RunParameters, STATUS_NO_CONTACT, STATUS_SLIDE, ShapeArrays,
@@ -245,8 +246,8 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
     faults.into_result(())
 }
 
-/// Rejects a snapshot without arrays that its laws and options need, or with a step or time that no run reaches, as a program
-/// that copies some of its arrays may leave it.
+/// Rejects a snapshot without arrays that its laws and options need, with a step or time that no run reaches, or with numbers
+/// that are too large to compute with, as a program that copies or edits its arrays may leave it.
 fn check_completeness(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> {
     let Snapshot { meta, memory, laws, attractions, gravity, presence, interval, .. } = snapshot;
     let mut faults = Faults::default();
@@ -269,6 +270,21 @@ fn check_completeness(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result
     expect_arrays(exchanges_bodies, presence.is_some(), "body_presence", "the run has sinks or sources");
     let has_interval = meta.interval_start.is_some();
     expect_arrays(has_interval, interval.is_some(), "interval_body, interval_virial", "meta has interval_start");
+    let bodies = &snapshot.bodies;
+    let arrays = [("body_x", &bodies.body_x), ("body_v", &bodies.body_v), ("body_w_world", &bodies.body_w_world)];
+    for (name, rows) in arrays {
+        let too_large = (1..).zip(rows).find(|(_, row)| row.iter().any(|x| x.abs() >= MAX_MAGNITUDE));
+        if let Some((number, row)) = too_large {
+            let object = format!("array {name}, row {number}");
+            faults.push(Fault::new(
+                path,
+                None,
+                object,
+                format!("{row:?}"),
+                "expected numbers below 1e100 in magnitude",
+            ));
+        }
+    }
     let mut expect_meta = |holds: bool, name: &str, value: f64, expected: String| {
         if !holds {
             faults.push(Fault::new(path, None, format!("meta, {name}"), number_text(value), expected));

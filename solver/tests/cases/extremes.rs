@@ -208,8 +208,8 @@ fn bodies_that_leave_for_good_are_no_fault() {
 fn a_run_that_overflows_stops_and_its_snapshots_are_sound() {
     let mut case = Case::new();
     case.law("IQS_CLB", &[0.5]);
-    case.gravity = [0.0, 0.0, -1e30];
-    case.options.dt = 1e137; // h^2 g t^2 passes 1.8e308 after some hundred steps
+    case.gravity = [0.0, 0.0, -1e54];
+    case.options.dt = 1e99; // v^2 passes 1.8e308 after some ten steps
     case.options.output_every = 1;
     let ball = case.sphere(0.5, [0.0; 3]);
     case.launch(ball, [0.0, 0.0, -1.0], [0.0; 3]);
@@ -217,27 +217,30 @@ fn a_run_that_overflows_stops_and_its_snapshots_are_sound() {
     assert_eq!(case.solve(&["--steps", "1000", "--output-every", "1"]), 3);
     let states = case.written();
     assert!(!states.is_empty() && states.iter().all(is_finite));
-    // And is taken up again from the last, to the same end.
-    assert_eq!(case.solve(&["--steps", "1000", "--resume"]), 3);
+    // Numbers beyond 1e100 are no start of a run.
+    assert_eq!(case.solve(&["--steps", "1000", "--resume"]), 2);
 }
 
 #[test]
-fn speeds_whose_squares_overflow_leave_readable_snapshots() {
-    for speed in [1e80, 1e160] {
+fn fast_bodies_leave_readable_snapshots() {
+    let launched = || {
         let mut case = Case::new();
         let ball = case.sphere(0.5, [0.0; 3]);
         case.sphere(0.5, [0.0, 5.0, 0.0]);
         case.launch(ball, [0.0, 0.0, 1e80], [0.0; 3]);
-        if speed > 1e99 {
-            // More than a file can hold: by an event.
-            case.event(0.0, cd_formats::compute::EventAction::AddVelocity([0.0, 0.0, speed]));
-        }
-        case.write();
-        let code = case.solve(&["--steps", "3", "--output-every", "1"]);
-        assert!(code == 0 || code == 3, "{code}");
-        assert!(case.written().iter().all(is_finite)); // reads each of them
-        assert_eq!(case.solve(&["--steps", "5", "--resume"]), code);
-    }
+        case
+    };
+    let mut case = launched();
+    case.write();
+    let code = case.solve(&["--steps", "3", "--output-every", "1"]);
+    assert!(code == 0 || code == 3, "{code}");
+    assert!(case.written().iter().all(is_finite)); // reads each of them
+    assert_eq!(case.solve(&["--steps", "5", "--resume"]), code);
+    // Speeds whose squares overflow are rejected, also of an event.
+    let mut case = launched();
+    case.event(0.0, cd_formats::compute::EventAction::AddVelocity([0.0, 0.0, 1e160]));
+    case.write();
+    assert_eq!(case.solve(&["--steps", "3"]), 2);
 }
 
 #[test]

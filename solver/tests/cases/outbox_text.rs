@@ -85,7 +85,7 @@ fn an_outbox_is_a_datbox() {
     let mut names: Vec<String> = fs::read_dir(&outbox)
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .filter(|name| !name.starts_with("snapshot") && name != "steps.csv")
+        .filter(|name| !name.starts_with("snapshot") && name != "steps.csv" && name != "SHA256SUMS")
         .collect();
     names.sort();
     let numbered =
@@ -196,7 +196,7 @@ fn tables_of_imposed_motion_are_copied() {
     // A run from the start without text removes all of it.
     assert_eq!(case.solve(&["--force", "--text=false"]), 0);
     let left: Vec<PathBuf> = fs::read_dir(&outbox).unwrap().map(|entry| entry.unwrap().path()).collect();
-    assert_eq!(left.len(), 3, "{left:?}"); // two snapshots and steps.csv
+    assert_eq!(left.len(), 4, "{left:?}"); // two snapshots, steps.csv and SHA256SUMS
 }
 
 /// LMGC90 2025.rc1 (theta 0.5, step 1e-3 s, norm Quad at 1e-8) made 60 steps of a ball rolling on a plate, and of a wedge

@@ -77,10 +77,12 @@ pub fn slab() -> Case {
     case
 }
 
-/// Name and bytes of all files of OUTBOX.
+/// Name and bytes of all files of OUTBOX but the list of checksums, which has those of DATBOX, too.
 pub fn outbox(case: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = std::fs::read_dir(case.join("OUTBOX")).unwrap().map(Result::unwrap);
-    entries.map(|entry| (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap())).collect()
+    let file =
+        |entry: std::fs::DirEntry| (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap());
+    entries.map(file).filter(|(name, _)| name != "SHA256SUMS").collect()
 }
 
 /// The files of a run after each of the `pieces`, sets of flags.
