@@ -314,7 +314,9 @@ fn a_flag_wins_over_its_option() {
 fn a_datbox_without_options_runs_from_flags_and_defaults() {
     let case = Case::from_scene(&cloud(12, 0.4, 1, "dt: 8.0"));
     let with_options = case.twin();
-    ["COMPUTE.RON", "SHA256SUMS"].map(|name| fs::remove_file(case.datbox(name)).unwrap());
+    for name in ["COMPUTE.RON", "SHA256SUMS"] {
+        fs::remove_file(case.datbox(name)).unwrap();
+    }
     let case = case.solved(&["--dt=8", "--steps=20", "--output-every=10", "--self-gravity"]);
     // Tolerance and checks are those of LMGC90's examples, the others the defaults.
     let default = Compute::default();

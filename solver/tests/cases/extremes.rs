@@ -230,7 +230,7 @@ fn fast_bodies_leave_readable_snapshots() {
         case.launch(ball, [0.0, 0.0, 1e80], [0.0; 3]);
         case
     };
-    let mut case = launched();
+    let case = launched();
     case.write();
     let code = case.solve(&["--steps", "3", "--output-every", "1"]);
     assert!(code == 0 || code == 3, "{code}");

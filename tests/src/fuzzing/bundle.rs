@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn files_come_back() {
-        let files = [("a", &b"one\n\n=two="[..]), ("b.npy", b""), ("c", b"\n=== \n")];
+        let files = [("a", &b"one\n\n=two="[..]), ("b.npy", b""), ("c", b"\n== \n")];
         let bytes = bundle(&files.map(|(name, file)| (name.to_string(), file.to_vec())));
         assert_eq!(files_of_bundle(&bytes), files);
         assert!(files_of_bundle(b"=== ../x\n1\n=== /y\n2").is_empty());
