@@ -205,7 +205,7 @@ fn corners(grain: &Grain) -> Vec<(Vector3<f64>, f64)> {
         OrientedShape::RoundSolid(solid) => {
             let corner = |k: u32| {
                 let (sin, cos) = (0.1 * f64::from(k)).sin_cos();
-                let half_height = if k % 2 == 0 { solid.shape.half_length } else { -solid.shape.half_length };
+                let half_height = if k.is_multiple_of(2) { solid.shape.half_length } else { -solid.shape.half_length };
                 (at(Vector3::new(solid.shape.radius * cos, solid.shape.radius * sin, half_height)), 0.0)
             };
             (0..126).map(corner).collect()
