@@ -43,7 +43,7 @@ fn the_commands_of_the_page_lead_to_a_picture() {
             assert!(text.lines().all(|line| printed.iter().any(|note| note == line)), "{printed:#?}");
         }
     }
-    assert_eq!(commands, 4);
+    assert_eq!(commands, 5);
     for file in ["OUTBOX/DOF.OUT.4", "OUTBOX/Vloc_Rloc.OUT.4", "POSTPRO/snapshots.svg", "DISPLAY/view.py"] {
         assert!(folder.path().join("pyramid").join(file).exists(), "{file}");
     }
