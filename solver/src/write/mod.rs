@@ -162,7 +162,7 @@ impl ResultFiles {
         if !changed_inputs.is_empty() {
             let files = changed_inputs.join(", ");
             print_error(format_args!(
-                "cd-solve: warning: {}: changed or removed since this run began: {files}; the run goes on with the present files",
+                "cd-solve: warning: {}: changed or removed since this run began: {files}; the run continues with the present files",
                 outbox.display()
             ));
         }
