@@ -180,7 +180,7 @@ fn rods_are_mixed_by_their_shapes() {
         for (other, other_half) in [capsule, cylinder] {
             let new = |z: f64| format!("(grains: [{}])", grain(other, z));
             assert_eq!(next_case(&first, &new(half + other_half)).1, 2, "{shape} {other}");
-            // Of two cylinders to a thousandth of the radius.
+            // The overlap of two cylinders is known to a thousandth of the radius.
             let found = rejection(&first, &new(half + other_half - 0.1));
             assert!(found.contains("overlap by 1.00"), "{shape} {other}: {found}");
             let second = run(other);

@@ -45,7 +45,7 @@ impl Torture {
     }
 
     /// Renames or removes a folder of the case while a program uses it: OUTBOX, which must be noticed unless all is read or
-    /// written, or DATBOX, which cd-solve has read. The run after it finds the folder in its place again.
+    /// written, or DATBOX, which cd-solve has read. The run after it finds the folder where it was.
     pub(super) fn move_folder_away(&mut self, draws: &mut Draws) {
         let stage = self.draw_stage_of(draws.choice(&[Program::Solve, Program::Solve, Program::Post]), draws);
         let mut trial = Trial::new(&self.workplace, stage);

@@ -40,7 +40,7 @@ pub struct TorturePlan {
     pub faults: u64,
     /// Runs that get signals.
     pub signals: u64,
-    /// Of each other kind.
+    /// Number of trials of each other kind.
     pub others: u64,
 }
 

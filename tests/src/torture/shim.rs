@@ -22,7 +22,7 @@ impl Shim {
         std::fs::write(&source, SOURCE).map_err(|error| error.to_string())?;
         let shim = Shim(folder);
         let compiler =
-            Command::new("cc").args(["-shared", "-fPIC", "-O1", "-o"]).arg(shim.library()).arg(source).output();
+            Command::new("cc").args(["-shared", "-fPIC", "-O1", "-o"]).arg(shim.shared_object()).arg(source).output();
         match compiler {
             Ok(output) if output.status.success() => Ok(shim),
             Ok(output) => Err(format!("cc: {}", String::from_utf8_lossy(&output.stderr).trim())),
@@ -30,13 +30,13 @@ impl Shim {
         }
     }
 
-    fn library(&self) -> PathBuf {
+    fn shared_object(&self) -> PathBuf {
         self.0.path().join("shim.so")
     }
 
     /// Preloads the library into a program, for the files of a folder.
     pub fn attach(&self, command: &mut Command, folder: &Path, sabotage: &Sabotage) {
-        command.env("LD_PRELOAD", self.library()).env("CD_SHIM_FOLDER", folder).envs(sabotage.variables());
+        command.env("LD_PRELOAD", self.shared_object()).env("CD_SHIM_FOLDER", folder).envs(sabotage.variables());
     }
 }
 
@@ -67,7 +67,7 @@ pub enum Operations {
     Share(u64, u64),
 }
 
-/// What the library does in a program.
+/// Effect of the library in a program.
 #[derive(Debug, Clone)]
 pub enum Sabotage {
     /// Counts the operations, and writes their number to a file.

@@ -98,7 +98,7 @@ impl CylinderBody<'_> {
     fn lowest_radius(&self, n: &Vec3) -> Vec3 {
         let axis = self.axis();
         let across = n - axis * axis.dot(n);
-        // Of a small tilt the first difference has a part along the axis by rounding.
+        // Rounding leaves a part along the axis in the first difference, if the tilt is small.
         let across = across - axis * axis.dot(&across);
         across.try_normalize(MAX_ALIGNED_TILT).map_or(Vec3::zeros(), |out| out * -self.radius)
     }
