@@ -38,6 +38,17 @@ pub const BOX: [[u32; 3]; 12] = [
 /// Fixed axes.
 pub const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
+/// Velocity of a wall that is shaken, m/s.
+pub fn shaking_velocity(amplitude: f64) -> Evolution {
+    Evolution::Harmonic { constant: 0.0, amplitude, omega: 5.0, phase: 0.25, ramp_start: 1.0, ramp_rate: 0.0 }
+}
+
+/// Number of contacts with `wall` as antagonist that carry force.
+pub fn load_count(state: &Snapshot, wall: usize) -> usize {
+    let contacts = state.contacts.contact_body.iter().zip(&state.contacts.contact_impulse);
+    contacts.filter(|(bodies, impulse)| bodies[1] as usize == wall && **impulse != [0.0; 3]).count()
+}
+
 /// Spheres and plates in a folder of their own. Angles and lengths that the files can hold exactly
 /// (eight digits) are kept exactly; positions are exact to round-off, see [`Case::add`].
 pub struct Case {

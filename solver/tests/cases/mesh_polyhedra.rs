@@ -7,7 +7,7 @@ use cd_formats::snapshot::Snapshot;
 use cd_formats::wall_mesh::{MeshSides, WallMesh};
 use nalgebra::Rotation3;
 
-use crate::case::{AXES, BOX, Case, Figures, Vec3, equal, near, shaken_lattice, uniform};
+use crate::case::{AXES, BOX, Case, Figures, Vec3, equal, near, shaken_lattice, shaking_velocity, uniform};
 use crate::meshes::{Triangles, terrain, turned_axes};
 use crate::same_bits::{files, same};
 
@@ -108,14 +108,6 @@ fn rider_on_wall(
 /// Slides, spins and is bonded as on a plate, across the edges of many triangles.
 #[test]
 fn bodies_ride_on_triangles_as_on_a_plate() {
-    let shaking = |amplitude: f64| Evolution::Harmonic {
-        constant: 0.0,
-        amplitude,
-        omega: 5.0,
-        phase: 0.25,
-        ramp_start: 1.0,
-        ramp_rate: 0.0,
-    };
     let level = turned_axes(0.0, 0.0);
     let slope = turned_axes(0.25, 0.125);
     let friction = ("IQS_CLB", &[0.3][..]);
@@ -125,7 +117,7 @@ fn bodies_ride_on_triangles_as_on_a_plate() {
         (Rider::TwoBlocks, friction, slope, vec![]),
         (Rider::Clump, friction, slope, vec![]),
         (Rider::Block, ("IQS_WET_DS_CLB", &[0.05, 0.0, 0.01, 0.3, 0.3][..]), slope, vec![]),
-        (Rider::Block, friction, level, vec![(2, shaking(0.25)), (0, shaking(0.5))]),
+        (Rider::Block, friction, level, vec![(2, shaking_velocity(0.25)), (0, shaking_velocity(0.5))]),
         (Rider::Block, friction, level, vec![(5, Evolution::constant(0.5))]),
     ];
     for (rider, law, axes, drive) in cases {
