@@ -18,8 +18,8 @@ fn folders() -> Vec<PathBuf> {
     fs::read_dir(examples()).unwrap().flatten().map(|entry| entry.path()).filter(|path| path.is_dir()).collect()
 }
 
-/// Folder of each example, with the surfaces that its scenes name and that are not in the repository: its Makefile makes them
-/// before all targets.
+/// Folder of each example, with the surfaces that its scenes name and that are not in the repository: its Makefile writes them
+/// before each target but `clean`.
 fn folders_with_surfaces() -> &'static [PathBuf] {
     static FOLDERS: OnceLock<Vec<PathBuf>> = OnceLock::new();
     FOLDERS.get_or_init(|| {
