@@ -86,7 +86,7 @@ performance-page: ## draws docs/explanation/performance.md from bench/results, f
 	LC_ALL=C awk $(MACHINE:%=-v machine=%) -f bench/performance.awk docs/explanation/performance.md > docs/explanation/performance.md.part
 	mv docs/explanation/performance.md.part docs/explanation/performance.md
 
-test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1, CD_REQUIRE_VALGRIND=1 and CD_REQUIRE_TORTURE=1 missing tools are errors
+test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1, CD_REQUIRE_VALGRIND=1, CD_REQUIRE_QEMU=1 and CD_REQUIRE_TORTURE=1 missing tools are errors
 	$(CARGO) test --workspace $(FEATURES) --no-fail-fast
 	$(MAKE) --no-print-directory vtk
 	$(MAKE) --no-print-directory browser

@@ -231,6 +231,43 @@ fn widths_of_vectors_change_nothing_with_polyhedra() {
     widths_change_nothing(|| collapse(6, true));
 }
 
+/// Emulator of other x86-64 processors, or `None` where it is not installed.
+#[cfg(target_arch = "x86_64")]
+fn processor_emulator() -> Option<&'static str> {
+    let is_there = |program: &&str| Command::new(program).arg("--version").output().is_ok();
+    let emulator = ["qemu-x86_64-static", "qemu-x86_64"].into_iter().find(is_there);
+    let required = std::env::var("CD_REQUIRE_QEMU").is_ok_and(|value| value == "1");
+    assert!(emulator.is_some() || !required, "qemu-x86_64 is not there");
+    emulator
+}
+
+/// Processors with neither AVX nor fused multiply-add, and with both of them but without AVX-512.
+#[cfg(target_arch = "x86_64")]
+#[test]
+fn other_processors_change_nothing() {
+    let Some(emulator) = processor_emulator() else {
+        return eprintln!("qemu-x86_64 is not there: other processors are not tested");
+    };
+    for scene in [|| scene(2), || collapse(3, true)] {
+        let detected = files(&scene(), &[&["--threads", "1"]]);
+        for (processor, widths) in [("Nehalem", "scalar"), ("Haswell", "scalar, avx2")] {
+            let case = scene();
+            case.write();
+            let run = |words: &[&str]| {
+                let mut command = Command::new(emulator);
+                command.args(["-cpu", processor, env!("CARGO_BIN_EXE_cd-solve")]).arg(case.path());
+                command.args(["--threads", "1"]).args(words).output().unwrap()
+            };
+            let emulated = run(&[]);
+            assert!(emulated.status.success(), "{}", String::from_utf8_lossy(&emulated.stderr));
+            same(&detected, &outbox(&case.path()));
+            // The processor is the one that it is said to be.
+            let message = String::from_utf8(run(&["--vector-width", "x"]).stderr).unwrap();
+            assert!(message.contains(&format!("expected a width of this machine: {widths};")), "{message}");
+        }
+    }
+}
+
 #[test]
 fn a_width_that_the_machine_lacks_is_rejected() {
     let case = scene(2);
