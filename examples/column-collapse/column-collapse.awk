@@ -1,12 +1,13 @@
 # Run-out and height of columns that have collapsed against their aspect ratio a = H/L, means over seeds:
 #
-#   awk -v svg=column-collapse.svg -f ../datbox.awk -f column-collapse.awk spheres-a0.5-s1 spheres-a0.5-s2 ... rocks-a1-s1 ...
+#   awk -v svg=column-collapse.svg -f ../datbox.awk -f column-collapse.awk spheres-a0.75-s1 spheres-a0.75-s2 ... rocks-a6-s3
 #
-# Cases whose names differ in the seed at their end, -sN, are one column. LENGTH is that of the column before. H is twice the height of its
-# centre of mass above the floor, z = 0. The deposit is divided into slices of a grain's diameter d; the depth of a slice is the volume of
-# its grains over its area. The front is where the depth falls below that of half of a layer, 0.3 d. The final height is the depth of the
-# two slices at the wall, over the solid fraction of the column. Errors: a standard deviation of the seeds' values over the root of
-# their number. Exponents are slopes of lines of least squares through logarithms against log a, of the columns with a > 1.
+# Cases whose names differ in the seed at their end, -sN, are one column. LENGTH, m: length of the column before its collapse. H is twice
+# the height of its centre of mass above the floor, z = 0. The deposit is divided into slices of a grain's diameter d; the depth of a
+# slice is the volume of its grains over its area. The front is where the depth falls below that of half of a layer, 0.3 d. The final
+# height is the depth of the two slices at the wall, over the solid fraction of the column. Errors: a standard deviation of the seeds'
+# values over the root of their number. Exponents are slopes of lines of least squares through logarithms against log a, of the columns
+# with a > 1.
 #
 # Reads: CASE/DATBOX: BODIES.DAT, COMPUTE.RON: yperiode; CASE/OUTBOX/DOF.LAST: displacements
 # Writes: the table next to the figure, column-collapse.csv: shape, seeds, aspect_ratio, runout, runout_error, expected_runout, height,

@@ -26,6 +26,19 @@ impl FolderLock {
         Ok(FolderLock::open(path, created, File::try_lock))
     }
 
+    /// Locks a folder for one program alone; if another program has locked it, calls `report_wait` and waits for that one. A
+    /// folder that is absent is not created.
+    pub fn exclusive_after_others(path: &Path, report_wait: impl FnOnce()) -> FolderLock {
+        let lock = |folder: &File| match folder.try_lock() {
+            Err(TryLockError::WouldBlock) => {
+                report_wait();
+                folder.lock().map_err(TryLockError::Error)
+            }
+            result => result,
+        };
+        FolderLock::open(path, None, lock).unwrap_or(FolderLock { folder: None, created: None })
+    }
+
     /// Locks a folder together with other programs that read it; `None` if a program has locked it for itself.
     pub fn shared(path: &Path) -> Option<FolderLock> {
         FolderLock::open(path, None, File::try_lock_shared)
@@ -69,5 +82,19 @@ mod tests {
         assert!(FolderLock::exclusive(&path).unwrap().is_none());
         drop((first, second));
         assert!(FolderLock::exclusive(&path).unwrap().is_some() && path.exists());
+    }
+
+    #[test]
+    fn a_program_waits_for_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = FolderLock::exclusive_after_others(folder.path(), || panic!("the folder is free"));
+        let mut first = Some(first);
+        let second = FolderLock::exclusive_after_others(folder.path(), || drop(first.take()));
+        assert!(first.is_none() && FolderLock::shared(folder.path()).is_none());
+        drop(second);
+        assert!(FolderLock::shared(folder.path()).is_some());
+        let absent = folder.path().join("absent");
+        drop(FolderLock::exclusive_after_others(&absent, || panic!("there is no folder")));
+        assert!(!absent.exists());
     }
 }

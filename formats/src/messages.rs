@@ -73,6 +73,11 @@ pub fn print_error(message: impl Display) {
     let _ = writeln!(std::io::stderr(), "{message}");
 }
 
+/// Prints a warning of a program on stderr.
+pub fn print_warning(program: &str, message: impl Display) {
+    print_error(format_args!("{program}: warning: {message}"));
+}
+
 /// Number of a flag that is beyond the range of f64.
 #[derive(Debug)]
 struct NumberRangeError;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::case::{CaseFolder, case_fault};
 use cd_formats::command_line::parse_arguments;
 use cd_formats::error::Faults;
-use cd_formats::messages::{print_error, print_line};
+use cd_formats::messages::{print_error, print_line, print_warning};
 use cd_formats::names::count_text;
 use cd_formats::ron_text::nearest_name;
 use clap::{CommandFactory, Parser};
@@ -324,10 +324,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     if let Some(Command::AccuracyStudy { output, .. }) = command
         && args.get(1).is_some_and(|name| name == FORMER_ACCURACY_STUDY)
     {
-        print_error(format_args!(
-            "cd-post: warning: {FORMER_ACCURACY_STUDY}: renamed; write accuracy-study; the table is {}",
-            output.join("accuracy.csv").display()
-        ));
+        let table = output.join("accuracy.csv");
+        let renamed =
+            format!("{FORMER_ACCURACY_STUDY}: renamed; write accuracy-study; the table is {}", table.display());
+        print_warning("cd-post", renamed);
     }
     let threads = arguments.threads();
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
@@ -341,7 +341,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     };
     // `watch` locks the case for each of its reports.
     let is_watching = matches!(command, Some(Command::Watch { .. }));
-    let _lock = arguments.case_dir().filter(|_| !is_watching).and_then(lock_case);
+    let _lock = arguments.case_dir().filter(|_| !is_watching).map(lock_case);
     let result = pool.install(|| command.as_ref().map_or_else(|| process_case(options), Command::run));
     match result {
         Ok(notes) => {

@@ -1,10 +1,10 @@
 //! Lists and selections of the snapshots of a case, and the lock of a case.
 
-use std::fs::{File, TryLockError};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use cd_formats::error::{Fault, Faults};
+use cd_formats::lock::FolderLock;
 use cd_formats::messages::print_error;
 use cd_formats::{atomic, snapshot};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -43,18 +43,13 @@ pub fn progress_bar(count: usize) -> ProgressBar {
     ProgressBar::new(count as u64).with_style(style.expect("a fixed template"))
 }
 
-/// Locks a case for this run until the file is dropped; waits for another run that works in it. Two runs would write the
-/// same files, and each would remove files of the other.
-///
-/// If files cannot be locked, every run proceeds.
-pub fn lock_case(case: &Path) -> Option<File> {
-    let folder = File::open(case).ok()?;
-    if matches!(folder.try_lock(), Err(TryLockError::WouldBlock)) {
+/// Locks a case for this run; waits for another run that works in it. Two runs would write the same files, and each would remove
+/// files of the other.
+pub fn lock_case(case: &Path) -> FolderLock {
+    FolderLock::exclusive_after_others(case, || {
         print_error(format_args!(
             "cd-post: {}: another cd-post runs in this case; waiting for its end",
             case.display()
         ));
-        folder.lock().ok()?;
-    }
-    Some(folder)
+    })
 }

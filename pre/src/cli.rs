@@ -95,7 +95,7 @@ pub fn command() -> clap::Command {
 
 /// Runs the program; `args` as from [`std::env::args_os`], the program's name first.
 ///
-/// Returns the exit code: 0 done, 2 input rejected (faults on stderr, no file written).
+/// Returns the exit code: 0 done, 2 input rejected, or the run of `pour` did not end (faults on stderr).
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = args.into_iter().collect();
     let first_word = args.get(1).and_then(|word| word.to_str()).unwrap_or_default();

@@ -306,15 +306,16 @@ fn image_shifts(scene: &Scene) -> Vec<Vector3<f64>> {
     shifts
 }
 
-/// Advice on grains of a placement that overlap a wall of a shape; none for a usual one.
+/// Advice for grains that overlap a wall around which their placement does not place them; `None` if it does.
 fn wall_advice(placement: &GrainPlacement, shape: &ShapeRecord) -> Option<&'static str> {
-    let is_left_out = matches!(shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { hollow: false, .. });
-    (matches!(placement, GrainPlacement::DensePacking { .. }) && !is_left_out).then_some(
-        "an envelope that does not reach into the wall: DensePacking leaves out plates, solid cylinders and grains only",
+    let is_avoided = matches!(shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { hollow: false, .. });
+    (matches!(placement, GrainPlacement::DensePacking { .. }) && !is_avoided).then_some(
+        "an envelope that does not reach into the wall: DensePacking places grains around plates, solid cylinders and other \
+         grains only",
     )
 }
 
-/// Checks that no two grains, and no grain and wall, overlap, unless a List allows it.
+/// Checks that no two grains, and no grain and wall, overlap, unless a List or File allows it.
 fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
     let may_overlap: Vec<bool> = scene.grains.iter().map(|grains| grains.placement.allows_overlap()).collect();
@@ -323,7 +324,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     let name = |k: usize| format!("grain {} of grains {}", k + 1 - group_starts[grains[k].group], grains[k].group + 1);
     // Index of the first grain, and text and advice, of each overlap.
     let mut overlaps: Vec<(usize, String, &str)> = Vec::new();
-    let expected = "grains that touch at most (a List may have allow_overlap: true)";
+    let expected = "grains that touch at most (a List or File may have allow_overlap: true)";
     let shaped: Vec<ShapedGrain> = grains.iter().map(ShapedGrain::new).collect();
     let mut order: Vec<usize> = (0..grains.len()).collect();
     order.par_sort_unstable_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));

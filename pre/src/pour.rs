@@ -43,15 +43,26 @@ pub fn pour_grains(
         let expected = "expected cd-solve in the folder of cd-pre, or in one of PATH";
         Fault::new(&case, None, "cd-solve", format!("cannot be started: {error}"), expected)
     })?;
-    if code != Some(0) {
+    // With 1 its text could not be printed, but its files are whole.
+    if !matches!(code, Some(0 | 1)) {
         let ending = code.map_or("was killed".to_string(), |code| format!("ended with exit code {code}"));
-        let expected = format!(
-            "expected a run to its end; after cd-solve {} --resume the next step is cd-pre from-outbox",
-            case.display()
-        );
+        let expected = format!("expected a run to its end; {}", advice_after(code, &case, request));
         return Err(Fault::new(&case, None, "cd-solve", ending, expected).into());
     }
     from_outbox::write_datbox(&case, changes, &[], dir)
+}
+
+/// Advice after a run of cd-solve that has not ended, with its exit code: the commands that continue, unless its input or its
+/// results are faulty.
+fn advice_after(code: Option<i32>, case: &Path, request: &PourRequest) -> String {
+    if let Some(2 | 3) = code {
+        return "correct the errors that cd-solve has printed".into();
+    }
+    let (case, dir) = (case.display(), request.dir.display());
+    let changes = request.changes.map_or(String::new(), |changes| format!(" --changes {}", changes.display()));
+    format!(
+        "continue with cd-solve {case} --resume and the same options, then cd-pre from-outbox {case} {dir}{changes}"
+    )
 }
 
 /// Runs cd-solve on a case, which it computes anew, with further arguments. Returns its exit code, none if it was killed.

@@ -310,7 +310,7 @@ fn overlaps() {
     let sizes = "sizes: Single(1.0), // ";
     let scene = GOOD.replace("placement:", list).replace("sizes:", sizes).replace("number: 20", "number: 3");
     let said = faults;
-    let expected = "expected grains that touch at most (a List may have allow_overlap: true)";
+    let expected = "expected grains that touch at most (a List or File may have allow_overlap: true)";
     assert_eq!(
         said(&scene),
         format!(

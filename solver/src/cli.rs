@@ -11,7 +11,7 @@ use cd_formats::compute::{Adaptive, ComputeFlags, MAX_THREADS};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::former_names::FormerNameUse;
 use cd_formats::lock::FolderLock;
-use cd_formats::messages::{print_error, print_line, reserve_stdout, silence};
+use cd_formats::messages::{print_error, print_line, print_warning, reserve_stdout, silence};
 use cd_formats::settings::former_names_of_setting;
 use clap::{CommandFactory, Parser};
 
@@ -111,7 +111,7 @@ fn run_on_rank(communicator: &'static dyn Communicator, args: &[OsString]) -> i3
     if arguments.verify {
         return if communicator.rank() == 0 { verify(&arguments.dir) } else { 0 };
     }
-    former_names_in_flags(args).iter().for_each(print_warning);
+    former_names_in_flags(args).iter().for_each(|warning| print_warning(PROGRAM, warning));
     let damaged_set_aside = if arguments.skip_damaged { skip_damaged(&arguments, communicator) } else { Ok(()) };
     let prepared = damaged_set_aside.map_err(RunFailure::Files).and_then(|()| prepare_case(&arguments, communicator));
     let prepared = agreement::agreed_case(communicator, prepared, |case| (&case.scene, &case.state));
@@ -176,13 +176,9 @@ fn skip_damaged(arguments: &CommandLine, communicator: &dyn Communicator) -> Res
     // All ranks wait for rank 0.
     all_gather_unsized(communicator, &[]);
     for path in renamed? {
-        print_warning(&format!("{}: set aside: the snapshot is damaged", path.display()));
+        print_warning(PROGRAM, format_args!("{}: set aside: the snapshot is damaged", path.display()));
     }
     Ok(())
-}
-
-fn print_warning(warning: &String) {
-    print_error(format_args!("{PROGRAM}: warning: {warning}"));
 }
 
 /// Warnings about former names in the values of flags: `--adaptive: most: renamed; write max_multiple`.
@@ -246,7 +242,7 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
     scene.notes.splice(0..0, driver.notes);
     let lock = if arguments.plan || communicator.rank() > 0 { None } else { Some(write::lock_outbox(case)?) };
     scene.notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
-    scene.warnings.iter().for_each(print_warning);
+    scene.warnings.iter().for_each(|warning| print_warning(PROGRAM, warning));
     let mut resumed = false;
     if arguments.resume {
         resumed = resume_case(case, &flags, &mut scene, &mut state)?;
@@ -273,7 +269,7 @@ fn resume_case(case: &Path, flags: &ComputeFlags, scene: &mut Scene, state: &mut
     // The initial state has no text in OUTBOX, as it is in DATBOX.
     let has_text = (state.step > scene.start.step).then(|| write::text::is_written(&outbox, state)).transpose()?;
     let (warnings, notes) = snapshot.option_changes(scene, has_text, &flags.given_names());
-    warnings.iter().for_each(print_warning);
+    warnings.iter().for_each(|warning| print_warning(PROGRAM, warning));
     notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
     Ok(true)
 }

@@ -7,7 +7,7 @@ use std::thread::{JoinHandle, spawn};
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::{Compute, ContactSolver};
-use cd_formats::messages::{is_silent, print_error, print_line};
+use cd_formats::messages::{is_silent, print_error, print_line, print_warning};
 use cd_formats::names::{count_text, rounded_number};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -149,7 +149,7 @@ impl ProgressDisplay {
 
     /// Prints a warning on stderr, next to the bar.
     pub fn warn(&self, message: &str) {
-        self.bar.suspend(|| print_error(format_args!("cd-solve: warning: {message}")));
+        self.bar.suspend(|| print_warning("cd-solve", message));
     }
 
     /// Prints a line next to the bar.

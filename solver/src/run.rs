@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldShapes;
-use cd_formats::messages::{print_error, print_line};
+use cd_formats::messages::{print_line, print_warning};
 use cd_formats::names::{number_text, ratio_text, rounded_number, short_number};
 use cd_formats::snapshot::RunParameters;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -35,7 +35,7 @@ use crate::step::{
 };
 use crate::write::exchange::{ExchangeEnd, StepExchange};
 use crate::write::summary::{ContactParts, INERT_REASON, RunStatistics, summary_text};
-use crate::write::{ResultFiles, RunOutput, errors};
+use crate::write::{OpeningNotes, ResultFiles, RunOutput, errors};
 use crate::{activity, agreement};
 
 /// Number of unconverged steps that are reported individually; the summary counts them all.
@@ -94,7 +94,9 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     let mut present = Cow::Borrowed(scene);
     let mut last = scene.last_step();
     let communicator = ranks::communicator();
-    let (mut results, estimator) = RunOutput::open(communicator.rank() == 0, case, scene, &state, mode.part_bodies)?;
+    let is_writer = communicator.rank() == 0;
+    let (mut results, estimator, notes) = RunOutput::open(is_writer, case, scene, &state, mode.part_bodies)?;
+    print_opening_notes(&notes);
     let mut statistics = RunStatistics {
         threads: rayon::current_num_threads(),
         bonds: state.bond_count(),
@@ -213,7 +215,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     if statistics.steps > 0
         && let Some(message) = last_overlap_warning(&mut statistics, scene, &mut state, reported_share)
     {
-        print_error(format_args!("cd-solve: warning: {message}"));
+        print_warning("cd-solve", message);
     }
     statistics.overlap = statistics.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
     if communicator.size() > 1 {
@@ -233,6 +235,12 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     }
     statistics.wall_time = start.elapsed();
     summarise_run(case, scene, &state, &statistics)
+}
+
+/// Prints the messages about the files that the run has opened.
+fn print_opening_notes(notes: &OpeningNotes) {
+    notes.missing_rows.iter().for_each(|note| print_line(format_args!("cd-solve: {note}")));
+    notes.changed_inputs.iter().for_each(|warning| print_warning("cd-solve", warning));
 }
 
 /// Text about a deforming cell that has become too small for its bodies: they would touch or attract several images. None as

@@ -1,17 +1,17 @@
 //! `cd-solve DIR --verify`: finds damaged files of a case by their checksums, and the snapshot from which a run can continue.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use cd_formats::checksums::{CHECKSUMS_FILE, ChecksumLine, FileState, file_state, read_list};
+use cd_formats::checksums::{CHECKSUMS_FILE, Checksum, ChecksumLine, FileState, file_state, read_list};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::names::count_text;
 use cd_formats::snapshot::{Snapshot, list_snapshots, snapshot_files};
 
+use crate::read::wholeness;
 use crate::write::outbox_path;
 
-/// Result of a comparison of a case with its checksums.
+/// Result of a comparison of a case with its checksums, to which files are added one by one.
 pub struct Verification {
     /// Text for people.
     pub text: String,
@@ -20,32 +20,38 @@ pub struct Verification {
 }
 
 /// Compares the files of a case with the checksums in DATBOX and OUTBOX, and reads all snapshots. Errors: a folder or a list
-/// of checksums cannot be read.
+/// of checksums cannot be read, or cd-pre is writing DATBOX.
 pub fn verify_case(case: &Path) -> Result<Verification, Faults> {
-    let outbox = outbox_path(case);
-    let mut report = Report { text: String::new(), is_sound: true };
-    report.add_list("DATBOX", &case.join("DATBOX"), read_list(&case.join("DATBOX"))?)?;
+    let (datbox, outbox) = (case.join("DATBOX"), outbox_path(case));
+    let mut verification = Verification { text: String::new(), is_sound: true };
+    let _lock = wholeness::share_datbox(&datbox)?;
+    let unfinished = wholeness::unfinished_fault(&datbox);
+    unfinished.iter().for_each(|fault| verification.add_damage(&fault.to_string()));
+    let datbox_list = wholeness::written_list(&datbox)?;
+    let missing = verification.add_list("DATBOX", &datbox, datbox_list.as_ref().map(|list| list.lines.as_slice()))?;
     let list = read_list(&outbox)?;
-    let checksums = file_lines(list.as_deref().unwrap_or_default());
+    let checksums = file_checksums(list.as_deref().unwrap_or_default());
     let mut sound_steps = Vec::new();
     let snapshots = list_snapshots(&outbox)?;
     for (step, path) in &snapshots {
         match snapshot_damage(&outbox, *step, path, &checksums) {
             None => sound_steps.push(*step),
-            Some(damage) => report.add_damage(&damage),
+            Some(damage) => verification.add_damage(&damage),
         }
     }
-    report.add_list("OUTBOX", &outbox, list)?;
-    let _ = writeln!(report.text, "snapshots: {} of {} sound", sound_steps.len(), snapshots.len());
+    verification.add_list("OUTBOX", &outbox, list.as_deref())?;
+    let sound_count = sound_steps.len();
+    verification.add_line(&format!("snapshots: {sound_count} of {} sound", snapshots.len()));
     let last = snapshots.last().map(|(step, _)| *step);
     let next = match sound_steps.last() {
         None if snapshots.is_empty() => "a run starts from DATBOX".into(),
-        None => "no snapshot is sound: --force starts from DATBOX".into(),
+        None => "--force starts from DATBOX: no snapshot is sound".into(),
         Some(step) if Some(*step) == last => format!("--resume continues from step {step}"),
         Some(step) => format!("--resume --skip-damaged continues from step {step}"),
     };
-    let _ = writeln!(report.text, "{next}");
-    Ok(Verification { text: report.text, is_sound: report.is_sound })
+    let is_rejected = unfinished.is_some() || missing > 0;
+    verification.add_line(&if is_rejected { format!("run cd-pre again; then {next}") } else { next });
+    Ok(verification)
 }
 
 /// Renames the files of the damaged snapshots after the last sound one to `NAME.damaged`, so that a run continues from that
@@ -53,7 +59,7 @@ pub fn verify_case(case: &Path) -> Result<Verification, Faults> {
 pub fn set_damaged_aside(case: &Path) -> Result<Vec<PathBuf>, Faults> {
     let outbox = outbox_path(case);
     let list = read_list(&outbox)?.unwrap_or_default();
-    let (checksums, snapshots) = (file_lines(&list), list_snapshots(&outbox)?);
+    let (checksums, snapshots) = (file_checksums(&list), list_snapshots(&outbox)?);
     let is_sound = |(step, path): &&(u64, PathBuf)| snapshot_damage(&outbox, *step, path, &checksums).is_none();
     let Some(last_sound) = snapshots.iter().rev().find(is_sound).map(|(step, _)| *step) else {
         if snapshots.is_empty() {
@@ -75,25 +81,25 @@ pub fn set_damaged_aside(case: &Path) -> Result<Vec<PathBuf>, Faults> {
     Ok(renamed)
 }
 
-/// Checksums of the files of a list by path.
-fn file_lines(list: &[ChecksumLine]) -> BTreeMap<&str, &ChecksumLine> {
+/// Checksums of the files of a list by path; the last one counts.
+fn file_checksums(list: &[ChecksumLine]) -> BTreeMap<&str, Checksum> {
     list.iter()
         .filter_map(|line| match line {
-            ChecksumLine::File { path, .. } => Some((path.as_str(), line)),
+            ChecksumLine::File { path, checksum } => Some((path.as_str(), *checksum)),
             _ => None,
         })
         .collect()
 }
 
-/// Damage of a snapshot, in words: a file that differs from its checksum, or one that cannot be read. A file without a
-/// checksum is read only, which its own checksums cover.
-fn snapshot_damage(outbox: &Path, step: u64, path: &Path, checksums: &BTreeMap<&str, &ChecksumLine>) -> Option<String> {
+/// Damage of a snapshot, in words: a file that differs from its checksum, or one that cannot be read. A file without a line in
+/// the list is checked by the checksums inside it alone, when it is read.
+fn snapshot_damage(outbox: &Path, step: u64, path: &Path, checksums: &BTreeMap<&str, Checksum>) -> Option<String> {
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     for file in snapshot_files(outbox, step).iter().filter(|file| file.is_file()) {
-        if let Some(ChecksumLine::File { checksum, .. }) = checksums.get(name(file).as_str()) {
+        if let Some(checksum) = checksums.get(name(file).as_str()) {
             match file_state(file, u64::MAX, *checksum) {
                 Ok(FileState::Sound) => {}
-                Ok(_) => return Some(format!("{}: differs from its checksum in {CHECKSUMS_FILE}", file.display())),
+                Ok(_) => return Some(difference_text(file, "OUTBOX")),
                 Err(faults) => return Some(faults.to_string()),
             }
         }
@@ -101,49 +107,60 @@ fn snapshot_damage(outbox: &Path, step: u64, path: &Path, checksums: &BTreeMap<&
     Snapshot::read(path).err().map(|faults| faults.0.first().map_or(String::new(), Fault::to_string))
 }
 
-/// Report that is being made.
-struct Report {
-    text: String,
-    is_sound: bool,
+/// Damage of a file that differs from its checksum in the list of a folder, in words.
+fn difference_text(file: &Path, folder: &str) -> String {
+    format!("{}: differs from its checksum in {folder}/{CHECKSUMS_FILE}", file.display())
 }
 
-impl Report {
+/// Path of a file that a list of `folder` names, which may be in another folder of the case: `../DATBOX/BODIES.DAT`.
+fn listed_path(folder: &Path, name: &str) -> PathBuf {
+    match (name.strip_prefix("../"), folder.parent()) {
+        (Some(name), Some(case)) => case.join(name),
+        _ => folder.join(name),
+    }
+}
+
+impl Verification {
+    fn add_line(&mut self, line: &str) {
+        self.text += line;
+        self.text += "\n";
+    }
+
     fn add_damage(&mut self, damage: &str) {
-        let _ = writeln!(self.text, "{damage}");
+        self.add_line(damage);
         self.is_sound = false;
     }
 
     /// Adds the files of the list in `folder`, without snapshots that exist, which are reported one by one. Of the checksums
-    /// of a log the last counts.
-    fn add_list(&mut self, name: &str, folder: &Path, list: Option<Vec<ChecksumLine>>) -> Result<(), Faults> {
+    /// of a log the last counts. Returns the number of missing files.
+    fn add_list(&mut self, name: &str, folder: &Path, list: Option<&[ChecksumLine]>) -> Result<usize, Faults> {
         let Some(lines) = list else {
-            let _ = writeln!(self.text, "{name}: no {CHECKSUMS_FILE}: its files are not compared");
-            return Ok(());
+            self.add_line(&format!("{name}: no {CHECKSUMS_FILE} of its own: its files are not compared"));
+            return Ok(0);
         };
-        let mut latest: BTreeMap<&str, (u64, &ChecksumLine)> = BTreeMap::new();
-        for line in &lines {
+        let mut latest: BTreeMap<&str, (u64, Checksum)> = BTreeMap::new();
+        for line in lines {
             match line {
-                ChecksumLine::File { path, .. } => latest.insert(path, (u64::MAX, line)),
-                ChecksumLine::Start { path, length, .. } => latest.insert(path, (*length, line)),
+                ChecksumLine::File { path, checksum } => latest.insert(path, (u64::MAX, *checksum)),
+                ChecksumLine::Start { path, length, checksum } => latest.insert(path, (*length, *checksum)),
                 ChecksumLine::Comment(_) => None,
             };
         }
-        let mut sound_count = 0;
-        for (path, (length, line)) in latest {
-            let (ChecksumLine::File { checksum, .. } | ChecksumLine::Start { checksum, .. }) = line else { continue };
-            let file = folder.join(path);
+        let (mut sound, mut missing) = (0, 0);
+        for (path, (length, checksum)) in latest {
+            let file = listed_path(folder, path);
             let is_snapshot = path.starts_with("snapshot-");
-            match file_state(&file, length, *checksum)? {
-                FileState::Sound => sound_count += u64::from(!is_snapshot),
-                FileState::Missing => self.add_damage(&format!("{}: is missing", file.display())),
-                FileState::Changed if is_snapshot => {}
-                FileState::Changed => {
-                    let damage = format!("{}: differs from its checksum in {name}/{CHECKSUMS_FILE}", file.display());
-                    self.add_damage(&damage);
+            match file_state(&file, length, checksum)? {
+                FileState::Sound => sound += usize::from(!is_snapshot),
+                FileState::Missing => {
+                    missing += 1;
+                    self.add_damage(&format!("{}: is missing", file.display()));
                 }
+                FileState::Changed if is_snapshot => {}
+                FileState::Changed => self.add_damage(&difference_text(&file, name)),
             }
         }
-        let _ = writeln!(self.text, "{name}: {} sound", count_text(sound_count as usize, "file"));
-        Ok(())
+        self.add_line(&format!("{name}: {} sound", count_text(sound, "file")));
+        Ok(missing)
     }
 }

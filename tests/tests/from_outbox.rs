@@ -1047,14 +1047,28 @@ fn pouring_is_a_run_to_rest_and_a_datbox_from_its_end() {
     fs::write(&changes, "(bodies: [(remove_motion: All)], compute: (dt: 5e-3, end_time: 0.5))").unwrap();
     let request =
         PourRequest { scene: &scene_file, settings: &["seed=3".to_string()], dir: &bed, changes: Some(&changes) };
-    // A run that is stopped makes no DATBOX.
-    let faults = pour_grains(&request, |_| Ok(Some(4))).unwrap_err().to_string();
-    assert!(faults.contains("pour: cd-solve: ended with exit code 4; expected a run to its end"), "{faults}");
-    assert!(!bed.join("DATBOX").exists());
+    // A run that does not end makes no DATBOX. One that was stopped can be continued, one that was rejected cannot.
+    let [case, dir, file] = [&bed.join("pour"), &bed, &changes].map(|path| path.display().to_string());
+    let commands = format!(
+        "continue with cd-solve {case} --resume and the same options, then cd-pre from-outbox {case} {dir} --changes {file}"
+    );
+    let correction = "correct the errors that cd-solve has printed".to_string();
+    for (code, ending, advice) in [
+        (Some(4), "ended with exit code 4", &commands),
+        (None, "was killed", &commands),
+        (Some(2), "ended with exit code 2", &correction),
+        (Some(3), "ended with exit code 3", &correction),
+    ] {
+        let faults = pour_grains(&request, |_| Ok(code)).unwrap_err().to_string();
+        let message = format!("pour: cd-solve: {ending}; expected a run to its end; {advice}");
+        assert!(faults.ends_with(&message), "{faults}");
+        assert!(!bed.join("DATBOX").exists());
+    }
     let faults = pour_grains(&request, |_| Err(std::io::ErrorKind::NotFound.into())).unwrap_err().to_string();
     assert!(faults.contains("cd-solve: cannot be started: "), "{faults}");
 
-    pour_grains(&request, |case| Ok(Some(solve(case, &["--force"])))).unwrap();
+    // With exit code 1 a run has lost text on its standard output, no files.
+    pour_grains(&request, |case| Ok(Some(solve(case, &["--force"]).max(1)))).unwrap();
     let last = snapshot::list_snapshots(&bed.join("pour/OUTBOX")).unwrap().pop().unwrap();
     assert!(last.0 < 10_000, "the run did not end by itself: {last:?}");
     assert_eq!(solve(&bed, &["--steps", "10"]), 0);

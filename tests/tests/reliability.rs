@@ -55,6 +55,13 @@ fn solve_process(case: &Path, flags: &[&str]) -> (i32, String) {
     (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
 }
 
+/// Exit code and standard output of `cd-solve CASE --verify`.
+fn verification(case: &Case) -> (i32, String) {
+    let text = case.path().join("said");
+    let output = program(&["cd-solve", case.path().to_str().unwrap(), "--verify"], Some(&text));
+    (output.status.code().unwrap(), fs::read_to_string(text).unwrap())
+}
+
 #[test]
 fn an_edited_datbox_is_reported_and_one_with_missing_files_is_rejected() {
     let case = Case::from_scene(&scene(0.1));
@@ -63,7 +70,8 @@ fn an_edited_datbox_is_reported_and_one_with_missing_files_is_rejected() {
     fs::write(&bodies, text.clone() + "! a comment\n").unwrap();
     let (code, said) = solve_process(case.path(), &["--force"]);
     assert!(code == 0 && said.contains("DATBOX: changed since cd-pre "), "{said}");
-    assert!(said.contains("wrote it: BODIES.DAT; the run takes it as it is"), "{said}");
+    let advice = "the run uses them; if they were not edited on purpose, run cd-pre again";
+    assert!(said.contains(&format!("wrote them: BODIES.DAT; {advice}")), "{said}");
     fs::write(&bodies, text).unwrap();
     let (code, said) = solve_process(case.path(), &["--force"]);
     assert!(code == 0 && !said.contains("changed"), "{said}");
@@ -86,7 +94,7 @@ fn a_mixture_of_two_scenes_is_reported_or_rejected() {
     assert!(said.contains("run cd-pre again") && !case.outbox().exists(), "{said}");
     fs::remove_file(case.datbox(".unfinished")).unwrap();
     let (code, said) = solve_process(case.path(), &[]);
-    assert!(code == 0 && said.contains("wrote it: BODIES.DAT;"), "{said}");
+    assert!(code == 0 && said.contains("wrote them: BODIES.DAT;"), "{said}");
     assert_eq!(pre(&case.path().join("scene.ron"), case.path()), 0);
     let (code, said) = solve_process(case.path(), &["--force"]);
     assert!(code == 0 && !said.contains("warning"), "{said}");
@@ -111,7 +119,7 @@ fn two_programs_do_not_write_one_datbox() {
 }
 
 #[test]
-fn damaged_files_are_found_and_a_run_goes_on_from_the_last_sound_snapshot() {
+fn damaged_files_are_found_and_a_run_continues_from_the_last_sound_snapshot() {
     let case = Case::from_scene(&scene(0.1)).solved(&[]);
     let unbroken = case.twin().solved(&[]);
     assert_eq!(case.solve(&["--verify"]), 0);
@@ -135,12 +143,10 @@ fn damaged_files_are_found_and_a_run_goes_on_from_the_last_sound_snapshot() {
         assert_eq!(case.solve(&["--verify"]), 1, "{name}");
     }
     fs::remove_file(case.outbox().join("snapshot-000010.npz")).unwrap();
-    let text = case.path().join("said");
-    program(&["cd-solve", case.path().to_str().unwrap(), "--verify"], Some(&text));
-    let said = fs::read_to_string(text).unwrap();
+    let (_, said) = verification(&case);
     for line in [
-        "snapshot-000030.npz: differs from its checksum in SHA256SUMS",
-        "snapshot-000040.npz: differs from its checksum in SHA256SUMS",
+        "snapshot-000030.npz: differs from its checksum in OUTBOX/SHA256SUMS",
+        "snapshot-000040.npz: differs from its checksum in OUTBOX/SHA256SUMS",
         "steps.csv: differs from its checksum in OUTBOX/SHA256SUMS",
         "snapshot-000010.npz: is missing",
         "snapshots: 2 of 4 sound",
@@ -157,6 +163,60 @@ fn damaged_files_are_found_and_a_run_goes_on_from_the_last_sound_snapshot() {
     }
     assert_same_results(&unbroken, &case);
     assert_eq!(case.solve(&["--verify"]), 0);
+}
+
+/// cd-solve rejects a DATBOX without all files of its list, or one that cd-pre has not finished.
+#[test]
+fn a_datbox_that_is_rejected_is_verified_as_such() {
+    let case = Case::from_scene(&scene(0.1));
+    let make_datbox = || assert_eq!(pre(&case.path().join("scene.ron"), case.path()), 0);
+    let last_line = |said: &str| said.lines().last().unwrap().to_string();
+    let reject = |damage: &str, next: &str| {
+        let (code, said) = verification(&case);
+        assert!(code == 1 && said.contains(damage), "{code} {said}");
+        assert_eq!(last_line(&said), format!("run cd-pre again; then {next}"));
+        assert_eq!(case.solve(&["--resume"]), 2);
+    };
+    let damage = |next: &str| {
+        fs::remove_file(case.datbox("COMPUTE.RON")).unwrap();
+        reject("DATBOX/COMPUTE.RON: is missing", next);
+        make_datbox();
+        fs::write(case.datbox(".unfinished"), "").unwrap();
+        reject("DATBOX: folder: cd-pre was ended before it had replaced all files", next);
+        make_datbox();
+        let (code, said) = verification(&case);
+        assert_eq!((code, last_line(&said)), (0, next.to_string()));
+    };
+    damage("a run starts from DATBOX");
+    assert_eq!(case.solve(&[]), 0);
+    damage("--resume continues from step 40");
+    // Files of DATBOX are named once for each list, by one path.
+    fs::write(case.datbox("BULK_BEHAV.DAT"), "").unwrap();
+    let (_, said) = verification(&case);
+    let path = case.datbox("BULK_BEHAV.DAT");
+    for list in ["DATBOX", "OUTBOX"] {
+        let line = format!("{}: differs from its checksum in {list}/SHA256SUMS\n", path.display());
+        assert!(said.contains(&line), "{line} {said}");
+    }
+    let writer = FolderLock::exclusive(&case.path().join("DATBOX")).unwrap().unwrap();
+    let (code, said) = solve_process(case.path(), &["--verify"]);
+    assert!(code == 2 && said.contains("cd-pre is writing it; wait for its end"), "{code} {said}");
+    drop(writer);
+}
+
+/// The first part of a log that was removed is named on standard output, and the run continues.
+#[test]
+fn rows_that_a_log_lacks_are_named_at_a_resume() {
+    let case = Case::from_scene(&scene(0.1)).solved(&["--steps", "20"]);
+    fs::remove_file(case.outbox().join("steps.csv")).unwrap();
+    let text = case.path().join("said");
+    let output = program(&["cd-solve", case.path().to_str().unwrap(), "--resume"], Some(&text));
+    let said = fs::read_to_string(text).unwrap();
+    assert!(output.status.success() && output.stderr.is_empty(), "{said}");
+    assert!(
+        said.contains("OUTBOX/steps.csv: no rows of steps 1 to 20, which were computed before this run\n"),
+        "{said}"
+    );
 }
 
 /// A run that is resumed at its end, as after a kill behind the last snapshot, keeps its log and its list.
@@ -184,7 +244,9 @@ fn the_list_of_a_resumed_run_is_that_of_the_unbroken_one() {
     let bulk = case.datbox("BULK_BEHAV.DAT");
     fs::write(&bulk, fs::read_to_string(&bulk).unwrap() + "! edited\n").unwrap();
     let (code, said) = solve_process(case.path(), &["--resume"]);
-    assert!(code == 0 && said.contains("changed or removed since this run began: ../DATBOX/BULK_BEHAV.DAT"), "{said}");
+    let warning = "changed or removed since this run began: ../DATBOX/BULK_BEHAV.DAT; the run continues with the present \
+                   files; --force starts anew";
+    assert!(code == 0 && said.contains(warning), "{said}");
 }
 
 #[test]
@@ -203,8 +265,11 @@ fn a_snapshot_that_lacks_what_its_laws_need_is_not_resumed() {
         assert!(code == 2 && said.contains(expected), "{expected}: {code} {said}");
         fs::write(&path, &sound).unwrap();
     };
-    reject(&|s| s.memory = None, "arrays contact_bonded to contact_moment: are missing");
-    reject(&|s| s.interval = None, "arrays interval_body, interval_virial: are missing");
+    let advice = "move the file away to resume from the snapshot before, or start from DATBOX with --force";
+    let lacks =
+        |names: &str, reason: &str| format!("arrays {names}: are missing; expected them, because {reason}; {advice}");
+    reject(&|s| s.memory = None, &lacks("contact_bonded to contact_moment", "a law has bonds or moments"));
+    reject(&|s| s.interval = None, &lacks("interval_body, interval_virial", "meta has interval_start"));
     for h in [0.0, -1.0, 1e300, 3.1e-3] {
         reject(&|s| s.meta.h = h, "meta, h: ");
     }

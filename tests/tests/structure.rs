@@ -12,9 +12,9 @@
 //! | kernel: `laws`, `gravity`, `geometry`, `math` | `math`; `geometry` types of `formats::faces` and `formats::wall_mesh`, with which cd-pre checks shapes; `laws` types of `formats::law_table` | data, stages, other formats |
 //! | data: `scene`, `state` | kernels, types of formats | stages |
 //! | stage: `integrate`, `detect`, `assemble`, `solve` | data, kernels, types of stages earlier in the step, types of options | functions of another stage, other formats |
-//! | stage: `read`, `write` | data, kernels, formats, types of `step` | functions of another stage |
+//! | stage: `read`, `write` | data, kernels, formats, types of `step` | functions of another stage, printing (`formats::messages`) |
 //! | `step` | stages, data, kernels | formats, `read`, `write` |
-//! | `run`, `plan`, `probe`, `sinks_and_sources`, `cli`, `contact_division`, `thread_pool`, `progress`, `agreement` | all | |
+//! | `run`, `plan`, `probe`, `sinks_and_sources`, `cli`, `contact_division`, `thread_pool`, `progress`, `agreement`, `verify` | all | |
 //! | `ranks` | errors of formats | all else |
 //! | all | `crate::ranks`: the processes that compute the scene together | |
 //! | all | `crate::activity`: the current stage of the step, and whether it is abandoned | |
@@ -88,7 +88,8 @@ fn allowed(who: &str, path: &str) -> bool {
         return path.starts_with("cd_formats::error::");
     }
     match root {
-        "cd_formats" if OUTSIDE.contains(&who) || FILE_STAGES.contains(&who) => true,
+        "cd_formats" if OUTSIDE.contains(&who) => true,
+        "cd_formats" if FILE_STAGES.contains(&who) => !path.starts_with("cd_formats::messages::"),
         "cd_formats" if who == "laws" => path.starts_with("cd_formats::law_table::") && is_type(path),
         "cd_formats" if who == "geometry" => {
             ["cd_formats::faces::", "cd_formats::wall_mesh::"].iter().any(|p| path.starts_with(p)) && is_type(path)

@@ -1,10 +1,10 @@
 //! `cd-post watch`: keeps the report of a running case up to date until the run ends.
 
-use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use cd_formats::error::Faults;
+use cd_formats::lock::FolderLock;
 use cd_formats::messages::print_line;
 use cd_formats::names::count_text;
 use cd_formats::snapshot;
@@ -21,9 +21,8 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Whether cd-solve computes the case: it has locked OUTBOX. If folders cannot be locked, no run is known.
 fn is_run_active(dir: &Path) -> bool {
-    let outbox = File::open(dir.join("OUTBOX"));
     // A shared lock does not disturb other observers; it ends here.
-    outbox.is_ok_and(|folder| matches!(folder.try_lock_shared(), Err(TryLockError::WouldBlock)))
+    FolderLock::shared(&dir.join("OUTBOX")).is_none()
 }
 
 /// Writes the report whenever there are new snapshots, at most every `interval`, s, and prints a line for each; ends with
@@ -80,7 +79,7 @@ mod tests {
         std::fs::create_dir(case.path().join("OUTBOX")).unwrap();
         assert!(!is_run_active(case.path()));
         // Folders cannot be opened on all systems.
-        let Ok(outbox) = File::open(case.path().join("OUTBOX")) else { return };
+        let Ok(outbox) = std::fs::File::open(case.path().join("OUTBOX")) else { return };
         outbox.lock().unwrap();
         assert!(is_run_active(case.path()));
         outbox.unlock().unwrap();

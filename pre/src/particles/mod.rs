@@ -52,7 +52,7 @@ pub fn read_particles(path: &Path, format: Option<ParticleFormat>) -> Result<Par
     if faults.0.len() > MAX_PRINTED_FAULTS {
         let others = faults.0.len() - MAX_PRINTED_FAULTS;
         faults.0.truncate(MAX_PRINTED_FAULTS);
-        faults.push(Fault::new(path, None, "file", format!("{others} more faults"), "expected none"));
+        faults.push(Fault::new(path, None, "file", format!("{others} more faults"), "correct those above first"));
     }
     faults.into_result(state)
 }

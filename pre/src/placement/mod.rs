@@ -502,7 +502,7 @@ fn dense_packing(
                 volume_ratio * fraction
             ),
             PackingError::NoPoint => {
-                format!("no random point lies in {region} and outside of other bodies: it is too thin")
+                format!("no random point of {region} is free: it is too thin, or other bodies fill it")
             }
         };
         PlacementError { found, expected: "fewer or smaller grains, or a larger envelope (a smaller solid fraction)" }

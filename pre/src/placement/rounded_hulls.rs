@@ -7,9 +7,7 @@ use parry3d_f64::query::gjk::{GJKResult, VoronoiSimplex};
 use parry3d_f64::shape::SupportMap;
 
 use crate::shapes::OrientedShape;
-
-/// Number of sides of the prism around a cylinder.
-const PRISM_SIDES: u32 = 32;
+use crate::shapes::round::PRISM_SIDES;
 
 /// Convex hull of points, inflated by a radius: a ball of one point, a capsule of two, a polyhedron with the radius 0.
 #[derive(Debug, Clone, PartialEq)]

@@ -9,8 +9,8 @@ use crate::shapes::hull::convex_hull;
 use crate::shapes::overlap::ConvexPiece;
 use crate::shapes::union::ClumpBall;
 
-/// Number of sides of the prism with which overlaps of a cylinder are checked.
-const PRISM_SIDES: u32 = 32;
+/// Number of sides of the prisms in and around a cylinder, with which its overlaps are checked and it is packed.
+pub const PRISM_SIDES: u32 = 32;
 /// Spacing of the balls with which overlaps of a capsule are checked, divided by its radius, and their largest number.
 const BALL_SPACING: f64 = 0.2;
 const MAX_INTERVALS: f64 = 1000.0;

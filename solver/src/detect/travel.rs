@@ -52,8 +52,7 @@ impl<'a> TravelBounds<'a> {
         (v[i] - self.mean_velocity) * self.lookahead
     }
 
-    /// Relative displacement of two points at the distance `branch` from each other by the affine field of a deforming cell,
-    /// m.
+    /// Relative displacement, by the affine field of a deforming cell, of two points separated by the vector `branch`, m.
     #[inline]
     pub fn affine_path(&self, branch: &Vec3) -> Vec3 {
         self.strain.map_or(Vec3::zeros(), |strain| strain * branch)

@@ -44,7 +44,7 @@
 //! u⁻ is the relative velocity at the step's start. Friction acts on r̂_n = r_n + h f: a cohesive
 //! contact slides at mu (r_n/h + f). Names, parameters, friction and cohesion are in [`cd_formats::law_table`].
 //!
-//! Five laws have a liquid bridge or a bond that does not form again by itself. A contact of xQS_WET_DS_CLB is wet if
+//! Some laws have a liquid bridge or a bond that does not form again by itself. A contact of xQS_WET_DS_CLB is wet if
 //! g <= range at the start of the run or when an event bonds it, and dry once g > range. A bond of IQS_MOHR_DS_CLB,
 //! RST_MOHR_DS_CLB, IQS_BEAM_DS_CLB or ELASTIC_BEAM_DS_CLB joins bodies that touch then, carries a traction up to c_n S
 //! and a shear up to c_t S + (c_t/c_n) r_n/h, and breaks once it parts, reaches the limits of its moments or, if c_t > 0,

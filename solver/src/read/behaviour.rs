@@ -225,14 +225,18 @@ fn uncomputed_pair(names: [&str; 2]) -> Option<&'static str> {
             "expected no such row: LMGC90 has no contact of two plates; make one of them a POLYR with the eight corners of \
              the plate",
         ),
-        ["DNLYC", "PLANx" | "DNLYC"] | ["PLANx", "DNLYC"] => Some(
-            "expected no such row: a hollow cylinder has no contacts with plates and other hollow cylinders; make the \
-             other a POLYR",
+        ["DNLYC", "PLANx"] | ["PLANx", "DNLYC"] => Some(
+            "expected no such row: a hollow cylinder has no contacts with plates; make the plate a POLYR with its eight \
+             corners",
         ),
-        ["MESHx", "PLANx" | "DNLYC" | "MESHx"] | ["PLANx" | "DNLYC", "MESHx"] => Some(
-            "expected no such row: a surface MESHx has no contacts with plates, hollow cylinders and other surfaces; make \
-             the other a POLYR",
+        ["MESHx", "PLANx"] | ["PLANx", "MESHx"] => Some(
+            "expected no such row: a surface MESHx has no contacts with plates; make the plate a POLYR with its eight \
+             corners",
         ),
+        ["DNLYC", "DNLYC"] => Some("expected no such row: two hollow cylinders have no contacts"),
+        ["MESHx", "DNLYC" | "MESHx"] | ["DNLYC", "MESHx"] => {
+            Some("expected no such row: a surface MESHx has no contacts with hollow cylinders and other surfaces")
+        }
         _ => None,
     }
 }

@@ -160,11 +160,13 @@ impl PreviousRun {
 
 /// Faults of the last snapshot, with advice.
 fn unreadable_snapshot_faults(faults: Faults, snapshots: &[(u64, PathBuf)]) -> Faults {
-    let last_but_one = snapshots.len().checked_sub(2).map(|last| &snapshots[last].1);
-    let from = last_but_one.map_or("DATBOX".into(), |path| path.file_name().unwrap_or_default().display().to_string());
-    let advice = format!("if it is deleted, --resume continues from {from}");
+    let advice = if snapshots.len() > 1 {
+        "--resume --skip-damaged continues from the last sound snapshot"
+    } else {
+        "move it away and start from DATBOX with --force"
+    };
     let advised_fault = |fault: Fault| {
-        let parts = [fault.expected.as_str(), advice.as_str()].into_iter().filter(|part| !part.is_empty());
+        let parts = [fault.expected.as_str(), advice].into_iter().filter(|part| !part.is_empty());
         Fault { expected: parts.collect::<Vec<_>>().join("; "), ..fault }
     };
     Faults(faults.0.into_iter().map(advised_fault).collect())
@@ -246,6 +248,15 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
     faults.into_result(())
 }
 
+/// Fault of a snapshot without one array or several, with names as "a", "a, b" or "a to c", that are needed because of `reason`.
+fn missing_arrays_fault(path: &Path, names: &str, reason: &str) -> Fault {
+    let (noun, found, pronoun) =
+        if names.contains(' ') { ("arrays", "are missing", "them") } else { ("array", "is missing", "it") };
+    let advice = "move the file away to resume from the snapshot before, or start from DATBOX with --force";
+    let expected = format!("expected {pronoun}, because {reason}; {advice}");
+    Fault::new(path, None, format!("{noun} {names}"), found, expected)
+}
+
 /// Rejects a snapshot without arrays that its laws and options need, with a step or time that no run reaches, or with numbers
 /// that are too large to compute with, as a program that copies or edits its arrays may leave it.
 fn check_completeness(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> {
@@ -253,16 +264,20 @@ fn check_completeness(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result
     let mut faults = Faults::default();
     let mut expect_arrays = |are_needed: bool, are_there: bool, names: &str, reason: &str| {
         if are_needed && !are_there {
-            let expected = format!("expected it, because {reason}");
-            faults.push(Fault::new(path, None, format!("arrays {names}"), "are missing", expected));
+            faults.push(missing_arrays_fault(path, names, reason));
         }
     };
     let needs_memory = scene.laws.iter().any(ContactLaw::has_memory);
     expect_arrays(needs_memory, memory.is_some(), "contact_bonded to contact_moment", "a law has bonds or moments");
     let needs_law_memory = scene.laws.iter().any(ContactLaw::has_law_memory);
-    expect_arrays(needs_law_memory, laws.is_some(), "contact_reference_gap to contact_sliding", "a law remembers them");
+    expect_arrays(
+        needs_law_memory,
+        laws.is_some(),
+        "contact_reference_gap to contact_sliding",
+        "a law has reference gaps or interfaces",
+    );
     let has_pair_cohesion = scene.laws.iter().any(|law| law.pair_cohesion().is_some());
-    expect_arrays(has_pair_cohesion, attractions.is_some(), "contact_attraction", "a law has cohesion per pair");
+    expect_arrays(has_pair_cohesion, attractions.is_some(), "contact_attraction", "a law has cohesion of pairs");
     let keeps_gravity = meta.attraction.is_some();
     expect_arrays(keeps_gravity, gravity.is_some(), "gravity_last, gravity_before", "meta has attraction");
     let exchanges_bodies =

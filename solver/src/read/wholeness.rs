@@ -10,21 +10,42 @@ use cd_formats::lock::FolderLock;
 
 /// Locks a DATBOX for reading. Errors: cd-pre is writing it, or was ended while it did.
 pub fn lock_datbox(datbox: &Path) -> Result<FolderLock, Faults> {
-    let fault = |found: &str, expected: &str| Faults::from(Fault::new(datbox, None, "folder", found, expected));
-    let lock = FolderLock::shared(datbox).ok_or_else(|| fault("cd-pre is writing it", "wait for its end"))?;
-    if atomic::is_unfinished(datbox) {
-        let found = "cd-pre was ended before it had replaced all files: some may belong to another scene";
-        return Err(fault(found, "run cd-pre again"));
-    }
-    Ok(lock)
+    let lock = share_datbox(datbox)?;
+    unfinished_fault(datbox).map_or(Ok(lock), |fault| Err(fault.into()))
+}
+
+/// Locks a DATBOX for reading, even if it is unfinished. Errors: cd-pre is writing it.
+pub fn share_datbox(datbox: &Path) -> Result<FolderLock, Faults> {
+    let fault = || Fault::new(datbox, None, "folder", "cd-pre is writing it", "wait for its end");
+    FolderLock::shared(datbox).ok_or_else(|| fault().into())
+}
+
+/// Fault of a DATBOX that cd-pre was replacing when it was ended; `None` of others.
+pub fn unfinished_fault(datbox: &Path) -> Option<Fault> {
+    let found = "cd-pre was ended before it had replaced all files: some may belong to another scene";
+    atomic::is_unfinished(datbox).then(|| Fault::new(datbox, None, "folder", found, "run cd-pre again"))
+}
+
+/// List of checksums that cd-pre has written.
+pub struct WrittenList {
+    /// Lines of the list.
+    pub lines: Vec<ChecksumLine>,
+    /// Name and version of cd-pre.
+    program: String,
+}
+
+/// List of the checksums of a DATBOX; `None` if cd-pre has not written it. Errors: it cannot be read.
+pub fn written_list(datbox: &Path) -> Result<Option<WrittenList>, Faults> {
+    let Some(lines) = read_list(datbox)? else { return Ok(None) };
+    // An OUTBOX with text files may be used as a DATBOX; its list is of other files.
+    let program = lines.iter().find_map(written_by_pre).map(str::to_string);
+    Ok(program.map(|program| WrittenList { lines, program }))
 }
 
 /// Compares a DATBOX with the list of its checksums. Returns a warning about files that have changed since cd-pre wrote them.
 /// Errors: files of the list that are missing.
 pub fn changed_files_warning(datbox: &Path) -> Result<Option<String>, Faults> {
-    let Some(lines) = read_list(datbox)? else { return Ok(None) };
-    // An OUTBOX with text files may be used as a DATBOX; its list is of other files.
-    let Some(program) = lines.iter().find_map(written_by_pre) else { return Ok(None) };
+    let Some(WrittenList { lines, program }) = written_list(datbox)? else { return Ok(None) };
     let (mut changed, mut faults) = (Vec::new(), Faults::default());
     for line in &lines {
         let ChecksumLine::File { path: name, checksum } = line else { continue };
@@ -40,7 +61,11 @@ pub fn changed_files_warning(datbox: &Path) -> Result<Option<String>, Faults> {
     }
     let warning = (!changed.is_empty()).then(|| {
         let names = changed.join(", ");
-        format!("{}: changed since {program} wrote it: {names}; the run takes it as it is", datbox.display())
+        format!(
+            "{}: changed since {program} wrote them: {names}; the run uses them; if they were not edited on purpose, run \
+             cd-pre again",
+            datbox.display()
+        )
     });
     faults.into_result(warning)
 }

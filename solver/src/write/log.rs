@@ -6,7 +6,6 @@ use std::path::Path;
 
 use cd_formats::atomic;
 use cd_formats::error::Faults;
-use cd_formats::messages::print_line;
 
 use super::appended::AppendedFile;
 use crate::scene::Scene;
@@ -102,6 +101,8 @@ pub struct LogTable {
     last_row: u64,
     /// Computes the figures of a row that follow from its others, if there are such.
     completion: Option<RowCompletion>,
+    /// Message about missing rows, if any are.
+    missing_rows_note: Option<String>,
 }
 
 /// Computes the figures of a row that follow from its others.
@@ -140,7 +141,7 @@ impl LogTable {
     /// Opens the file to continue after step `resume_step`, in a run that began after step `first_step`. Rows up to
     /// `resume_step` are kept and passed to `record`; columns that a row does not have, because of other options, are empty.
     /// If the last row was not due and was only written because the run ended, it is removed: the following steps belong to
-    /// it. Prints a warning if rows are missing.
+    /// it. Rows that are missing have a note, see [`Self::missing_rows_note`].
     pub fn open(
         path: &Path,
         columns: &[LogColumn],
@@ -185,13 +186,13 @@ impl LogTable {
             }
             Ok(())
         })?;
-        if last_row < resume_step {
-            let path = path.display();
-            print_line(format_args!(
-                "cd-solve: {path}: no rows of steps {} to {resume_step}, which are behind this run",
-                last_row + 1
-            ));
-        }
+        let missing_rows_note = (last_row < resume_step).then(|| {
+            let first_missing = last_row + 1;
+            format!(
+                "{}: no rows of steps {first_missing} to {resume_step}, which were computed before this run",
+                path.display()
+            )
+        });
         Ok(LogTable {
             file: AppendedFile::open(path)?,
             columns: columns.to_vec(),
@@ -199,7 +200,13 @@ impl LogTable {
             pending: pending.map(|(_, cells)| cells[..own_count].to_vec()),
             last_row: previous_row,
             completion: None,
+            missing_rows_note,
         })
+    }
+
+    /// Message about the rows up to the step of the resume that the file did not have, if any.
+    pub fn missing_rows_note(&self) -> Option<&str> {
+        self.missing_rows_note.as_deref()
     }
 
     /// The same table, whose rows are completed by `completion` before they are written.

@@ -21,7 +21,6 @@ use cd_formats::atomic::{folder_entries, path_exists};
 use cd_formats::checksums::CHECKSUMS_FILE;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::lock::FolderLock;
-use cd_formats::messages::print_error;
 use cd_formats::snapshot::{list_snapshots, remove_orphan_parts, snapshot_path};
 
 use crate::ranks;
@@ -53,6 +52,15 @@ pub struct ResultFiles {
     probes: ProbeFiles,
     /// Number of bodies in a part of a snapshot.
     part_bodies: Option<usize>,
+}
+
+/// Messages about files that a run has opened.
+#[derive(Debug, Clone, Default)]
+pub struct OpeningNotes {
+    /// Notes about logs that lack rows of earlier steps.
+    pub missing_rows: Vec<String>,
+    /// Warning of files of DATBOX that have changed since the run began.
+    pub changed_inputs: Option<String>,
 }
 
 /// Path of a case's OUTBOX.
@@ -120,7 +128,7 @@ impl ResultFiles {
         scene: &Scene,
         state: &State,
         part_bodies: Option<usize>,
-    ) -> Result<(Self, ErrorEstimator), Faults> {
+    ) -> Result<(Self, ErrorEstimator, OpeningNotes), Faults> {
         let outbox = outbox_path(case);
         remove_orphan_parts(&outbox)?;
         let options = &scene.options;
@@ -159,13 +167,18 @@ impl ResultFiles {
             is_resumed.then(|| ResumedSnapshot { step: state.step, is_due: is_snapshot_due(scene, state) });
         let logs = logs_with_checksums(&log, &postpro, &probes);
         let (checksums, changed_inputs) = ResultChecksums::open(case, &outbox, resumed_snapshot, &logs)?;
-        if !changed_inputs.is_empty() {
-            let files = changed_inputs.join(", ");
-            print_error(format_args!(
-                "cd-solve: warning: {}: changed or removed since this run began: {files}; the run continues with the present files",
-                outbox.display()
-            ));
-        }
+        let tables = [&log, &timer].into_iter().chain(probes.tables());
+        let notes = OpeningNotes {
+            missing_rows: tables.filter_map(LogTable::missing_rows_note).map(str::to_string).collect(),
+            changed_inputs: (!changed_inputs.is_empty()).then(|| {
+                format!(
+                    "{}: changed or removed since this run began: {}; the run continues with the present files; --force \
+                     starts anew",
+                    outbox.display(),
+                    changed_inputs.join(", ")
+                )
+            }),
+        };
         let folder = File::open(&outbox).ok();
         let files = ResultFiles {
             outbox,
@@ -179,7 +192,7 @@ impl ResultFiles {
             probes,
             part_bodies,
         };
-        Ok((files, estimator))
+        Ok((files, estimator, notes))
     }
 
     /// Errors if OUTBOX is no longer the folder that the run has opened.
@@ -303,12 +316,13 @@ impl RunOutput {
         scene: &Scene,
         state: &State,
         part_bodies: Option<usize>,
-    ) -> Result<(Self, ErrorEstimator), Faults> {
+    ) -> Result<(Self, ErrorEstimator, OpeningNotes), Faults> {
         if !is_writer {
-            return Ok((RunOutput(None), ErrorEstimator::new(scene.options.output_every)));
+            let estimator = ErrorEstimator::new(scene.options.output_every);
+            return Ok((RunOutput(None), estimator, OpeningNotes::default()));
         }
-        let (files, estimator) = ranks::compute_alone(|| ResultFiles::open(case, scene, state, part_bodies))?;
-        Ok((RunOutput(Some(files)), estimator))
+        let (files, estimator, notes) = ranks::compute_alone(|| ResultFiles::open(case, scene, state, part_bodies))?;
+        Ok((RunOutput(Some(files)), estimator, notes))
     }
 
     /// Applies `write` to the files of the rank that has them.

@@ -70,9 +70,14 @@ impl ProbeFiles {
         self.0.iter_mut().try_for_each(|(file, _)| file.finish_rows(|_| ()))
     }
 
+    /// All tables, in the order of the probes.
+    pub fn tables(&self) -> impl Iterator<Item = &LogTable> {
+        self.0.iter().map(|(table, _)| table)
+    }
+
     /// All files, in the order of the probes.
     pub fn files(&self) -> impl Iterator<Item = &AppendedFile> {
-        self.0.iter().map(|(table, _)| table.file())
+        self.tables().map(LogTable::file)
     }
 
     /// Writes the rows so far, so that other programs can read them.

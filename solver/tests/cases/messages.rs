@@ -163,7 +163,7 @@ fn a_scene_that_has_changed_since_is_named() {
 }
 
 #[test]
-fn a_truncated_snapshot_is_named_with_what_resume_takes_without_it() {
+fn a_truncated_snapshot_is_named_with_the_option_that_continues() {
     let mut case = falling();
     case.options.output_every = 2;
     case.write();
@@ -172,13 +172,20 @@ fn a_truncated_snapshot_is_named_with_what_resume_takes_without_it() {
     let bytes = fs::read(&last).unwrap();
     fs::write(&last, &bytes[..bytes.len() / 2]).unwrap();
     let line = "cd-solve: CASE/OUTBOX/snapshot-000004.npz: snapshot: the file is truncated; expected an .npz file of \
-                cd-solve; if it is deleted, --resume continues from snapshot-000002.npz\n";
+                cd-solve; --resume --skip-damaged continues from the last sound snapshot\n";
     let (code, _, text) = output_of(&case, &["--resume"]);
     assert_eq!((code, text.as_str()), (2, line));
     fs::write(&last, "text").unwrap();
     assert!(output_of(&case, &["--resume"]).2.contains("snapshot: the file is no .npz file; "));
-    fs::remove_file(&last).unwrap();
-    assert_eq!(output_of(&case, &["--resume"]).0, 0);
+    // The first truncated one is behind the sound snapshot of step 0.
+    let previous = snapshot::snapshot_path(&case.path().join("OUTBOX"), 2);
+    fs::write(&previous, "text").unwrap();
+    let (code, _, text) = output_of(&case, &["--resume", "--skip-damaged"]);
+    let aside = |step| {
+        format!("cd-solve: warning: CASE/OUTBOX/snapshot-{step:06}.npz.damaged: set aside: the snapshot is damaged\n")
+    };
+    assert_eq!((code, text), (0, aside(2) + &aside(4)));
+    assert_eq!(snapshot::Snapshot::read(&last).unwrap().meta.step, 4);
 }
 
 #[test]
@@ -407,8 +414,8 @@ fn a_snapshot_that_is_a_folder_is_named() {
     let case = falling();
     case.write();
     fs::create_dir_all(case.path().join("OUTBOX/snapshot-000004.npz")).unwrap();
-    let line = "cd-solve: CASE/OUTBOX/snapshot-000004.npz: file: cannot be read: it is a folder; if it is deleted, \
-                --resume continues from DATBOX\n";
+    let line = "cd-solve: CASE/OUTBOX/snapshot-000004.npz: file: cannot be read: it is a folder; move it away \
+                and start from DATBOX with --force\n";
     assert_eq!(output_of(&case, &["--resume"]).2, line);
 }
 
