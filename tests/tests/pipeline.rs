@@ -413,7 +413,7 @@ fn events_happen_once_and_at_their_time() {
     assert_eq!(compute.events[0].action, EventAction::AddSpin([0.0, 0.0, 1e-4]));
 }
 
-/// What cd-post writes, read back without VTK; `vtk_readback.py` does it with VTK.
+/// Files of cd-post for ParaView, read back without VTK; `vtk_readback.py` does it with VTK.
 #[test]
 fn paraview_files_hold_the_snapshots() {
     let case = Case::from_scene(BUSY).solved(&[]);

@@ -8,7 +8,7 @@ use crate::oracle::{Solid, common_area, separation};
 use crate::shapes::{Random, cuboid, prism, regular, rock};
 use crate::{check, contact, remembered};
 
-/// Of each class.
+/// Number of pairs of each class.
 const COUNT: usize = 1_000;
 const NOISE: f64 = 1e-12;
 
