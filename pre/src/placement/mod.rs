@@ -120,9 +120,9 @@ impl PlacementError {
 
 /// Sizes, shapes and positions of the grains of one (checked) group of grains, the `group`-th of the scene.
 ///
-/// Polyhedra are placed as their bounding balls, in `RandomSequential` by their shapes where these do not fit, in
-/// `DensePacking` by their shapes, which turn. Grains in an envelope are returned in Z-order, so that neighbours in space have
-/// near numbers.
+/// Grains other than spheres are placed as their bounding balls; polyhedra in `RandomSequential` by their shapes where these
+/// do not fit; all in `DensePacking` by their shapes, which turn if `grain_orientation` is `Random`. Grains in an envelope are
+/// returned in Z-order, so that neighbours in space have near numbers.
 ///
 /// Errors: grains that do not fit into the envelope, no grain or too many, a degenerate shape, no envelope, radii from two
 /// sources or none.
@@ -239,7 +239,7 @@ pub fn place_grains(
         GrainPlacement::DensePacking { .. } => {
             let cell = PackingCell { region: &region, periods };
             let can_turn = grains.grain_orientation == GrainOrientations::Random;
-            dense_packing(&cell, &mut drawn, margin, (pose, can_turn), obstacles, &mut random)
+            dense_packing(&cell, &mut drawn, margin, pose, can_turn, obstacles, &mut random)
         }
         _ => {
             let search = obstacles.map(|obstacles| obstacles.into_search(largest_reach(&drawn)));
@@ -460,7 +460,8 @@ fn dense_packing(
     cell: &PackingCell,
     grains: &mut Vec<SampledGrain>,
     margin: f64,
-    (pose, can_turn): (EnvelopePose, bool),
+    pose: EnvelopePose,
+    can_turn: bool,
     obstacles: Option<Obstacles>,
     random: &mut RandomStream,
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
