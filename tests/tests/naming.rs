@@ -14,13 +14,13 @@ const ONE_WORD_FUNCTIONS: f64 = 0.30;
 
 /// Prepositions, adverbs, participles and adjectives that do not name the value of a function or closure.
 const NAMELESS_WORDS: &str = "\
-    about above across added after again against all along alone apart around at before behind below beside \
-    between beyond borne bounded broken by centred chosen closing concatenated covering crossed current down due equal \
-    every evaluated far farther farthest finer finite first fitted for found from held idle imposed in innermost inside \
-    joined known last listed lower lowest made measured moved moving named near next numbered of on other others out outward \
-    over own preconditioned present radial reduced refused renamed replaced reversed riding rotated said scaled selected \
-    shifted sorted stored swapped through to toward towards turned unaccounted unproven unquoted unscaled until weighted whole with \
-    within";
+    about above across added after again against all along alone apart around at before behind below beside between \
+    beyond borne bounded broken by centred chosen closing concatenated covering crossed current down due equal every \
+    evaluated far farther farthest finer finite first fitted for found from held idle imposed in innermost inside \
+    joined known last listed lower lowest made measured moved moving named near next numbered of on other others out \
+    outward over own preconditioned present radial reduced refused renamed replaced reversed riding rotated said \
+    scaled selected shifted sorted stored swapped through to toward towards turned unaccounted unproven unquoted \
+    unscaled until weighted whole with within";
 
 /// Words of these that name arguments and fields well, in a pair or a range: `own` and `other`, `from` and `to`, `whole` and
 /// `part`, `hidden` and `covering`.
