@@ -28,7 +28,7 @@ pub struct Bed {
     /// Thickness of the uniform bed with the same centre of mass, m: twice the height of the centre of mass above the
     /// floor.
     pub height: f64,
-    /// Grains, rising: the groups that a wall touches with force, and the grains among them.
+    /// Indices of the grains, ascending: the groups that a wall touches with force, and the grains among them.
     pub grains: Vec<GrainId>,
     /// sum V_i sigma_i over the bed's grains, J ([`grain_stresses`]).
     moment: Mat3,

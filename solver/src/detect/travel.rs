@@ -52,7 +52,7 @@ impl<'a> TravelBounds<'a> {
         (v[i] - self.mean_velocity) * self.lookahead
     }
 
-    /// Relative displacement of two points at the distance `branch` from each other by the affine field of a deforming cell,
+    /// Relative displacement of two points, m, by the affine field of a deforming cell; `branch` is the vector between them,
     /// m.
     #[inline]
     pub fn affine_path(&self, branch: &Vec3) -> Vec3 {
