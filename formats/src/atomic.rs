@@ -8,10 +8,10 @@ use rayon::prelude::*;
 
 use crate::error::{Fault, Faults};
 
-/// Writes `bytes` to `path` so that a reader finds the old file or the new one, never a part, even if the program or the
+/// Writes `bytes` to `path` so that a reader finds the old file or the new one, both complete, even if the program or the
 /// machine fails meanwhile. Creates missing folders.
 ///
-/// The bytes go to a new file `.NAME.part` in the same folder first. A part that a killed program has left behind is removed
+/// The bytes go to a new file `.NAME.part` in the same folder first. One that a killed program has left behind is removed
 /// before; if it is a link, so is the link, and the file to which it leads stays as it is.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Faults> {
     PendingFile::write(path, bytes)?.move_into_place()
@@ -37,20 +37,20 @@ const UNFINISHED_FILE: &str = ".unfinished";
 
 /// Writes several files that belong together like `write`: none is renamed before all are written.
 pub fn write_all<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Result<(), Faults> {
-    write_parts(files)?.into_iter().try_for_each(PendingFile::move_into_place)
+    write_pending_files(files)?.into_iter().try_for_each(PendingFile::move_into_place)
 }
 
-/// Writes files of a folder like [`write_all`], and removes those that are `removed`. If the program is killed meanwhile, the
-/// folder remains marked as unfinished, see [`is_unfinished`].
+/// Writes files of a folder like [`write_all`], and removes those that are `removed`. If the program is killed
+/// meanwhile, or a rename fails, the folder remains marked as unfinished, see [`is_unfinished`].
 pub fn write_folder<'a>(
     folder: &Path,
     files: impl IntoIterator<Item = (&'a str, &'a [u8])>,
     removed: &[&str],
 ) -> Result<(), Faults> {
-    let parts = write_parts(files.into_iter().map(|(name, bytes)| (folder.join(name), bytes)))?;
+    let pending_files = write_pending_files(files.into_iter().map(|(name, bytes)| (folder.join(name), bytes)))?;
     let mark = folder.join(UNFINISHED_FILE);
     write(&mark, b"")?;
-    parts.into_iter().try_for_each(PendingFile::move_into_place)?;
+    pending_files.into_iter().try_for_each(PendingFile::move_into_place)?;
     let removed = removed.iter().map(|name| folder.join(name)).filter(|path| path_exists(path));
     for path in removed.chain([mark]) {
         fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;
@@ -60,11 +60,11 @@ pub fn write_folder<'a>(
 }
 
 /// Writes the temporary files of several files.
-fn write_parts<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Result<Vec<PendingFile>, Faults> {
+fn write_pending_files<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Result<Vec<PendingFile>, Faults> {
     let files: Vec<(PathBuf, &[u8])> = files.into_iter().collect();
-    let parts: Vec<Result<PendingFile, Faults>> =
+    let pending_files: Vec<Result<PendingFile, Faults>> =
         files.par_iter().map(|(path, bytes)| PendingFile::write(path, bytes)).collect();
-    parts.into_iter().collect()
+    pending_files.into_iter().collect()
 }
 
 /// Whether a program was ended while it replaced files of the folder that belong together, so that some may be old and
@@ -75,7 +75,7 @@ pub fn is_unfinished(folder: &Path) -> bool {
 
 /// File that grows while the program runs, and appears complete at its path or not at all, like that of [`write()`].
 pub struct GrowingFile {
-    part: PendingFile,
+    pending: PendingFile,
     file: File,
     length: u64,
 }
@@ -83,8 +83,8 @@ pub struct GrowingFile {
 impl GrowingFile {
     /// Starts a file of `length` zeros, to be replaced by [`GrowingFile::finish`].
     pub fn create(path: &Path, length: usize) -> Result<GrowingFile, Faults> {
-        let (part, file) = PendingFile::create(path)?;
-        let mut growing = GrowingFile { part, file, length: 0 };
+        let (pending, file) = PendingFile::create(path)?;
+        let mut growing = GrowingFile { pending, file, length: 0 };
         growing.append(&vec![0; length])?;
         Ok(growing)
     }
@@ -96,7 +96,7 @@ impl GrowingFile {
 
     /// Appends bytes; returns their position in the file.
     pub fn append(&mut self, bytes: &[u8]) -> Result<u64, Faults> {
-        self.file.write_all(bytes).map_err(|error| self.part.fault(&error))?;
+        self.file.write_all(bytes).map_err(|error| self.pending.fault(&error))?;
         let position = self.length;
         self.length += bytes.len() as u64;
         Ok(position)
@@ -106,8 +106,8 @@ impl GrowingFile {
     pub fn finish(mut self, start: &[u8]) -> Result<(), Faults> {
         let file = &mut self.file;
         let written = file.seek(SeekFrom::Start(0)).and_then(|_| file.write_all(start)).and_then(|()| file.sync_all());
-        written.map_err(|error| self.part.fault(&error))?;
-        self.part.move_into_place()
+        written.map_err(|error| self.pending.fault(&error))?;
+        self.pending.move_into_place()
     }
 }
 
@@ -124,9 +124,9 @@ impl PendingFile {
     }
 
     fn write_with(path: &Path, put: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<PendingFile, Faults> {
-        let (part, mut file) = PendingFile::create(path)?;
-        put(&mut file).and_then(|()| file.sync_all()).map_err(|error| part.fault(&error))?;
-        Ok(part)
+        let (pending, mut file) = PendingFile::create(path)?;
+        put(&mut file).and_then(|()| file.sync_all()).map_err(|error| pending.fault(&error))?;
+        Ok(pending)
     }
 
     fn fault(&self, error: &std::io::Error) -> Faults {
@@ -144,11 +144,11 @@ impl PendingFile {
         if path.is_dir() {
             return Err(fault(ErrorKind::IsADirectory.into()));
         }
-        let part = PendingFile { path: path.to_path_buf(), temporary_path: temporary_path(path), folder };
-        remove_old_part(path)?;
+        let pending = PendingFile { path: path.to_path_buf(), temporary_path: temporary_path(path), folder };
+        remove_temporary_file(path)?;
         // A new file: a link that has appeared meanwhile is not followed.
-        let file = OpenOptions::new().write(true).create_new(true).open(&part.temporary_path).map_err(fault)?;
-        Ok((part, file))
+        let file = OpenOptions::new().write(true).create_new(true).open(&pending.temporary_path).map_err(fault)?;
+        Ok((pending, file))
     }
 
     fn move_into_place(self) -> Result<(), Faults> {
@@ -170,8 +170,8 @@ pub fn temporary_path(path: &Path) -> PathBuf {
     path.with_file_name(format!(".{name}.part"))
 }
 
-/// Removes the part that a killed program has left behind for the file `path`, or a link of that name.
-pub fn remove_old_part(path: &Path) -> Result<(), Faults> {
+/// Removes the temporary file that a killed program has left behind for the file `path`, or a link of that name.
+pub fn remove_temporary_file(path: &Path) -> Result<(), Faults> {
     match fs::remove_file(temporary_path(path)) {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(Fault::from_io(path, "written", &error).into()),
         _ => Ok(()),
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn replaces_whole_files_and_leaves_no_part_behind() {
+    fn replaces_whole_files_and_leaves_no_temporary_file_behind() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a/b.txt");
         write(&path, b"first").unwrap();
@@ -320,10 +320,8 @@ mod tests {
         let files = || [("first", &b"new"[..]), ("second", &b"new"[..])];
         write_folder(folder.path(), files(), &[]).unwrap();
         assert!(!is_unfinished(folder.path()));
-        // A folder in the place of the second file: its rename fails after the first.
+        // A folder in the place of the second file: it is rejected before any rename.
         let second = folder.path().join("second");
-        let parts = write_parts(files().map(|(name, bytes)| (folder.path().join(name), bytes))).unwrap();
-        drop(parts);
         fs::remove_file(&second).unwrap();
         fs::create_dir(&second).unwrap();
         write_folder(folder.path(), files(), &[]).unwrap_err();

@@ -132,11 +132,11 @@ mod tests {
     fn what_is_no_case_says_what_to_do() {
         let folder = tempfile::tempdir().unwrap();
         let case = folder.path();
-        let said = |name: &str, part: CaseFolder| {
+        let messages = |name: &str, part: CaseFolder| {
             let text = case_fault(&case.join(name), part, "cd-x").map_or(String::new(), |fault| fault.to_string());
             text.replace(&case.display().to_string(), "CASE")
         };
-        let outbox = |name: &str| said(name, CaseFolder::Outbox);
+        let outbox = |name: &str| messages(name, CaseFolder::Outbox);
         assert_eq!(outbox(""), "CASE/OUTBOX: folder: is missing; expected snapshot-*.npz, the results of cd-solve");
         let absent = "CASE/absent: folder: there is no such folder; expected the folder of a case, with OUTBOX in it";
         assert_eq!(outbox("absent"), absent);
@@ -155,7 +155,9 @@ mod tests {
         assert_eq!(outbox("OUTBOX/snapshot-000001.npz"), snapshot);
         for part in [CaseFolder::Datbox, CaseFolder::Outbox, CaseFolder::Any] {
             assert_eq!(case_fault(case, part, "cd-x"), None);
-            assert!(said("OUTBOX", part).contains("is an OUTBOX") && said("DATBOX", part).contains("is a DATBOX"));
+            assert!(
+                messages("OUTBOX", part).contains("is an OUTBOX") && messages("DATBOX", part).contains("is a DATBOX")
+            );
         }
     }
 }

@@ -209,15 +209,15 @@ mod tests {
     fn words_out_of_order_and_without_dashes_are_recognised() {
         let state = Command::new("state").arg(Arg::new("snapshot").long("snapshot"));
         let program = Command::new("cd-x").subcommand(state).arg(Arg::new("resume").long("resume"));
-        let said = |line: &str| {
+        let messages = |line: &str| {
             let args: Vec<OsString> = format!("cd-x {line}").split(' ').map(OsString::from).collect();
             misplaced_word_message(&program, &args).unwrap_or_default()
         };
-        assert_eq!(said("here state there"), "state: a command comes first; did you mean cd-x state here there?");
-        assert_eq!(said(". resume"), "resume: is not expected here; did you mean --resume?");
-        assert_eq!(said(". -resume"), "-resume: is not expected here; did you mean --resume?");
-        assert_eq!(said("state . snapshot 3"), "snapshot: is not expected here; did you mean --snapshot?");
-        assert_eq!(said(". other"), "");
+        assert_eq!(messages("here state there"), "state: a command comes first; did you mean cd-x state here there?");
+        assert_eq!(messages(". resume"), "resume: is not expected here; did you mean --resume?");
+        assert_eq!(messages(". -resume"), "-resume: is not expected here; did you mean --resume?");
+        assert_eq!(messages("state . snapshot 3"), "snapshot: is not expected here; did you mean --snapshot?");
+        assert_eq!(messages(". other"), "");
         // A word too many.
         let one = program.clone().arg(Arg::new("dir").value_name("DIR")).args_conflicts_with_subcommands(true);
         let error = one.clone().try_get_matches_from(["cd-x", "a", "b"]).unwrap_err();
@@ -233,12 +233,12 @@ mod tests {
         let output = Arg::new("output").short('o').long("output").value_name("DIR");
         let study = Command::new("study").args([Arg::new("study"), output.clone(), Arg::new("set").long("set")]);
         let program = Command::new("cd-x").args([Arg::new("scene"), output]).subcommand(study);
-        let said = |line: &str| {
+        let messages = |line: &str| {
             let args: Vec<OsString> = format!("cd-x {line}").split(' ').map(OsString::from).collect();
             misplaced_word_message(&program, &args).unwrap_or_default()
         };
         let expected = "to: is not expected here; the folder is given by -o to";
-        assert_eq!(["a.ron to", "study a.ron --set x=1 to"].map(said), [expected; 2]);
-        assert_eq!(["a.ron to -o there", "a.ron to there", "a.ron"].map(said), [""; 3]);
+        assert_eq!(["a.ron to", "study a.ron --set x=1 to"].map(messages), [expected; 2]);
+        assert_eq!(["a.ron to -o there", "a.ron to there", "a.ron"].map(messages), [""; 3]);
     }
 }

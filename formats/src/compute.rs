@@ -781,8 +781,8 @@ pub const PERIOD_NAMES: [&str; 3] = ["xperiode", "yperiode", "zperiode"];
 /// Text of an option without a value.
 pub const NO_VALUE: &str = "None";
 
-/// Options without a default that files and snapshots contain only if they are given: those of scenes without them are
-/// as of earlier versions. `impacts` has a default, and is left out of COMPUTE.RON alone.
+/// Options without a default that files and snapshots contain only if they are given: files of scenes without them equal
+/// those of earlier versions. `impacts` has a default, and is left out of COMPUTE.RON alone.
 pub const OPTIONS_WRITTEN_IF_GIVEN: [&str; 2] = ["zperiode", "cell"];
 
 /// Requirement on a rotation in a periodic scene, since neighbours across its boundary would be separated.

@@ -73,7 +73,7 @@ pub struct PrimaryResponse {
     pub bodies_mass: f64,
     /// Deviation of the primary from its orbit, m.
     pub displacement: [f64; 3],
-    /// Its velocity, m/s.
+    /// Rate of change of `displacement`, m/s.
     pub velocity: [f64; 3],
 }
 

@@ -43,6 +43,7 @@
 //! | [`probe`] | series of quantities followed step by step, and conditions that end a run |
 //! | [`postpro`] | `DATBOX/POSTPRO.DAT`: files with rows of figures, requested as in LMGC90 |
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
+//! | [`deforming_cell`] | the option `cell` of COMPUTE.RON, and the state of the cell in a run |
 //! | [`accuracy`], [`presets`] | the presets of accuracy of COMPUTE.RON, and their values |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: the complete state for a restart, bit for bit |
 //! | [`obj`] | Wavefront OBJ: surfaces of attracting bodies and of walls, `DATBOX/NAME.obj`, `DATBOX/MESHx-k.obj` |
@@ -56,6 +57,7 @@
 //! | [`wall_mesh`] | triangulated surfaces of walls (`MESHx`), and their contacts with balls |
 //! | [`law_table`] | contact laws: names, parameters with units and limits, friction limit, memory |
 //! | [`field`] | accelerations and potentials of external fields |
+//! | [`orbit`] | Kepler orbits of the masses of external fields |
 //! | [`polyhedron_gravity`](geometry::polyhedron_gravity) | attraction of a homogeneous polyhedron |
 //!
 //! Tools for files:
@@ -68,7 +70,7 @@
 //! | [`settings`] | values of RON files that a command line replaces |
 //! | [`ron_file`], [`former_names`] | RON files under current names and those of earlier versions |
 //! | [`atomic`] | files that are complete or absent |
-//! | [`checksums`], [`lock`] | SHA-256 checksums of the files of a folder; locks of folders
+//! | [`checksums`], [`lock`] | SHA-256 checksums of the files of a folder; locks of folders |
 //! | [`case`], [`command_line`] | the folder of a case on a command line; reading of command lines |
 //! | [`foreign`] | folders of LMGC90 with 2D or deformable bodies |
 //! | [`origin`] | the files that DATBOX is made from |

@@ -160,19 +160,22 @@ mod tests {
 
     #[test]
     fn values_that_are_no_numbers() {
-        let said = |flag: &str| {
+        let messages = |flag: &str| {
             let command = ComputeFlags::augment_args(Command::new("program"));
             let error = command.try_get_matches_from(["program", flag]).unwrap_err();
             wrong_number_message(&error).unwrap_or_else(|| error.to_string())
         };
-        assert_eq!(said("--tol=1e400"), "--tol: 1e400; expected a number below 1.8e308 in magnitude");
-        assert_eq!(said("--dt=abc"), "--dt: abc; expected a number (s)");
-        assert_eq!(said("--alert=1,5"), "--alert: 1,5; expected a number (m)");
-        assert_eq!(said("--quench=much"), "--quench: much; expected a number");
-        assert_eq!(said("--dt="), "--dt: no value; expected a number (s)");
-        assert_eq!(said("--threads=-1"), "--threads: -1; expected an integer of 0 or more");
-        assert_eq!(said("--steps=1.5"), "--steps: 1.5; expected an integer of 0 or more");
-        assert_eq!(said("--steps=99999999999999999999"), "--steps: 99999999999999999999; expected a smaller integer");
-        assert!(said("--accuracy=high").contains("possible values"));
+        assert_eq!(messages("--tol=1e400"), "--tol: 1e400; expected a number below 1.8e308 in magnitude");
+        assert_eq!(messages("--dt=abc"), "--dt: abc; expected a number (s)");
+        assert_eq!(messages("--alert=1,5"), "--alert: 1,5; expected a number (m)");
+        assert_eq!(messages("--quench=much"), "--quench: much; expected a number");
+        assert_eq!(messages("--dt="), "--dt: no value; expected a number (s)");
+        assert_eq!(messages("--threads=-1"), "--threads: -1; expected an integer of 0 or more");
+        assert_eq!(messages("--steps=1.5"), "--steps: 1.5; expected an integer of 0 or more");
+        assert_eq!(
+            messages("--steps=99999999999999999999"),
+            "--steps: 99999999999999999999; expected a smaller integer"
+        );
+        assert!(messages("--accuracy=high").contains("possible values"));
     }
 }

@@ -24,20 +24,29 @@ struct AttractingMass {
 /// Primary about which no group can move.
 #[derive(Debug)]
 enum PrimaryError {
-    /// Its surface cannot be read.
+    /// The surface of the primary cannot be read.
     UnreadSurface,
-    /// The fields, of this number, have no primary at rest with its number.
+    /// No primary at rest has the requested number; `fields` is the number of fields.
     NotAtRest { fields: usize },
 }
 
+impl PrimaryError {
+    /// Expected value, for a message.
+    fn expected(&self) -> String {
+        match self {
+            PrimaryError::UnreadSurface => "a surface that can be read".to_string(),
+            PrimaryError::NotAtRest { fields } => {
+                format!("the number of a primary at rest in compute.fields, from 1; {fields} fields are there")
+            }
+        }
+    }
+}
+
 impl std::fmt::Display for PrimaryError {
-    /// The expected value, for a message.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            PrimaryError::UnreadSurface => write!(f, "a surface that can be read"),
-            PrimaryError::NotAtRest { fields } => {
-                write!(f, "the number of a primary at rest in compute.fields, from 1; {fields} fields are there")
-            }
+            PrimaryError::UnreadSurface => write!(f, "the surface cannot be read"),
+            PrimaryError::NotAtRest { .. } => write!(f, "no primary at rest has this number"),
         }
     }
 }
@@ -102,7 +111,7 @@ pub fn place_on_orbit(
             }
             Err(error) => {
                 let found = format!("Primary({number})");
-                return report.add_fault(&format!("{path}.about"), found, error.to_string());
+                return report.add_fault(&format!("{path}.about"), found, error.expected());
             }
         },
         OrbitCentre::Colour(colour) => {

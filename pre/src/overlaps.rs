@@ -175,7 +175,7 @@ impl<'a> Obstacles<'a> {
             let hull = match wall.shape {
                 ShapeRecord::Plane { half_lengths } => RoundedHull::from_box(&axes, &half_lengths.into()),
                 ShapeRecord::Cylinder { half_height, radius, hollow: false } => {
-                    RoundedHull::around_cylinder(&axes, [half_height, radius])
+                    RoundedHull::around_cylinder(&axes, half_height, radius)
                 }
                 _ => continue,
             };

@@ -19,7 +19,7 @@ pub const POUR_FOLDER: &str = "pour";
 pub struct PourRequest<'a> {
     /// Scene of the first run.
     pub scene: &'a Path,
-    /// Values of the scene that are replaced.
+    /// Settings `PATH=VALUE`, which replace values of the scene.
     pub settings: &'a [String],
     /// Folder of the next run.
     pub dir: &'a Path,
@@ -65,7 +65,7 @@ fn advice_after(code: Option<i32>, case: &Path, request: &PourRequest) -> String
     )
 }
 
-/// Runs cd-solve on a case, which it computes anew, with further arguments. Returns its exit code, none if it was killed.
+/// Runs `cd-solve CASE --force` with further arguments. Returns its exit code, none if it was killed.
 ///
 /// Errors: a program that cannot be started.
 pub fn run_solver(case: &Path, arguments: &[OsString]) -> io::Result<Option<i32>> {

@@ -117,7 +117,7 @@ fn two_aggregates_spin_rigidly_and_approach() {
 }
 
 /// DATBOX of a scene, which without -o lies in the scene's folder.
-fn made(scene: &str) -> (tempfile::TempDir, std::path::PathBuf) {
+fn write_case(scene: &str) -> (tempfile::TempDir, std::path::PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ron");
     std::fs::write(&path, scene).unwrap();
@@ -128,7 +128,7 @@ fn made(scene: &str) -> (tempfile::TempDir, std::path::PathBuf) {
 
 #[test]
 fn moving_walls_driven_grains_and_tables() {
-    let (_folder, datbox) = made(
+    let (_folder, datbox) = write_case(
         r#"(
             materials: [(name: "ROCKx", density: 2700)],
             laws: [(name: "rst", kind: RST_CLB(normal_restitution: 0.5, tangential_restitution: 0, friction: 0.3))],
@@ -174,7 +174,7 @@ fn scene_of_balls_and_plates(bodies: &str) -> String {
 
 #[test]
 fn presses_and_guided_grains_are_driven_in_part() {
-    let (_folder, datbox) = made(&scene_of_balls_and_plates(
+    let (_folder, datbox) = write_case(&scene_of_balls_and_plates(
         r#"
             grains: [(
                 material: "ROCKx", colour: "BALLx", sizes: Single(0.1), placement: List(positions: [(0, 0, 0.1)]),
@@ -216,7 +216,7 @@ fn any_of_the_six_components_may_be_imposed() {
         ))
     };
     let lines = |grains: &str, moment: &str, body: usize| {
-        let (_folder, datbox) = made(&scene(grains, moment));
+        let (_folder, datbox) = write_case(&scene(grains, moment));
         let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT")).unwrap().0;
         let of = |kind: DrivenKind| -> Vec<(usize, f64)> {
             let rows = driven.iter().filter(|row| row.body == body && row.kind == kind);
@@ -243,7 +243,7 @@ fn any_of_the_six_components_may_be_imposed() {
 fn the_seed_decides_every_byte() {
     let scene = std::fs::read_to_string(example("two-aggregates")).unwrap();
     let bytes = |scene: &str| {
-        let (_folder, datbox) = made(scene);
+        let (_folder, datbox) = write_case(scene);
         ["BODIES.DAT", "DOF.INI", "TACT_BEHAV.DAT"].map(|name| std::fs::read(datbox.join(name)).unwrap())
     };
     let first = bytes(&scene);
@@ -377,7 +377,7 @@ fn help_and_version_are_no_fault_but_unknown_flags_are() {
 fn an_attraction_at_every_corner_is_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("scene.ron");
-    let made = |shape: &str, cohesion: &str| {
+    let printed_warning = |shape: &str, cohesion: &str| {
         let source = format!(
             r#"(materials: [(name: "ROCKx", density: 2700.0)],
             laws: [(name: "wet00", kind: IQS_WET_DS_CLB(cohesion: {cohesion}, range: 0.01, dynamic_friction: 0.3, static_friction: 0.3))],
@@ -391,15 +391,15 @@ fn an_attraction_at_every_corner_is_a_warning() {
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         text(&output.stderr)
     };
-    let warning = made("Cube", "10.0");
+    let warning = printed_warning("Cube", "10.0");
     assert_eq!(warning.lines().count(), 1, "{warning}");
     for part in
         ["cd-pre: warning: ", "scene.ron:2", "IQS_WET_DS_CLB", "BLUEx and BLUEx, BLUEx and WALLx", "IQS_MOHR_DS_CLB"]
     {
         assert!(warning.contains(part), "{part}: {warning}");
     }
-    assert_eq!(made("Sphere", "10.0"), "");
-    assert_eq!(made("Cube", "0.0"), "");
+    assert_eq!(printed_warning("Sphere", "10.0"), "");
+    assert_eq!(printed_warning("Cube", "0.0"), "");
 }
 
 /// cd-solve next to cd-pre computes the scene, with the options after `--`; here a script that stops.

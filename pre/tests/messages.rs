@@ -13,7 +13,7 @@ static GOOD: LazyLock<String> =
 
 /// Faults of the good scene in which `from` is replaced by `to`.
 #[track_caller]
-fn said(from: &str, to: &str) -> String {
+fn messages(from: &str, to: &str) -> String {
     faults_of_changed(&GOOD, &[(from, to)])
 }
 
@@ -29,7 +29,7 @@ fn cd_pre(arguments: &[&str]) -> (i32, String) {
 }
 
 /// Writes a scene into a folder and runs the program; exit code and stderr, without the folder's name.
-fn made(scene: &str, arguments: &[&str]) -> (i32, String) {
+fn run_on_scene(scene: &str, arguments: &[&str]) -> (i32, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ron");
     std::fs::write(&path, scene).unwrap();
@@ -186,7 +186,7 @@ fn no_text_of_the_library_reaches_the_user() {
 
 #[test]
 fn settings_are_rejected_by_their_own_text() {
-    let said = |set: &str| made(&GOOD, &["--set", set]);
+    let messages = |set: &str| run_on_scene(&GOOD, &["--set", set]);
     for (set, message) in [
         ("grains.1.number=5.5", "5.5; expected an integer"),
         ("grains.1.numbr=5", "unknown field 'numbr'; did you mean number?"),
@@ -196,12 +196,12 @@ fn settings_are_rejected_by_their_own_text() {
         ("laws.1.kind.friction=-1", "-1; expected a finite number >= 0"),
         ("walls.1.velocity=(0, 0, 1)", "0; expected a function, one of Constant, Harmonic, Table, such as Constant(0)"),
     ] {
-        assert_eq!(said(set), (2, format!("cd-pre: options: --set {set}: {message}\n")));
+        assert_eq!(messages(set), (2, format!("cd-pre: options: --set {set}: {message}\n")));
     }
     let twice = "cd-pre: options: --set seed=2: sets the value of --set seed=1 again; expected it once\n";
-    assert_eq!(made(&GOOD, &["--set", "seed=1", "--set", "seed=2"]), (2, twice.into()));
+    assert_eq!(run_on_scene(&GOOD, &["--set", "seed=1", "--set", "seed=2"]), (2, twice.into()));
     let folder = "cd-pre: OUT: is not expected here; the folder is given by -o OUT\n";
-    assert_eq!(made(&GOOD, &["OUT"]), (2, folder.into()));
+    assert_eq!(run_on_scene(&GOOD, &["OUT"]), (2, folder.into()));
 }
 
 #[test]
@@ -278,16 +278,16 @@ fn doubtful_values_are_asked_about_and_accepted() {
         ),
     ] {
         let expected = format!("cd-pre: warning: scene.ron:{warning}\n");
-        assert_eq!(made(&GOOD.replacen(from, to, 1), &[]), (0, expected), "{to}");
+        assert_eq!(run_on_scene(&GOOD.replacen(from, to, 1), &[]), (0, expected), "{to}");
     }
-    assert_eq!(made(&GOOD, &[]), (0, String::new()));
+    assert_eq!(run_on_scene(&GOOD, &[]), (0, String::new()));
     // A wall may be as light as its user wants.
     let light = GOOD.replacen("2700.0)", "2700.0), (name: \"LIGHT\", density: 10.0)", 1);
     let (grains, wall) = light.split_once("walls:").unwrap();
     let wall = wall.replacen("\"ROCKx\"", "\"LIGHT\"", 1);
-    assert_eq!(made(&format!("{grains}walls:{wall}"), &[]), (0, String::new()));
+    assert_eq!(run_on_scene(&format!("{grains}walls:{wall}"), &[]), (0, String::new()));
     // A setting is named in place of a line.
-    let (code, said) = made(&GOOD, &["--set", "materials.1.density=3.1"]);
+    let (code, said) = run_on_scene(&GOOD, &["--set", "materials.1.density=3.1"]);
     assert!(
         code == 0 && said.starts_with("cd-pre: warning: options: --set materials.1.density=3.1: 3.1; did you"),
         "{said}"
@@ -298,13 +298,13 @@ fn doubtful_values_are_asked_about_and_accepted() {
 fn events_before_the_start_are_rejected() {
     let event = "events: [(time: 1, action: Bond),\n (time: -1, action: AddSpin((0, 0, 1)))]";
     let message = "15:9: compute, event 2, time: -1 s is before the start of the run; expected at least 0 s";
-    assert_eq!(said("self_gravity: true", event), format!("scene.ron:{message}"));
+    assert_eq!(messages("self_gravity: true", event), format!("scene.ron:{message}"));
 }
 
 #[test]
 fn grains_larger_than_their_region_are_named() {
     let cm = "Uniform(min: 80.0, max: 120.0)";
-    let said = said("Uniform(min: 0.5, max: 1.0)", cm);
+    let said = messages("Uniform(min: 0.5, max: 1.0)", cm);
     assert!(said.starts_with("scene.ron:10:20: grains 1, placement: the smallest grain, of radius 8"), "{said}");
     assert!(
         said.ends_with(
@@ -319,7 +319,8 @@ fn grains_larger_than_their_region_are_named() {
 
 #[test]
 fn a_missing_surface_is_a_fault_of_the_grains_that_name_it() {
-    let (code, said) = made(&GOOD.replacen("number: 20,", "number: 20, shape: Model(file: \"rock.obj\"),", 1), &[]);
+    let (code, said) =
+        run_on_scene(&GOOD.replacen("number: 20,", "number: 20, shape: Model(file: \"rock.obj\"),", 1), &[]);
     let expected = "cd-pre: scene.ron:8:28: grains 1, shape: rock.obj cannot be read: there is no such file; \
                     expected a file next to the scene, or an absolute path\n";
     assert_eq!((code, said.as_str()), (2, expected));
@@ -372,29 +373,29 @@ fn a_case_of_from_outbox_that_is_none_is_one_fault() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
     std::fs::write(at("scene.ron"), "()").unwrap();
-    let said = |arguments: &[&str]| {
+    let messages = |arguments: &[&str]| {
         let (code, text) = cd_pre(arguments);
         assert_eq!(code, 2, "{text}");
         text.replace(&folder.path().display().to_string(), "DIR")
     };
     let steps = "run cd-pre DIR/scene.ron and cd-solve DIR first";
     assert_eq!(
-        said(&["from-outbox", &at("scene.ron"), &at("x")]),
+        messages(&["from-outbox", &at("scene.ron"), &at("x")]),
         format!("cd-pre: DIR/scene.ron: file: is a scene, not a case; {steps}\n")
     );
     assert_eq!(
-        said(&["from-outbox", &at("absent"), &at("x")]),
+        messages(&["from-outbox", &at("absent"), &at("x")]),
         "cd-pre: DIR/absent: folder: there is no such folder; expected the folder of a case, with OUTBOX in it\n"
     );
     assert_eq!(
-        said(&[&at(""), "from-outbox", &at("x")]),
+        messages(&[&at(""), "from-outbox", &at("x")]),
         "cd-pre: from-outbox: a command comes first; did you mean cd-pre from-outbox DIR/ DIR/x?\n"
     );
 }
 
 #[test]
 fn numbers_with_something_behind_them() {
-    let message = |value: &str| said("density: 2700.0", &format!("density: {value}"));
+    let message = |value: &str| messages("density: 2700.0", &format!("density: {value}"));
     for (value, expected) in [
         ("2.7D3", "scene.ron:3:42: material 1, density: 2.7D3; expected a number, 2.7e3"),
         ("2.7d3", "scene.ron:3:42: material 1, density: 2.7d3; expected a number, 2.7e3"),
@@ -412,7 +413,7 @@ fn numbers_with_something_behind_them() {
 #[test]
 fn friction_of_an_event_is_questioned() {
     let event = "output_every: 10, events: [(time: 1.0, action: SetFriction(\"iqsc0\", 50.0))],";
-    let (code, text) = made(&GOOD.replace("output_every: 10,", event), &[]);
+    let (code, text) = run_on_scene(&GOOD.replace("output_every: 10,", event), &[]);
     let line = "cd-pre: warning: scene.ron:14:54: compute, event 1: SetFriction 50; did you mean an angle? 50 degrees are \
                 1.192\n";
     assert_eq!((code, text.as_str()), (0, line));
@@ -438,7 +439,7 @@ fn misspelt_names_of_a_scene_get_the_nearest() {
         ),
         ("IQS_CLB", "IQS_CBL", "unknown 'IQS_CBL'; did you mean IQS_CLB?"),
     ] {
-        let text = said(from, to);
+        let text = messages(from, to);
         assert!(text.contains(expected), "{text}");
     }
 }
@@ -543,7 +544,7 @@ fn numbers_are_shown_as_they_are_written() {
 fn events_that_no_step_reaches_are_a_warning() {
     let with_event = |time: &str| {
         let event = format!("dt: 1.0e-3, end_time: 0.01, events: [(time: {time}, action: Bond)]");
-        made(&GOOD.replace("dt: 1.0e-3", &event), &[])
+        run_on_scene(&GOOD.replace("dt: 1.0e-3", &event), &[])
     };
     assert_eq!(with_event("0.009"), (0, String::new()));
     let late = "cd-pre: warning: scene.ron:14:59: compute, event 1, time: no step begins at 0.01 s or later, the last begins at \

@@ -184,12 +184,12 @@ fn every_fault_of_a_file_is_reported() {
         ),
         ("body.ply", scribble("ply\n")),
     ]);
-    let said = |name: &str| match read::read_surface(&folder.path().join(name)) {
+    let messages = |name: &str| match read::read_surface(&folder.path().join(name)) {
         Ok(read) => format!("{} turned", read.flipped),
         Err(faults) => faults.to_string().replace(&format!("{}/", folder.path().display()), ""),
     };
     assert_eq!(
-        said("open.stl"),
+        messages("open.stl"),
         "open.stl: surface: the edge of vertices 1 and 2 belongs to 1 triangle; expected 2\n\
          open.stl: surface: the edge of vertices 1 and 6 belongs to 1 triangle; expected 2\n\
          open.stl: surface: the edge of vertices 2 and 6 belongs to 1 triangle; expected 2"
@@ -197,7 +197,7 @@ fn every_fault_of_a_file_is_reported() {
             .replace("1 and 6", "EDGE")
             .replace("2 and 6", "EDGE")
             .lines()
-            .zip(said("open.stl").lines())
+            .zip(messages("open.stl").lines())
             .map(|(pattern, line)| {
                 let words: Vec<&str> = line.split_whitespace().collect();
                 pattern.replace("EDGE", &format!("{} and {}", words[6], words[8]))
@@ -206,9 +206,9 @@ fn every_fault_of_a_file_is_reported() {
             .join("\n"),
         "three open edges"
     );
-    assert_eq!(said("turned.obj"), "2 turned"); // both triangles of that side
-    assert_eq!(said("nan.obj").lines().count(), 1, "{}", said("nan.obj"));
-    assert!(said("nan.obj").starts_with("nan.obj:3: file: 'NaN', which is not finite"), "{}", said("nan.obj"));
+    assert_eq!(messages("turned.obj"), "2 turned"); // both triangles of that side
+    assert_eq!(messages("nan.obj").lines().count(), 1, "{}", messages("nan.obj"));
+    assert!(messages("nan.obj").starts_with("nan.obj:3: file: 'NaN', which is not finite"), "{}", messages("nan.obj"));
     for (name, expected) in [
         ("nan.vtk", "file: 'NaN', which is not finite; expected points"),
         ("nan.vtp", "file: 'NaN', which is not finite; expected polygonal data of VTK"),
@@ -232,10 +232,10 @@ fn every_fault_of_a_file_is_reported() {
         ("grid.vtk", "DATASET STRUCTURED_POINTS; expected DATASET POLYDATA"),
         ("body.ply", "file: the ending 'ply'; expected .obj, .stl, .vtk or .vtp"),
     ] {
-        let said = said(name);
+        let said = messages(name);
         assert!(said.contains(expected) && said.starts_with(name), "{name}: {said}");
     }
-    assert!(said("few.vtp").contains("NumberOfPoints=\"80\", and 8 found"), "{}", said("few.vtp"));
+    assert!(messages("few.vtp").contains("NumberOfPoints=\"80\", and 8 found"), "{}", messages("few.vtp"));
 }
 
 /// The same with what editors and scanners write too.

@@ -6,13 +6,13 @@ use good::{Case, GOOD, check_messages, faults, faults_of_changed};
 
 /// Faults of the good scene in which `from` is replaced by `to`.
 #[track_caller]
-fn said(from: &str, to: &str) -> String {
+fn messages(from: &str, to: &str) -> String {
     faults_of_changed(GOOD, &[(from, to)])
 }
 
 #[test]
 fn the_good_scene_is_good() {
-    assert_eq!(said("dt", "dt"), "nothing");
+    assert_eq!(messages("dt", "dt"), "nothing");
 }
 
 #[track_caller]
@@ -25,14 +25,14 @@ fn laws_of_events_are_those_of_contacts_and_cohesion_is_changed_where_there_is_s
     let event = |action: &str| {
         format!("compute: (\n dt: 1.0e-3,\n events: [\n(time: 1.0, action: Bond),\n(time: 1.0, action: {action})])")
     };
-    let said = |action: &str| said("compute: (dt: 1.0e-3)", &event(action));
-    assert_eq!(said("SetFriction(\"iqsc0\", 0.5)"), "nothing");
+    let messages = |action: &str| messages("compute: (dt: 1.0e-3)", &event(action));
+    assert_eq!(messages("SetFriction(\"iqsc0\", 0.5)"), "nothing");
     assert_eq!(
-        said("SetFriction(\"iqsc1\", 0.5)"),
+        messages("SetFriction(\"iqsc1\", 0.5)"),
         "scene.ron:18:33: compute, event 2, action 1: law 'iqsc1' is not in use; did you mean iqsc0?"
     );
     assert_eq!(
-        said("SetCohesion(\"iqsc0\", 0.5)"),
+        messages("SetCohesion(\"iqsc0\", 0.5)"),
         "scene.ron:18:33: compute, event 2, action 1: law 'iqsc0' has no cohesion; expected a law with cohesion"
     );
 }
@@ -45,8 +45,8 @@ fn strengths_of_the_bulk_are_those_of_pairs_and_no_second_value() {
              static_friction: 0), bulk_strength: ({bulk})"
         )
     };
-    let said = |text: &str| said("IQS_CLB(friction: 0.4)", text);
-    assert_eq!(said(&law("tension: 50, nu: 0.6, z: 5", "0")), "nothing");
+    let messages = |text: &str| messages("IQS_CLB(friction: 0.4)", text);
+    assert_eq!(messages(&law("tension: 50, nu: 0.6, z: 5", "0")), "nothing");
     for (text, expected) in [
         (
             law("tension: 50, nu: 0.6, z: 5", "2"),
@@ -75,7 +75,7 @@ fn strengths_of_the_bulk_are_those_of_pairs_and_no_second_value() {
             "full_range: 2 is larger than range 1; expected full_range <= range",
         ),
     ] {
-        let found = said(&text);
+        let found = messages(&text);
         assert!(found.ends_with(expected) && !found.contains('\n'), "{found}");
     }
 }
@@ -83,7 +83,7 @@ fn strengths_of_the_bulk_are_those_of_pairs_and_no_second_value() {
 #[test]
 fn materials_laws_and_colours() {
     assert!(
-        said("materials: [(name: \"ROCKx\", density: 2700.0)]", "materials: []")
+        messages("materials: [(name: \"ROCKx\", density: 2700.0)]", "materials: []")
             .contains("'ROCKx' is not defined; expected a material: none is defined")
     );
     check(&[
@@ -176,20 +176,20 @@ fn materials_laws_and_colours() {
 
 #[test]
 fn a_cylinder_that_presses_touches_other_walls() {
-    let said = |cylinder: &str| {
+    let messages = |cylinder: &str| {
         let press = "radius: 1.0, half_height: 1.0, centre: (0, 0, 20), colour: \"PRESS\"";
         let walls = format!("walls: [Cylinder(material: \"ROCKx\", {press}{cylinder}), ");
         let rows = "law: \"iqsc0\"), (between: (\"PRESS\", \"WALLx\"), law: \"iqsc0\"), \
                     (between: (\"BLUEx\", \"PRESS\"), law: \"iqsc0\"), ";
-        said_of(&[("walls: [", walls.as_str()), ("law: \"iqsc0\"), ", rows)])
+        messages_of_changes(&[("walls: [", walls.as_str()), ("law: \"iqsc0\"), ", rows)])
     };
-    assert_eq!(said(", force: (None, None, Constant(-5))"), "nothing");
-    assert_eq!(said(", moment: Constant(0)"), "nothing");
+    assert_eq!(messages(", force: (None, None, Constant(-5))"), "nothing");
+    assert_eq!(messages(", moment: Constant(0)"), "nothing");
     for idle in ["", ", hollow: true, force: (None, None, Constant(-5))"] {
         assert!(
-            said(idle).contains("a law between the walls 'PRESS' and 'WALLx'; expected no law: "),
+            messages(idle).contains("a law between the walls 'PRESS' and 'WALLx'; expected no law: "),
             "{}",
-            said(idle)
+            messages(idle)
         );
     }
 }
@@ -309,18 +309,18 @@ fn overlaps() {
     let list = "placement: List(positions: [(0, 0, 0), (0, 0, 1.5), (5, 0, 0)]), // ";
     let sizes = "sizes: Single(1.0), // ";
     let scene = GOOD.replace("placement:", list).replace("sizes:", sizes).replace("number: 20", "number: 3");
-    let said = faults;
+    let messages = faults;
     let expected = "expected grains that touch at most (a List or File may have allow_overlap: true)";
     assert_eq!(
-        said(&scene),
+        messages(&scene),
         format!(
             "scene.ron:10:20: grains 1, placement: grain 1 of grains 1 and grain 2 of grains 1 overlap by 5.000e-1 m; {expected}"
         )
     );
-    assert_eq!(said(&scene.replace("1.5)", "2.0)")), "nothing"); // touching
-    assert_eq!(said(&scene.replace("1.5), (5, 0, 0)]", "1.5), (5, 0, 0)], allow_overlap: true")), "nothing");
+    assert_eq!(messages(&scene.replace("1.5)", "2.0)")), "nothing"); // touching
+    assert_eq!(messages(&scene.replace("1.5), (5, 0, 0)]", "1.5), (5, 0, 0)], allow_overlap: true")), "nothing");
     assert_eq!(
-        said(&scene.replace("1.5)", "3.0)").replace("-11.0", "-1.25")),
+        messages(&scene.replace("1.5)", "3.0)").replace("-11.0", "-1.25")),
         format!(
             "scene.ron:10:20: grains 1, placement: grain 1 of grains 1 and wall 1 overlap by 2.500e-1 m; {expected}\n"
         ) + &format!(
@@ -398,7 +398,7 @@ fn of_one(fields: &str, half: f64, options: &str) -> String {
 
 /// Faults of the good scene with several changes.
 #[track_caller]
-fn said_of(changes: &[(&str, &str)]) -> String {
+fn messages_of_changes(changes: &[(&str, &str)]) -> String {
     faults_of_changed(GOOD, changes)
 }
 
@@ -406,7 +406,7 @@ fn said_of(changes: &[(&str, &str)]) -> String {
 #[test]
 fn more_grains_than_there_are_numbers_for() {
     for shape in ["Sphere", "Cube"] {
-        let said = said_of(&[
+        let said = messages_of_changes(&[
             ("number: 20,", &format!("solid_fraction: 0.1, shape: {shape},")),
             ("Ball(radius: 10.0)", "Ball(radius: 1.0e6)"),
         ]);
@@ -419,7 +419,7 @@ fn more_grains_than_there_are_numbers_for() {
 #[test]
 fn brackets_without_end() {
     let deep = format!("{}{}", "(".repeat(100_000), ")".repeat(100_000));
-    assert!(said_of(&[("gravity:", &format!("x: {deep}, gravity:"))]).starts_with("scene.ron:"));
+    assert!(messages_of_changes(&[("gravity:", &format!("x: {deep}, gravity:"))]).starts_with("scene.ron:"));
     let settings = [format!("seed={deep}")];
     let text = cd_formats::settings::apply_settings(GOOD, &settings).unwrap();
     let faults = cd_pre::read_scene(std::path::Path::new("scene.ron"), &text, &settings).err().unwrap();
@@ -431,43 +431,44 @@ fn moments_of_contacts_need_a_solver_that_knows_them() {
     let rolling = "kind: IQS_DS_ROLL_CLB(dynamic_friction: 0.3, static_friction: 0.4, rolling_friction: 0.1, spinning_friction: 0.1)";
     let used = ("kind: IQS_CLB(friction: 0.4)", rolling);
     let solver = |name: &str| format!("compute: (solver: {name}, ");
-    let said = |law, name: &str| said_of(&[law, ("compute: (", &solver(name))]);
+    let messages = |law, name: &str| messages_of_changes(&[law, ("compute: (", &solver(name))]);
     for (name, printed) in [("admm", "admm"), ("prox_newton", "prox-newton")] {
         let expected = format!(
             "scene.ron:14:23: compute, solver: {printed} with law 'iqsc0', IQS_DS_ROLL_CLB; expected auto or nlgs"
         );
-        assert_eq!(said(used, name), expected);
+        assert_eq!(messages(used, name), expected);
     }
-    assert_eq!([said(used, "nlgs"), said(used, "auto")], ["nothing"; 2]);
+    assert_eq!([messages(used, "nlgs"), messages(used, "auto")], ["nothing"; 2]);
     let unused = format!("laws: [(name: \"roll0\", {rolling}), ");
-    assert_eq!(said(("laws: [", &unused), "admm"), "nothing");
+    assert_eq!(messages(("laws: [", &unused), "admm"), "nothing");
 }
 
 #[test]
 fn driven_in_part_in_axes_that_turn() {
     let fields = |rate: f64| format!("compute: (fields: [RotatingFrame(rate: (0, {rate:?}, 0), centre: (0, 0, 0))], ");
-    let said =
-        |changes: &[(&str, &str)], rate: f64| said_of(&[changes, &[("compute: (", fields(rate).as_str())]].concat());
+    let messages = |changes: &[(&str, &str)], rate: f64| {
+        messages_of_changes(&[changes, &[("compute: (", fields(rate).as_str())]].concat())
+    };
     let message = "driven in part in a rotating frame; \
                    expected motion imposed along all axes or none: Coriolis' force on such a body is not computed";
     let press = [("half_lengths", "force: (None, None, Constant(-5)), half_lengths")];
-    assert_eq!(said(&press, 1.0), format!("scene.ron:13:89: wall 1, force: {message}"));
-    assert_eq!([said(&press, 0.0), said(&[], 1.0)], ["nothing"; 2]);
+    assert_eq!(messages(&press, 1.0), format!("scene.ron:13:89: wall 1, force: {message}"));
+    assert_eq!([messages(&press, 0.0), messages(&[], 1.0)], ["nothing"; 2]);
     let rough = |driven: &str| {
         let list = "sizes: Single(1), placement: List(positions: [(0, 0, 30)])";
         format!("grains: [(material: \"ROCKx\", colour: \"BLUEx\", {list},\n driven: {driven}), (")
     };
-    let said = |driven: &str| said(&[("grains: [(", rough(driven).as_str())], 1.0);
-    assert_eq!(said("(Constant(1), None, Constant(0))"), format!("scene.ron:7:10: grains 1, driven: {message}"));
-    assert_eq!(said("(None, None, None)"), format!("scene.ron:7:10: grains 1, driven: {message}"));
-    assert_eq!(said("(Constant(1), Constant(1), Constant(0))"), "nothing");
+    let messages = |driven: &str| messages(&[("grains: [(", rough(driven).as_str())], 1.0);
+    assert_eq!(messages("(Constant(1), None, Constant(0))"), format!("scene.ron:7:10: grains 1, driven: {message}"));
+    assert_eq!(messages("(None, None, None)"), format!("scene.ron:7:10: grains 1, driven: {message}"));
+    assert_eq!(messages("(Constant(1), Constant(1), Constant(0))"), "nothing");
 }
 
 #[test]
 fn bodies_whose_motion_is_imposed_need_no_law_for_each_other() {
     let rough = |driven: &str| {
         let list = "placement: List(positions: [(0, 0, -15)])";
-        said(
+        messages(
             "    )],\n    walls",
             &format!(
                 "    ), (material: \"ROCKx\", colour: \"ROUGH\", sizes: Single(1), {list}, driven: {driven})],\n    walls"
@@ -488,7 +489,7 @@ fn bodies_whose_motion_is_imposed_need_no_law_for_each_other() {
 fn ramps_that_do_nothing() {
     let plate = |ramp: &str| {
         let velocity = format!("(Harmonic(amplitude: 1.0, omega: 2.0, {ramp}), Constant(0), Constant(0))");
-        said("half_lengths: (9.0, 9.0, 0.5)", &format!("half_lengths: (9.0, 9.0, 0.5), velocity: {velocity}"))
+        messages("half_lengths: (9.0, 9.0, 0.5)", &format!("half_lengths: (9.0, 9.0, 0.5), velocity: {velocity}"))
     };
     for sound in ["ramp_rate: 0.5", "ramp_start: 0.5, ramp_rate: 0.5", "ramp_start: 2.0, ramp_rate: -0.5"] {
         assert_eq!(plate(sound), "nothing", "{sound}");
@@ -505,7 +506,7 @@ fn cylinders() {
     let wall = |fields: &str| {
         let plate =
             "Plate(material: \"ROCKx\", colour: \"WALLx\", centre: (0.0, 0.0, -11.0), half_lengths: (9.0, 9.0, 0.5))";
-        said(plate, &format!("Cylinder(material: \"ROCKx\", colour: \"WALLx\", {fields})"))
+        messages(plate, &format!("Cylinder(material: \"ROCKx\", colour: \"WALLx\", {fields})"))
     };
     let drum = "centre: (0, 0, 0), half_height: 10.5, radius: 10.5, hollow: true";
     assert_eq!(wall(drum), "nothing");

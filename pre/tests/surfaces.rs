@@ -393,7 +393,7 @@ fn a_cube_of_few_digits_is_taken_as_its_hull() {
     use cd_pre::scene::{ContactSurface, ModelScale};
     let folder = tempfile::tempdir().unwrap();
     let turn = nalgebra::Rotation3::from_euler_angles(0.3, -0.7, 1.1);
-    let made = |side: f64, dent: f64| {
+    let cube_solid = |side: f64, dent: f64| {
         let mut text = String::new();
         for k in 0..8 {
             let corner = nalgebra::Vector3::from([k & 1, k >> 1 & 1, k >> 2 & 1].map(|bit| f64::from(bit) - 0.5));
@@ -407,14 +407,14 @@ fn a_cube_of_few_digits_is_taken_as_its_hull() {
     let mut hulls = 0;
     for k in 1..=10 {
         let side = 0.01 * f64::from(k);
-        let (ModelSolid::Polyhedron(solid), message) = made(side, 0.0).unwrap() else { panic!("a clump") };
+        let (ModelSolid::Polyhedron(solid), message) = cube_solid(side, 0.0).unwrap() else { panic!("a clump") };
         hulls += usize::from(message.contains("replaced by its convex hull, from which it deviates by "));
         assert_eq!(solid.pieces.len(), 1);
         assert!((solid.pieces[0].volume() / side.powi(3) - 1.0).abs() < 3e-4);
     }
     // Which way digits are rounded decides whether corners stand out or in.
     assert!(hulls > 0);
-    assert!(!made(1.0, 0.0).unwrap().1.contains("hull"));
-    let found = made(1.0, 0.05).unwrap_err().to_string();
+    assert!(!cube_solid(1.0, 0.0).unwrap().1.contains("hull"));
+    let found = cube_solid(1.0, 0.05).unwrap_err().to_string();
     assert!(found.contains("it is not convex"), "{found}");
 }

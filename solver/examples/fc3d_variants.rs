@@ -29,7 +29,7 @@ struct Arguments {
     /// Different random numbers
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Only variants whose name contains this
+    /// Part of the names of the variants to solve
     #[arg(long, default_value = "")]
     only: String,
     /// Print those that are solved, too

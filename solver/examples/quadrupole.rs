@@ -25,8 +25,8 @@ const PLACES: [(&str, f64, [f64; 2]); 3] = [
 ];
 /// Distances over that where they touch.
 const DISTANCES: [f64; 9] = [1.0, 1.125, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0];
-/// Those of the table.
-const TOLD: [f64; 5] = [1.0, 1.25, 1.5, 2.0, 4.0];
+/// Distances in the table.
+const TABLE_DISTANCES: [f64; 5] = [1.0, 1.25, 1.5, 2.0, 4.0];
 fn main() -> Result<(), Box<dyn Error>> {
     let found = PLACES.map(|(_, touching, turns)| {
         let [one, two] = turns.map(|turn| rock([2.0, 1.0, 1.0], Vec3::z() * turn));
@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut text = String::from("| distance |");
     PLACES.iter().for_each(|(name, ..)| text += &format!(" {name} |"));
     text += "\n|---|---|---|---|\n";
-    for (k, distance) in DISTANCES.iter().enumerate().filter(|(_, distance)| TOLD.contains(distance)) {
+    for (k, distance) in DISTANCES.iter().enumerate().filter(|(_, distance)| TABLE_DISTANCES.contains(distance)) {
         let _ = write!(text, "| {distance} |");
         for errors in &found {
             let [plain, corrected, _] = errors[k];

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::Duration;
 
-use cd_tests::process::{Programs, run_requested_program};
+use cd_tests::process::{Executables, run_requested_program};
 
 /// Three balls on a plate that moves to and fro.
 const SCENE: &str = r#"(
@@ -81,7 +81,7 @@ fn sample(process: &Child, log: &Path) -> Option<RunSample> {
 
 fn main() {
     run_requested_program();
-    let (mut steps, mut snapshots, mut programs) = (10_000_000, 20, Programs::Own(&[]));
+    let (mut steps, mut snapshots, mut programs) = (10_000_000, 20, Executables::Own(&[]));
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         let value = words.next().unwrap_or_else(|| panic!("{word}: no value"));
@@ -89,7 +89,7 @@ fn main() {
         match word.as_str() {
             "--steps" => steps = number(),
             "--snapshots" => snapshots = number(),
-            "--programs" => programs = Programs::Folder(std::path::absolute(&value).expect("a folder")),
+            "--programs" => programs = Executables::Folder(std::path::absolute(&value).expect("a folder")),
             _ => panic!("{word}: unknown; expected --steps, --snapshots or --programs"),
         }
     }

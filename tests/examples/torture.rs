@@ -5,7 +5,7 @@
 //! Options: `--kills`, `--faults`, `--signals` and `--others` (of each further kind) are numbers of trials, `--seed` the seed of
 //! all choices, `--programs FOLDER` the folder of cd-pre, cd-solve and cd-post; by default this program contains them.
 
-use cd_tests::process::{Programs, run_requested_program};
+use cd_tests::process::{Executables, run_requested_program};
 use cd_tests::torture::scenes::SCENES;
 use cd_tests::torture::shim::Shim;
 use cd_tests::torture::{Torture, TorturePlan};
@@ -13,7 +13,7 @@ use cd_tests::torture::{Torture, TorturePlan};
 fn main() {
     run_requested_program();
     let mut plan = TorturePlan { seed: 1, kills: 200, faults: 150, signals: 60, others: 30 };
-    let mut programs = Programs::Own(&[]);
+    let mut programs = Executables::Own(&[]);
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         let value = words.next().unwrap_or_else(|| panic!("{word}: no value"));
@@ -24,7 +24,7 @@ fn main() {
             "--faults" => plan.faults = number(),
             "--signals" => plan.signals = number(),
             "--others" => plan.others = number(),
-            "--programs" => programs = Programs::Folder(std::path::absolute(&value).expect("a folder")),
+            "--programs" => programs = Executables::Folder(std::path::absolute(&value).expect("a folder")),
             _ => panic!("{word}: unknown; expected --seed, --kills, --faults, --signals, --others or --programs"),
         }
     }

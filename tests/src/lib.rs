@@ -1,5 +1,5 @@
-//! What the tests of the three programs together share. The programs are called as their binaries call them;
-//! files on disk are the only link between them.
+//! Code that the tests of the three programs share. The programs are called as their binaries call them; files on disk are
+//! the only link between them.
 //!
 //! | module | |
 //! |---|---|

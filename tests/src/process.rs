@@ -14,29 +14,29 @@ pub const STDOUT: &str = "CD_TESTS_STDOUT";
 
 /// Executables of the programs.
 #[derive(Debug, Clone)]
-pub enum Programs {
+pub enum Executables {
     /// The executable that runs now, with these arguments; it calls [`run_requested_program`].
     Own(&'static [&'static str]),
     /// Folder with `cd-pre`, `cd-solve` and `cd-post`.
     Folder(PathBuf),
 }
 
-impl Programs {
+impl Executables {
     /// The executable of a test with the function `program_process`, which only calls [`run_requested_program`].
-    pub fn of_test() -> Programs {
-        Programs::Own(&["--exact", "program_process", "--nocapture"])
+    pub fn of_test() -> Executables {
+        Executables::Own(&["--exact", "program_process", "--nocapture"])
     }
 
     /// Process of a command line, whose first word is the name of a program.
     pub fn command(&self, words: &[impl AsRef<OsStr>]) -> Command {
         match self {
-            Programs::Own(arguments) => {
+            Executables::Own(arguments) => {
                 let mut command = Command::new(std::env::current_exe().unwrap());
                 let words: Vec<&OsStr> = words.iter().map(AsRef::as_ref).collect();
                 command.args(*arguments).env(WORDS, words.join(OsStr::new("\n")));
                 command
             }
-            Programs::Folder(folder) => {
+            Executables::Folder(folder) => {
                 let mut command = Command::new(folder.join(words[0].as_ref()));
                 command.args(&words[1..]);
                 command

@@ -1,4 +1,4 @@
-//! What is known of a self-gravitating aggregate at rest, through the whole chain.
+//! Known properties of a self-gravitating aggregate at rest, through the whole chain.
 
 use cd_tests::case::{Case, cloud};
 

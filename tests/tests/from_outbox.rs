@@ -47,11 +47,11 @@ fn a_run_that_continues_in_another_folder_equals_the_unbroken_one() {
 #[test]
 fn an_end_before_the_state_is_rejected() {
     let run = Case::from_scene(&cloud(4, 0.1, 1, "dt: 8.0, steps: 2")).solved(&[]);
-    let made = |end: f64, keep: bool| {
+    let exit_code = |end: f64, keep: bool| {
         let changes = format!("(keep_time: {keep}, compute: (dt: 8.0, end_time: {end}))");
         from_outbox(run.path(), Case::empty().path(), &changes)
     };
-    assert_eq!([made(8.0, true), made(8.0, false), made(16.0, true)], [2, 0, 0]);
+    assert_eq!([exit_code(8.0, true), exit_code(8.0, false), exit_code(16.0, true)], [2, 0, 0]);
 }
 
 /// A cylinder that moves by a force gets the law of its pairs with plates.

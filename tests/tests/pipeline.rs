@@ -10,7 +10,7 @@ use cd_formats::snapshot::list_snapshots;
 use cd_formats::vloc_rloc::VlocRloc;
 use cd_tests::case::{Case, assert_same_results, cloud, files, post, pre, surfaces_of_an_l};
 use cd_tests::columns::vtp;
-use cd_tests::process::{Programs, run_requested_program};
+use cd_tests::process::{Executables, run_requested_program};
 
 /// Forty rocks in the thick of their collisions at the end; snapshots 0, 50, ... 300.
 fn collapse() -> Case {
@@ -107,7 +107,7 @@ fn program_process() {
 
 /// Process of cd-solve.
 fn process(case: &Case, flag: &str) -> Command {
-    Programs::of_test().command(&["cd-solve".as_ref(), case.path().as_os_str(), flag.as_ref()])
+    Executables::of_test().command(&["cd-solve".as_ref(), case.path().as_os_str(), flag.as_ref()])
 }
 
 #[test]
@@ -413,7 +413,7 @@ fn events_happen_once_and_at_their_time() {
     assert_eq!(compute.events[0].action, EventAction::AddSpin([0.0, 0.0, 1e-4]));
 }
 
-/// What cd-post writes, read back without VTK; `vtk_readback.py` does it with VTK.
+/// Files of cd-post for ParaView, read back without VTK; `vtk_readback.py` does it with VTK.
 #[test]
 fn paraview_files_hold_the_snapshots() {
     let case = Case::from_scene(BUSY).solved(&[]);

@@ -6,7 +6,7 @@ use std::process::{Output, Stdio};
 
 use cd_formats::lock::FolderLock;
 use cd_tests::case::{Case, assert_same_results, copy, files, pre};
-use cd_tests::process::{Programs, STDOUT, run_requested_program};
+use cd_tests::process::{Executables, STDOUT, run_requested_program};
 
 /// Ball on a plate, `radius` in m: 40 steps, a snapshot every 10.
 fn scene(radius: f64) -> String {
@@ -31,7 +31,7 @@ fn scene(radius: f64) -> String {
 
 /// Runs one of the programs as a process of its own. Its text goes to the file `text`, if there is one.
 fn program(words: &[&str], text: Option<&Path>) -> Output {
-    Programs::of_test()
+    Executables::of_test()
         .command(words)
         .envs(text.map(|path| (STDOUT, path)))
         .stdout(Stdio::null())

@@ -1,4 +1,4 @@
-//! What cd-pre writes, cd-solve reads.
+//! Files of cd-pre as cd-solve reads them.
 
 use std::fs;
 use std::path::Path;
@@ -100,7 +100,8 @@ fn fragments_of_all_sizes() {
     }
 }
 
-/// What meets a drum from outside, a grain longer than half a period, a plate that leans along one.
+/// Scenes that cd-solve would reject: a grain outside of a drum that it can touch, a grain longer than half a period, a
+/// plate that leans along one.
 #[test]
 fn what_cd_solve_cannot_mean_is_rejected_by_cd_pre() {
     let ball = |place: &str| format!("sizes: Single(1.0), placement: List(positions: [{place}])");

@@ -1,6 +1,6 @@
 //! A small part of the torture that `make torture` makes at length.
 
-use cd_tests::process::{Programs, run_requested_program};
+use cd_tests::process::{Executables, run_requested_program};
 use cd_tests::torture::scenes::SCENES;
 use cd_tests::torture::shim::Shim;
 use cd_tests::torture::{Torture, TorturePlan};
@@ -20,7 +20,7 @@ fn broken_runs_lose_nothing_and_continue_to_the_same_bytes() {
         }
         Err(reason) => return println!("not tested: {reason}"),
     };
-    let mut torture = Torture::new(Programs::of_test(), shim, &SCENES).unwrap();
+    let mut torture = Torture::new(Executables::of_test(), shim, &SCENES).unwrap();
     torture.run(&TorturePlan { seed: 1, kills: 12, faults: 16, signals: 6, others: 3 });
     assert!(torture.tally.failures.is_empty(), "{}", torture.tally.failures.join("\n"));
 }

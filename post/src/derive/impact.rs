@@ -177,7 +177,7 @@ impl std::error::Error for ImpactError {}
 enum TargetCriterion {
     /// It belongs to the remnant, or to a fragment whose two-body orbit about it is an ellipse.
     Bound,
-    /// Its centre is nearer to the remnant's centre of mass than this, m.
+    /// The centre of the grain is nearer to the remnant's centre of mass than this, m.
     Within(f64),
     /// It belongs to the remnant, or its centre is nearer to the remnant's centre of mass than this, m.
     RemnantOrWithin(f64),

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::neighbours::{NeighbourLists, PackingCell};
 use super::order::z_order;
-use super::packed_shapes::{GrainLoad, MovingShapes, PackingShapes};
+use super::packed_shapes::{GrainForces, GrainLoad, MovingShapes, PackingShapes, PaddedSize};
 use super::rounded_hulls::RoundedHull;
 use crate::random::RandomStream;
 
@@ -22,7 +22,7 @@ use crate::random::RandomStream;
 /// loose packings end after a few hundred steps; the last lowers the density that can be reached by 3e-4 of it.
 const PADDINGS: [f64; 5] = [1e-2, 3e-3, 1e-3, 3e-4, 1e-4];
 
-/// Ratio of the energies of two tests above which the spheres are jammed: the slowest packings that still become free of
+/// Ratio of the energies of two tests above which grains are jammed: the slowest packings that still become free of
 /// overlaps lose a fifth of their energy in that time.
 const STALL_RATIO: f64 = 0.98;
 
@@ -51,9 +51,12 @@ const MAX_STEPS: usize = 200_000;
 /// Number of reductions of the radii; overlaps fall by about ten times in each.
 const MAX_SHRINKAGES: usize = 40;
 
-/// Time steps of FIRE where the stiffness of a contact is 1 and the mass of a sphere of mean radius 1: first and largest.
-/// The fastest mode of a packing has a frequency of about 3, so that a step of 0.6 is stable.
-const TIME_STEPS: [f64; 2] = [0.1, 0.6];
+/// First time step of FIRE where the stiffness of a contact is 1 and the mass of a sphere of mean radius 1; the smallest is a
+/// hundredth of it.
+const FIRST_TIME_STEP: f64 = 0.1;
+
+/// Largest time step in these units: the fastest mode of a packing has a frequency of about 3, so that 0.6 is stable.
+const MAX_TIME_STEP: f64 = 0.6;
 
 /// Parameters of FIRE as published: steps before the time step grows, its factors of growth and reduction, initial mixing of
 /// force and velocity and its factor.
@@ -66,34 +69,42 @@ const FIRE_MIXING_FACTOR: f64 = 0.99;
 /// Largest step of a sphere, divided by the mean radius: spheres that start one in another fly apart no faster.
 const MAX_TRAVEL: f64 = 0.2;
 
-/// Skin of the lists of neighbours, divided by the mean radius: first, smallest and largest. It grows while lists are made
-/// often and shrinks while they are made rarely.
-const SKINS: [f64; 3] = [0.5, 0.05, 1.0];
+/// Skin of the first lists of neighbours, divided by the mean radius. It grows while lists are made often and shrinks while
+/// they are made rarely.
+const FIRST_SKIN: f64 = 0.5;
 
-/// Steps between two lists of neighbours below and above which the skin grows and shrinks.
-const LIST_STEPS: [usize; 2] = [10, 100];
+/// Smallest skin, divided by the mean radius.
+const MIN_SKIN: f64 = 0.05;
+
+/// Largest skin, divided by the mean radius.
+const MAX_SKIN: f64 = 1.0;
+
+/// Steps between two lists of neighbours below which the skin grows.
+const MIN_LIST_STEPS: usize = 10;
+
+/// Steps between two lists of neighbours above which the skin shrinks.
+const MAX_LIST_STEPS: usize = 100;
 
 /// Least number of spheres per task: the forces on one take about a tenth of a microsecond.
-const SPHERES_PER_TASK: usize = 1024;
+const SPHERE_LOADS_PER_TASK: usize = 1024;
 
 /// Number of random points for one start position.
 const MAX_ATTEMPTS: usize = 1_000_000;
 
-/// Reason why spheres are not packed.
+/// Reason why grains are not packed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PackingError {
-    /// The spheres jam before they have their radii: the ratio of the volume of all spheres at which they fit to their full
-    /// volume.
+    /// The grains jam before they have their sizes: volume at which they fit, divided by their full volume.
     Jammed { volume_ratio: f64 },
-    /// No random point lies in the region.
+    /// No random point is free: the region is too thin, or other bodies fill it.
     NoPoint,
 }
 
 impl std::fmt::Display for PackingError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            PackingError::Jammed { volume_ratio } => write!(f, "the spheres jam at {volume_ratio:.4} of their volume"),
-            PackingError::NoPoint => write!(f, "no random point lies in the region: it is too thin"),
+            PackingError::Jammed { volume_ratio } => write!(f, "the grains jam at {volume_ratio:.4} of their volume"),
+            PackingError::NoPoint => write!(f, "no random point of the region is free"),
         }
     }
 }
@@ -171,6 +182,13 @@ fn random_centres(
     Ok(order.into_iter().map(|k| centres[k]).collect())
 }
 
+/// Inertia of grains against forces and moments.
+struct GrainInertia<'a> {
+    masses: &'a [f64],
+    /// Moments of inertia, m^2; none of spheres.
+    moments: &'a [f64],
+}
+
 /// Motion of grains down the gradient of the energy (FIRE).
 struct GrainDescent {
     velocities: Vec<Vector3<f64>>,
@@ -186,57 +204,52 @@ impl GrainDescent {
         GrainDescent {
             velocities: vec![Vector3::zeros(); number],
             spins: Vec::new(),
-            time_step: TIME_STEPS[0],
+            time_step: FIRST_TIME_STEP,
             mixing: FIRE_MIXING,
             downhill_steps: 0,
         }
     }
 
-    /// Sets the velocities at the end of a step under these loads and torques on grains of these masses and moments of
-    /// inertia, whose bounding radii are `radii`, m, limited to a displacement of `longest`, m.
-    fn accelerate(
-        &mut self,
-        (loads, torques): &(Vec<GrainLoad>, Vec<Vector3<f64>>),
-        (masses, inertias): (&[f64], &[f64]),
-        radii: &[f64],
-        longest: f64,
-    ) {
+    /// Sets the velocities at the end of a step under these forces on grains, whose bounding radii are `radii`, m, limited to a
+    /// displacement of `longest`, m.
+    fn accelerate(&mut self, forces: &GrainForces, inertia: &GrainInertia, radii: &[f64], longest: f64) {
+        let (GrainForces { loads, torques }, GrainInertia { masses, moments }) = (forces, inertia);
         self.spins.resize(torques.len(), Vector3::zeros());
         let (mut power, mut speed_square, mut force_square) = (0.0, 0.0, 0.0);
-        for ((load, velocity), mass) in loads.iter().zip(&self.velocities).zip(masses) {
+        for ((load, velocity), mass) in loads.iter().zip(&self.velocities).zip(*masses) {
             power += load.force.dot(velocity);
             speed_square += mass * velocity.norm_squared();
             force_square += load.force.norm_squared() / mass;
         }
-        for ((torque, spin), inertia) in torques.iter().zip(&self.spins).zip(inertias) {
+        for ((torque, spin), inertia) in torques.iter().zip(&self.spins).zip(*moments) {
             power += torque.dot(spin);
             speed_square += inertia * spin.norm_squared();
             force_square += torque.norm_squared() / inertia;
         }
         if power > 0.0 {
             let pull = self.mixing * (speed_square / force_square).sqrt();
-            for ((load, velocity), mass) in loads.iter().zip(&mut self.velocities).zip(masses) {
+            for ((load, velocity), mass) in loads.iter().zip(&mut self.velocities).zip(*masses) {
                 *velocity = *velocity * (1.0 - self.mixing) + load.force * (pull / mass);
             }
-            for ((torque, spin), inertia) in torques.iter().zip(&mut self.spins).zip(inertias) {
+            for ((torque, spin), inertia) in torques.iter().zip(&mut self.spins).zip(*moments) {
                 *spin = *spin * (1.0 - self.mixing) + torque * (pull / inertia);
             }
             self.downhill_steps += 1;
             if self.downhill_steps > FIRE_DELAY {
-                self.time_step = f64::min(FIRE_GROWTH * self.time_step, TIME_STEPS[1]);
+                self.time_step = f64::min(FIRE_GROWTH * self.time_step, MAX_TIME_STEP);
                 self.mixing *= FIRE_MIXING_FACTOR;
             }
         } else {
             self.velocities.fill(Vector3::zeros());
             self.spins.fill(Vector3::zeros());
             (self.downhill_steps, self.mixing) = (0, FIRE_MIXING);
-            self.time_step = f64::max(FIRE_REDUCTION * self.time_step, 0.01 * TIME_STEPS[0]);
+            self.time_step = f64::max(FIRE_REDUCTION * self.time_step, 0.01 * FIRST_TIME_STEP);
         }
         let fastest = longest / self.time_step;
-        for ((load, velocity), mass) in loads.iter().zip(&mut self.velocities).zip(masses) {
+        for ((load, velocity), mass) in loads.iter().zip(&mut self.velocities).zip(*masses) {
             add_limited(velocity, load.force * (self.time_step / mass), fastest);
         }
-        for (((torque, spin), inertia), radius) in torques.iter().zip(&mut self.spins).zip(inertias).zip(radii) {
+        for (((torque, spin), inertia), radius) in torques.iter().zip(&mut self.spins).zip(*moments).zip(radii) {
             add_limited(spin, torque * (self.time_step / inertia), fastest / radius);
         }
     }
@@ -278,7 +291,7 @@ impl<'a> MovingGrains<'a> {
     fn new(cell: &'a PackingCell, radii: &'a [f64], sizes: &'a [f64], centres: Vec<Vector3<f64>>) -> Self {
         let mean_radius = sizes.iter().sum::<f64>() / sizes.len() as f64;
         let masses = sizes.iter().map(|size| (size / mean_radius).powi(2)).collect();
-        let skin = SKINS[0] * mean_radius;
+        let skin = FIRST_SKIN * mean_radius;
         MovingGrains {
             cell,
             radii,
@@ -336,31 +349,32 @@ impl<'a> MovingGrains<'a> {
         for step in 0..MAX_STEPS {
             if self.has_left_lists() {
                 let age = step - list_step;
-                let change = if age < LIST_STEPS[0] {
+                let change = if age < MIN_LIST_STEPS {
                     1.3
-                } else if age > LIST_STEPS[1] {
+                } else if age > MAX_LIST_STEPS {
                     0.8
                 } else {
                     1.0
                 };
-                self.skin = (change * self.skin).clamp(SKINS[1] * self.mean_radius, SKINS[2] * self.mean_radius);
+                self.skin = (change * self.skin).clamp(MIN_SKIN * self.mean_radius, MAX_SKIN * self.mean_radius);
                 list_step = step;
                 self.list_neighbours(factor);
             }
-            let loads = self.loads(scale, padding);
-            let deepest = loads.0.iter().map(|load| load.deepest).fold(0.0, f64::max);
+            let forces = self.forces(scale, padding);
+            let deepest = forces.loads.iter().map(|load| load.deepest).fold(0.0, f64::max);
             if deepest <= padding / (1.0 + padding) {
                 return true;
             }
             if step % effort.stall_steps == 0 {
-                let energy = loads.0.iter().map(|load| load.energy).sum();
+                let energy = forces.loads.iter().map(|load| load.energy).sum();
                 if energy > STALL_RATIO * last_energy {
                     break;
                 }
                 last_energy = energy;
             }
-            let inertias = self.shapes.as_ref().map_or(&[][..], |shapes| &shapes.inertias[..]);
-            descent.accelerate(&loads, (&self.masses, inertias), self.radii, MAX_TRAVEL * self.mean_radius);
+            let moments = self.shapes.as_ref().map_or(&[][..], |shapes| &shapes.inertias[..]);
+            let inertia = GrainInertia { masses: &self.masses, moments };
+            descent.accelerate(&forces, &inertia, self.radii, MAX_TRAVEL * self.mean_radius);
             for (velocity, centre) in descent.velocities.iter().zip(&mut self.centres) {
                 *centre += *velocity * descent.time_step;
             }
@@ -373,7 +387,7 @@ impl<'a> MovingGrains<'a> {
 
     /// Mean overlap of the contacts, divided by the sum of the padded radii, with the present lists of neighbours.
     fn mean_overlap(&self, scale: f64, padding: f64) -> f64 {
-        let loads = self.loads(scale, padding).0;
+        let loads = self.forces(scale, padding).loads;
         let contacts: u64 = loads.iter().map(|load| u64::from(load.contacts)).sum();
         loads.iter().map(|load| load.sum).sum::<f64>() / contacts.max(1) as f64
     }
@@ -385,16 +399,16 @@ impl<'a> MovingGrains<'a> {
         self.centres.iter().zip(&self.neighbours.centres).any(|(a, b)| (a - b).norm_squared() > longest * longest)
     }
 
-    /// Forces on all grains of `scale` times their size, padded, and their moments, none of spheres.
-    fn loads(&self, scale: f64, padding: f64) -> (Vec<GrainLoad>, Vec<Vector3<f64>>) {
+    /// Forces on all grains of `scale` times their size, padded, without moments of spheres.
+    fn forces(&self, scale: f64, padding: f64) -> GrainForces {
         if let Some(shapes) = &self.shapes {
-            let sizes: Vec<f64> = self.sizes.iter().map(|size| scale * size).collect();
-            let paddings: Vec<f64> = sizes.iter().map(|size| padding * size).collect();
-            return shapes.loads(self.cell, &self.neighbours, &self.centres, [&sizes, &paddings]);
+            let padded_size = |size: f64| PaddedSize { size, padding: padding * size };
+            let sizes: Vec<PaddedSize> = self.sizes.iter().map(|size| padded_size(scale * size)).collect();
+            return shapes.forces(self.cell, &self.neighbours, &self.centres, &sizes);
         }
         let factor = scale * (1.0 + padding);
-        let numbers = (0..self.radii.len()).into_par_iter().with_min_len(SPHERES_PER_TASK);
-        (numbers.map(|k| self.sphere_load(k, factor)).collect(), Vec::new())
+        let numbers = (0..self.radii.len()).into_par_iter().with_min_len(SPHERE_LOADS_PER_TASK);
+        GrainForces { loads: numbers.map(|k| self.sphere_load(k, factor)).collect(), torques: Vec::new() }
     }
 
     /// Force on a sphere of `factor` times its radius from its neighbours and the walls.
@@ -525,7 +539,7 @@ mod tests {
 
     #[test]
     fn the_number_of_threads_changes_no_bit_and_the_seed_does() {
-        let radii = vec![1.0; 2 * SPHERES_PER_TASK + 50];
+        let radii = vec![1.0; 2 * SPHERE_LOADS_PER_TASK + 50];
         let cube = PeriodicCube::new(&radii, 0.25);
         let packed = |threads: usize, seed: u64| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

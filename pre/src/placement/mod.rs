@@ -120,9 +120,9 @@ impl PlacementError {
 
 /// Sizes, shapes and positions of the grains of one (checked) group of grains, the `group`-th of the scene.
 ///
-/// Polyhedra are placed as their bounding balls, in `RandomSequential` by their shapes where these do not fit, in
-/// `DensePacking` by their shapes, which turn. Grains in an envelope are returned in Z-order, so that neighbours in space have
-/// near numbers.
+/// Grains other than spheres are placed as their bounding balls; polyhedra in `RandomSequential` by their shapes where these
+/// do not fit; all in `DensePacking` by their shapes, which turn if `grain_orientation` is `Random`. Grains in an envelope are
+/// returned in Z-order, so that neighbours in space have near numbers.
 ///
 /// Errors: grains that do not fit into the envelope, no grain or too many, a degenerate shape, no envelope, radii from two
 /// sources or none.
@@ -239,7 +239,7 @@ pub fn place_grains(
         GrainPlacement::DensePacking { .. } => {
             let cell = PackingCell { region: &region, periods };
             let can_turn = grains.grain_orientation == GrainOrientations::Random;
-            dense_packing(&cell, &mut drawn, margin, (pose, can_turn), obstacles, &mut random)
+            dense_packing(&cell, &mut drawn, margin, pose, can_turn, obstacles, &mut random)
         }
         _ => {
             let search = obstacles.map(|obstacles| obstacles.into_search(largest_reach(&drawn)));
@@ -460,7 +460,8 @@ fn dense_packing(
     cell: &PackingCell,
     grains: &mut Vec<SampledGrain>,
     margin: f64,
-    (pose, can_turn): (EnvelopePose, bool),
+    pose: EnvelopePose,
+    can_turn: bool,
     obstacles: Option<Obstacles>,
     random: &mut RandomStream,
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
@@ -553,7 +554,7 @@ mod tests {
         }
     }
 
-    fn spot(grains: &Grains, seed: u64, group: usize) -> Result<PlacedGrains, PlacementError> {
+    fn place_group(grains: &Grains, seed: u64, group: usize) -> Result<PlacedGrains, PlacementError> {
         let folder = std::path::Path::new("");
         let region = grains.placement.envelope().map(|envelope| envelope.to_region(folder).unwrap().0);
         let mut shapes = GrainSampler::from_grains(grains, folder, seed, group).unwrap();
@@ -568,14 +569,14 @@ mod tests {
             GrainPlacement::JitteredLattice { envelope: envelope(0), jitter: 0.5 },
         ] {
             let near = grains(Some(100), Some(0.25), SizeDistribution::Single(1.0), place);
-            assert!(spot(&near, 1, 0).is_ok());
+            assert!(place_group(&near, 1, 0).is_ok());
             let far = Grains { centre: [6e7, 0.0, 0.0], ..near };
-            let misfit = spot(&far, 1, 0).err().unwrap();
+            let misfit = place_group(&far, 1, 0).err().unwrap();
             assert!(misfit.expected.contains("from-outbox"), "{}; expected {}", misfit.found, misfit.expected);
         }
     }
 
-    fn filled(placed: &PlacedGrains) -> f64 {
+    fn solid_volume(placed: &PlacedGrains) -> f64 {
         placed.grains.iter().map(SampledGrain::volume).sum()
     }
 
@@ -588,7 +589,7 @@ mod tests {
     }
 
     /// Checks that grains lie within the envelope without overlaps, by the numbers that the files hold.
-    fn sound(grains: &Grains, placed: &PlacedGrains) -> Result<(), TestCaseError> {
+    fn check_positions(grains: &Grains, placed: &PlacedGrains) -> Result<(), TestCaseError> {
         let (turn, region) = (rotation_matrix(&grains.orientation), placed.region.clone().unwrap());
         let mut order: Vec<usize> = (0..placed.grains.len()).collect();
         order.sort_by(|&a, &b| placed.grains[b].reach.total_cmp(&placed.grains[a].reach));
@@ -623,14 +624,14 @@ mod tests {
             let mut grains = grains(Some(number), Some(solid_fraction), sizes, place);
             grains.centre = centre;
             grains.orientation = Rotation { axis: [1.0, -2.0, 0.5], angle };
-            match spot(&grains, seed, 0) {
+            match place_group(&grains, seed, 0) {
                 Ok(placed) => {
                     prop_assert_eq!(placed.grains.len(), number);
                     prop_assert_eq!(placed.positions.len(), number);
-                    let filled = filled(&placed);
+                    let volume = solid_volume(&placed);
                     // Round-off of a sum of up to 200 terms and of a cube root.
-                    prop_assert!((filled / placed.region.as_ref().unwrap().volume() / solid_fraction - 1.0).abs() < 1e-12);
-                    sound(&grains, &placed)?;
+                    prop_assert!((volume / placed.region.as_ref().unwrap().volume() / solid_fraction - 1.0).abs() < 1e-12);
+                    check_positions(&grains, &placed)?;
                 }
                 // Few grains in a flat envelope may not fit at all: it may be thinner than a grain.
                 Err(_) => prop_assert!(number < 60),
@@ -645,28 +646,28 @@ mod tests {
             envelope: Envelope::Ellipsoid { semi_axes: Some([60.0, 50.0, 40.0]), ratios: None },
         };
         let grains = grains(None, Some(0.35), sizes, place);
-        let placed = spot(&grains, 1, 0).unwrap();
-        sound(&grains, &placed).unwrap();
-        let filled = filled(&placed);
+        let placed = place_group(&grains, 1, 0).unwrap();
+        check_positions(&grains, &placed).unwrap();
+        let volume = solid_volume(&placed);
         // The volume is off by at most half of the largest grain.
-        assert!((filled - 0.35 * placed.region.as_ref().unwrap().volume()).abs() <= 0.5 * sphere_volume(10.0));
+        assert!((volume - 0.35 * placed.region.as_ref().unwrap().volume()).abs() <= 0.5 * sphere_volume(10.0));
     }
 
     #[test]
     fn a_seed_decides_all_and_groups_do_not_depend_on_each_other() {
         let lattice = GrainPlacement::JitteredLattice { envelope: envelope(0), jitter: 1.0 };
         let grains = grains(Some(50), Some(0.1), SizeDistribution::Uniform { min: 1.0, max: 2.0 }, lattice);
-        let first = spot(&grains, 7, 0).unwrap();
-        assert_eq!(spot(&grains, 7, 0).unwrap(), first);
-        assert_ne!(spot(&grains, 8, 0).unwrap(), first);
-        assert_ne!(spot(&grains, 7, 1).unwrap(), first);
+        let first = place_group(&grains, 7, 0).unwrap();
+        assert_eq!(place_group(&grains, 7, 0).unwrap(), first);
+        assert_ne!(place_group(&grains, 8, 0).unwrap(), first);
+        assert_ne!(place_group(&grains, 7, 1).unwrap(), first);
     }
 
     #[test]
     fn neighbours_in_number_are_near_in_space() {
         let lattice = GrainPlacement::JitteredLattice { envelope: envelope(0), jitter: 1.0 };
         let grains = grains(Some(4096), Some(0.3), SizeDistribution::Single(1.0), lattice);
-        let positions = spot(&grains, 1, 0).unwrap().positions;
+        let positions = place_group(&grains, 1, 0).unwrap().positions;
         let steps: f64 = positions.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
         // Neighbours are about 2.7 radii apart and the Z-curve makes a jump now and then; without order
         // two grains are about 36/35 of the ball's radius apart, 24 radii.
@@ -677,13 +678,13 @@ mod tests {
     fn grains_that_do_not_fit_are_reported_with_counts() {
         let tight = |place| grains(Some(1000), None, SizeDistribution::Single(1.0), place);
         let envelope = || Envelope::Ball { radius: Some(10.0) };
-        let lattice =
-            spot(&tight(GrainPlacement::JitteredLattice { envelope: envelope(), jitter: 1.0 }), 1, 0).unwrap_err();
+        let lattice = place_group(&tight(GrainPlacement::JitteredLattice { envelope: envelope(), jitter: 1.0 }), 1, 0)
+            .unwrap_err();
         assert!(
             lattice.found.starts_with("1000 grains, the largest of radius 1 m, in a ball of radius 10 m"),
             "{lattice:?}"
         );
-        let random = spot(&tight(GrainPlacement::RandomSequential { envelope: envelope() }), 1, 0).unwrap_err();
+        let random = place_group(&tight(GrainPlacement::RandomSequential { envelope: envelope() }), 1, 0).unwrap_err();
         assert!(random.found.contains(" of 1000 grains (largest first) could be placed"), "{random:?}");
         let empty = grains(
             None,
@@ -691,7 +692,7 @@ mod tests {
             SizeDistribution::Single(9.0),
             GrainPlacement::RandomSequential { envelope: envelope() },
         );
-        assert!(spot(&empty, 1, 0).unwrap_err().found.starts_with("no grain for a solid fraction of 0.01"));
+        assert!(place_group(&empty, 1, 0).unwrap_err().found.starts_with("no grain for a solid fraction of 0.01"));
     }
 
     #[test]
@@ -700,7 +701,7 @@ mod tests {
         let mut grains = grains(None, None, SizeDistribution::List(vec![0.5, 0.25]), place);
         grains.centre = [10.0, 0.0, 0.0];
         grains.orientation = Rotation { axis: [0.0, 0.0, 3.0], angle: std::f64::consts::FRAC_PI_2 };
-        let placed = spot(&grains, 1, 0).unwrap();
+        let placed = place_group(&grains, 1, 0).unwrap();
         assert_eq!(placed.grains.iter().map(|grain| grain.radius).collect::<Vec<_>>(), [0.5, 0.25]);
         let expected = [Vector3::new(10.0, 1.0, 0.0), Vector3::new(8.0, 0.0, 0.0)];
         for (position, expected) in placed.positions.iter().zip(expected) {

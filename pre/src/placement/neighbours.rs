@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::cells::SphereGrid;
 use super::region::GrainRegion;
 
-/// Least number of spheres per task: the neighbours of one take some microseconds.
-const SPHERES_PER_TASK: usize = 256;
+/// Least number of balls per task: the neighbours of one take some microseconds.
+const BALL_LISTS_PER_TASK: usize = 256;
 
 /// Region with the periods of the scene that it fills.
 pub struct PackingCell<'a> {
@@ -94,7 +94,7 @@ impl NeighbourLists {
             found
         };
         let pairs: Vec<Vec<u32>> =
-            (0..radii.len()).into_par_iter().with_min_len(SPHERES_PER_TASK).map(larger_neighbours).collect();
+            (0..radii.len()).into_par_iter().with_min_len(BALL_LISTS_PER_TASK).map(larger_neighbours).collect();
         self.join_pairs(&pairs);
         self.centres.clear();
         self.centres.extend_from_slice(centres);
@@ -103,7 +103,7 @@ impl NeighbourLists {
             cell.for_each_wall(&centres[k], |distance, _| is_near |= distance < radii[k]);
             is_near
         };
-        self.near_walls = (0..radii.len()).into_par_iter().with_min_len(SPHERES_PER_TASK).map(near_wall).collect();
+        self.near_walls = (0..radii.len()).into_par_iter().with_min_len(BALL_LISTS_PER_TASK).map(near_wall).collect();
     }
 
     /// Makes the lists from the neighbours of each ball, each pair once.

@@ -72,6 +72,22 @@ impl GrainLoad {
     }
 }
 
+/// Forces on all grains.
+pub struct GrainForces {
+    pub loads: Vec<GrainLoad>,
+    /// Moments of the forces about the centres, m^2; none of grains that do not turn.
+    pub torques: Vec<Vector3<f64>>,
+}
+
+/// Size of a grain and the padding of its hulls; 0 for bodies at rest.
+#[derive(Clone, Copy, Default)]
+pub struct PaddedSize {
+    /// Radius to which overlaps are relative, m.
+    pub size: f64,
+    /// m
+    pub padding: f64,
+}
+
 /// Overlap of a grain with another body or a wall.
 struct ShapeOverlap {
     /// Index of the other body, if it moves.
@@ -139,21 +155,20 @@ impl MovingShapes {
         }
     }
 
-    /// Forces on all grains at `centres`, and their moments, m^2, none of grains that do not turn. Each grain is padded by
-    /// `paddings`, m, and `sizes` are the radii, m, to which overlaps are relative.
-    pub fn loads(
+    /// Forces on all grains at `centres`, m.
+    pub fn forces(
         &self,
         cell: &PackingCell,
         lists: &NeighbourLists,
         centres: &[Vector3<f64>],
-        [sizes, paddings]: [&[f64]; 2],
-    ) -> (Vec<GrainLoad>, Vec<Vector3<f64>>) {
+        sizes: &[PaddedSize],
+    ) -> GrainForces {
         let number = self.rotations.len();
         let overlaps = |k: usize| {
             let mut found = Vec::new();
-            self.add_pairs(cell, lists, centres, [sizes, paddings], k, &mut found);
+            self.add_pairs(cell, lists, centres, sizes, k, &mut found);
             if lists.near_walls[k] {
-                self.add_walls(cell, &centres[k], [sizes[k], paddings[k]], &self.hulls[k], &mut found);
+                self.add_walls(cell, &centres[k], sizes[k], &self.hulls[k], &mut found);
             }
             found
         };
@@ -174,7 +189,7 @@ impl MovingShapes {
                 }
             }
         }
-        (loads, torques)
+        GrainForces { loads, torques }
     }
 
     /// Adds the overlaps of grain `k` with grains of larger index and with bodies at rest.
@@ -183,14 +198,15 @@ impl MovingShapes {
         cell: &PackingCell,
         lists: &NeighbourLists,
         centres: &[Vector3<f64>],
-        [sizes, paddings]: [&[f64]; 2],
+        sizes: &[PaddedSize],
         k: usize,
         found: &mut Vec<ShapeOverlap>,
     ) {
         for &other in lists.entries_near(k).iter().filter(|other| **other as usize > k) {
             let j = other as usize;
             let separation = cell.nearest_separation(centres[j] - centres[k]);
-            let [size, padding] = [sizes, paddings].map(|values| values[k] + values.get(j).copied().unwrap_or(0.0));
+            let (own, partner) = (sizes[k], sizes.get(j).copied().unwrap_or_default());
+            let [size, padding] = [own.size + partner.size, own.padding + partner.padding];
             for (a, b) in self.hulls[k].iter().flat_map(|a| self.hulls[j].iter().map(move |b| (a, b))) {
                 let limit = a.radius + b.radius + padding;
                 let Some(gap) = hull_gap(a, b, &separation, limit, self.unit) else { continue };
@@ -211,7 +227,7 @@ impl MovingShapes {
         &self,
         cell: &PackingCell,
         centre: &Vector3<f64>,
-        [size, padding]: [f64; 2],
+        PaddedSize { size, padding }: PaddedSize,
         hulls: &[RoundedHull],
         found: &mut Vec<ShapeOverlap>,
     ) {

@@ -25,9 +25,9 @@ pub struct RoundedHull {
 /// Nearest or deepest points of two hulls of points, without their radii.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HullGap {
-    /// Largest distance between two parallel planes that separate them, m; negative when they overlap.
+    /// Distance of the hulls along `normal`, m: a lower bound of their distance; negative when they overlap along it.
     pub distance: f64,
-    /// Unit vector normal to these planes, from the first hull to the second.
+    /// Unit vector from the first hull to the second.
     pub normal: Vector3<f64>,
     /// Points of the first and of the second hull, m, about the position of the first body.
     pub points: [Vector3<f64>; 2],
@@ -49,8 +49,8 @@ impl RoundedHull {
         RoundedHull::new((0..8).map(|k| axes.transpose() * corner(k)).collect(), 0.0)
     }
 
-    /// Prism around a cylinder of `[half height, radius]`, m, along the third of `axes` (rows).
-    pub fn around_cylinder(axes: &Matrix3<f64>, [half_height, radius]: [f64; 2]) -> RoundedHull {
+    /// Prism around a cylinder of these lengths, m, along the third of `axes` (rows).
+    pub fn around_cylinder(axes: &Matrix3<f64>, half_height: f64, radius: f64) -> RoundedHull {
         let sector = std::f64::consts::TAU / f64::from(PRISM_SIDES);
         let corner_radius = radius / libm::cos(0.5 * sector);
         let corners = |k: u32| {
@@ -84,7 +84,7 @@ impl RoundedHull {
                 vec![if solid.shape.is_capsule {
                     RoundedHull::new(vec![end, -end], solid.shape.radius)
                 } else {
-                    RoundedHull::around_cylinder(&axes, [solid.shape.half_length, solid.shape.radius])
+                    RoundedHull::around_cylinder(&axes, solid.shape.half_length, solid.shape.radius)
                 }]
             }
         }
@@ -243,7 +243,7 @@ mod tests {
     /// The prism around a cylinder reaches out of it by 1/cos(pi/32) - 1 of the radius.
     #[test]
     fn prisms_contain_their_cylinders() {
-        let prism = RoundedHull::around_cylinder(&Matrix3::identity(), [2.0, 1.0]);
+        let prism = RoundedHull::around_cylinder(&Matrix3::identity(), 2.0, 1.0);
         for k in 0..100 {
             let (sin, cos) = libm::sincos(0.0628 * f64::from(k));
             let along = prism.support_point(&Vector3::new(cos, sin, 0.0)).dot(&Vector3::new(cos, sin, 0.0));
@@ -252,7 +252,7 @@ mod tests {
         assert_eq!(prism.bounds()[1].z, 2.0);
     }
 
-    /// The direction need not be the best one, but the hulls are as far apart along it as is said. The separating axes of faces
+    /// The direction need not be the best one, but the hulls are at least `distance` apart along it. The separating axes of faces
     /// and edges are complete for overlaps.
     #[test]
     fn depths_are_those_of_the_separating_axes() {

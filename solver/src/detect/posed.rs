@@ -20,9 +20,10 @@ pub struct PosedContactor<'a> {
     pub centre: Vec3,
     /// Orientation, from the contactor's frame to the world.
     pub axes: Quat,
-    /// Largest displacement of a point of it in the step, m, with its share `affine_travel`.
+    /// Largest displacement of a point of the contactor in the step, m, `affine_travel` included.
     pub travel: f64,
-    /// Share of it in the largest displacement relative to a near contactor by the affine field of a deforming cell, m.
+    /// Allowance in `travel` for the displacement relative to any listed contactor by the affine field of a deforming cell, m;
+    /// 0 in other scenes.
     pub affine_travel: f64,
     /// Radius of the bounding ball with travel and half of the listing distance, m.
     pub listing_radius: f64,

@@ -33,8 +33,9 @@
 //! | IQS_MOHR_DS_CLB while bonded over the area S | 0 | 0 | -h c_n S | c_t/c_n |
 //! | IQS_BEAM_DS_CLB, as IQS_MOHR_DS_CLB | the same | the same | the same | the same |
 //! | ELASTIC_BEAM_DS_CLB while bonded, with the compliances 1/(k h T S), see [`ContactLaw::bond_compliance`] | as IQS_MOHR_DS_CLB | the same | the same | the same |
-//! | the same three without a bond | max(0, g/T) | 0 | 0 | mu dynamic after sliding, else mu static |
-//! | RST_MOHR_DS_CLB with a bond as IQS_MOHR_DS_CLB, without as RST_DS_CLB | | | | |
+//! | IQS_MOHR_DS_CLB, IQS_BEAM_DS_CLB and ELASTIC_BEAM_DS_CLB without a bond | max(0, g/T) | 0 | 0 | mu dynamic after sliding, else mu static |
+//! | RST_MOHR_DS_CLB while bonded | as IQS_MOHR_DS_CLB | the same | the same | the same |
+//! | RST_MOHR_DS_CLB without a bond | as RST_DS_CLB | the same | the same | the same |
 //!
 //! VEL_SGR_CLB and RST_CLB act on touching contacts. A pair that the free velocities would close within the step is thrown
 //! back at once, or brought to touch where the law does not throw back or u_n⁻ does not close it; a pair at rest is kept in

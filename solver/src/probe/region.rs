@@ -26,7 +26,7 @@ pub struct ProbeRegion {
 struct GrainPart {
     /// Centre of the grain, m.
     x: Vec3,
-    /// Its velocity, m/s.
+    /// Velocity of the centre, m/s.
     v: Vec3,
     /// Mass of the part, kg.
     mass: f64,

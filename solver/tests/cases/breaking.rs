@@ -11,7 +11,7 @@ const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// Tangential cohesion, Pa.
 const SHEAR: f64 = 32.0;
 
-/// What loads the bond of a body on a floor.
+/// Load on the bond of a body on a floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Load {
     Shear,

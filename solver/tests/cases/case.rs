@@ -359,7 +359,7 @@ pub trait Figures {
     /// World frame.
     fn w(&self, body: usize) -> Vec3;
     /// Angular momentum about the centre of mass, world frame.
-    fn spin(&self, body: usize) -> Vec3;
+    fn own_angular_momentum(&self, body: usize) -> Vec3;
     fn mass(&self, body: usize) -> f64;
     /// Bodies whose motion is not imposed.
     fn free(&self) -> Vec<usize>;
@@ -388,7 +388,7 @@ impl Figures for Snapshot {
         self.bodies.body_w_world[body].into()
     }
 
-    fn spin(&self, body: usize) -> Vec3 {
+    fn own_angular_momentum(&self, body: usize) -> Vec3 {
         let inertia = Vec3::from(self.bodies.body_inertia[body]);
         let [w, x, y, z] = self.bodies.body_q[body];
         let q = nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z));
@@ -408,7 +408,7 @@ impl Figures for Snapshot {
     }
 
     fn angular_momentum(&self) -> Vec3 {
-        let of = |&i: &usize| self.x(i).cross(&self.v(i)) * self.mass(i) + self.spin(i);
+        let of = |&i: &usize| self.x(i).cross(&self.v(i)) * self.mass(i) + self.own_angular_momentum(i);
         self.free().iter().map(of).sum()
     }
 
@@ -417,7 +417,8 @@ impl Figures for Snapshot {
     }
 
     fn kinetic(&self) -> f64 {
-        let of = |&i: &usize| 0.5 * (self.mass(i) * self.v(i).norm_squared() + self.spin(i).dot(&self.w(i)));
+        let of =
+            |&i: &usize| 0.5 * (self.mass(i) * self.v(i).norm_squared() + self.own_angular_momentum(i).dot(&self.w(i)));
         self.free().iter().map(of).sum()
     }
 

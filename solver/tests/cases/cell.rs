@@ -286,7 +286,7 @@ fn bodies_of_any_shape_fly_with_the_affine_field() {
     let end = flight(add_block, spin.into());
     let inertia = Vec3::from(end.bodies.body_inertia[0]);
     // The angular momentum is that of the start as well as without a cell: second order in h.
-    near(end.spin(0), inertia.component_mul(&spin), 1e-4 * inertia.max());
+    near(end.own_angular_momentum(0), inertia.component_mul(&spin), 1e-4 * inertia.max());
 }
 
 /// As of spheres, the motion about the affine field does not depend on where the border is, with faces, edges and several

@@ -105,8 +105,8 @@ fn a_cube_in_a_drum() {
     assert_eq!(contacts.contact_body.len(), 8);
 }
 
-/// What slides round a drum without friction keeps its distance from the axis and its speed, as on a polygon of chords of equal
-/// length; what has a restitution is not thrown off.
+/// A body that slides round a drum without friction keeps its distance from the axis and its speed, as on a polygon of
+/// chords of equal length; one with restitution is not thrown off.
 #[test]
 fn round_a_drum() {
     let laws: [(&str, &[f64]); 3] = [("IQS_CLB", &[0.0]), ("GAP_SGR_CLB", &[0.0]), ("RST_CLB", &[0.8, 0.0, 0.0])];

@@ -186,7 +186,7 @@ fn a_bond_that_cannot_act_is_reported() {
     }
 }
 
-/// Its weight is what the ball below carries besides its own.
+/// The ball below a press carries its weight and load besides its own weight.
 #[test]
 fn a_press_meets_held_and_guided_grains() {
     let mut case = on_floor("IQS_CLB", &[0.3]);

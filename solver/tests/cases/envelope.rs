@@ -170,7 +170,7 @@ fn cohesion_far_above_weight_holds_a_chain_that_hangs() {
     );
 }
 
-/// What is left of the tolerance is a share of what the contacts carry, not of what they could.
+/// The tolerance is relative to the load that contacts carry, not to the load that their cohesion could carry.
 #[test]
 fn the_tolerance_is_of_the_load_however_strong_the_cohesion() {
     let ratios = [0.0, 1e2, 1e4, 1e6];

@@ -32,7 +32,7 @@ fn nothing_moves_where_nothing_pulls() {
     assert_eq!(states[1].meta.ledger.momentum_scale, 0.0);
 }
 
-/// What rests from the start has no momentum, and drifts by the rounding of what it weighs.
+/// A body at rest from the start has no momentum; its drift is the rounding of its weight.
 #[test]
 fn what_rests_has_a_scale_of_momentum() {
     let mut case = Case::new();

@@ -149,7 +149,7 @@ fn bonded_torsion_is_that_of_a_plastic_face() {
     }
 }
 
-/// Whatever lies above a face: friction of what slides acts in the line of its centre of pressure.
+/// Friction of a sliding face acts in the line of its centre of pressure, whatever lies above it.
 #[test]
 fn a_face_that_slides_does_not_turn() {
     for (shift, v) in [(0.0, [2.0, 1.0]), (0.25, [0.0, 2.0]), (0.25, [1.5, 1.5]), (0.4, [0.0, 2.0])] {

@@ -23,7 +23,8 @@ fn growing() -> Evolution {
 
 /// Kinetic and potential energy of a body.
 fn energy(state: &Snapshot, body: usize) -> f64 {
-    let kinetic = state.mass(body) * state.v(body).norm_squared() + state.spin(body).dot(&state.w(body));
+    let kinetic =
+        state.mass(body) * state.v(body).norm_squared() + state.own_angular_momentum(body).dot(&state.w(body));
     0.5 * kinetic - state.mass(body) * Vec3::from(state.meta.parameters.uniform_gravity).dot(&state.x(body))
 }
 

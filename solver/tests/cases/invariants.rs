@@ -22,9 +22,9 @@ fn gas(side: i64, speed: f64, seed: u64) -> Case {
     case
 }
 
-/// What a state is away from what its ledger accounts for: energy, momentum, angular momentum, each over the
-/// largest that was at play.
-fn unaccounted(states: &[Snapshot]) -> [f64; 3] {
+/// Energy, momentum and angular momentum that the ledger does not account for, each divided by the largest value in the
+/// run.
+fn balance_errors(states: &[Snapshot]) -> [f64; 3] {
     let end = states.last().unwrap();
     let ledger = &end.meta.ledger;
     let energy = end.kinetic() + end.potential();
@@ -124,7 +124,7 @@ fn walls_forces_and_events_are_all_accounted_for() {
     assert_eq!(states[2].meta.parameters.events_done, 7);
     assert!(case.column("contacts_active")[999] > 30.0, "they lie in the tub");
     // Round-off of 1000 steps of a hundred contacts: the books close exactly at theta = 1/2.
-    let away = unaccounted(&states);
+    let away = balance_errors(&states);
     assert!(away.iter().all(|x| x.abs() < 1e-12), "{away:?}");
 }
 
@@ -133,7 +133,7 @@ fn momentum_is_accounted_for_at_any_theta() {
     let mut case = everything();
     case.options.theta = 0.75;
     let states = case.states(500, 500);
-    let [_, momentum, angular] = unaccounted(&states);
+    let [_, momentum, angular] = balance_errors(&states);
     assert!(momentum < 1e-12 && angular < 1e-12, "{momentum:e} {angular:e}"); // round-off of 500 steps
 }
 
@@ -145,7 +145,7 @@ fn a_change_of_gravity_is_no_loss_of_energy() {
     case.sphere(0.5, [0.0, 0.0, 7.0]);
     case.event(1.0, EventAction::SetGravity([0.0, 2.0, 0.0]));
     let states = case.states(32, 32);
-    let [energy, momentum, angular] = unaccounted(&states);
+    let [energy, momentum, angular] = balance_errors(&states);
     assert!(energy.abs() < 1e-13 && momentum < 1e-13 && angular < 1e-13, "{energy:e} {momentum:e} {angular:e}");
 }
 
@@ -159,7 +159,7 @@ fn an_aggregate_keeps_its_momenta_while_it_collapses() {
     (case.options.tol, case.options.max_sweeps) = (Some(1e-4), Some(300)); // momentum does not wait for convergence
     let states = case.states(500, 500);
     assert!(case.column("contacts_active")[499] > 125.0, "it has become a heap");
-    let [energy, momentum, angular] = unaccounted(&states);
+    let [energy, momentum, angular] = balance_errors(&states);
     // Forces come in pairs of equal arithmetic; round-off of 500 steps.
     assert!(momentum < 1e-13 && angular < 1e-13, "{momentum:e} {angular:e}");
     // The potential's curvature: (h/t)^2 of the fall, t the time to fall of about 1 s.

@@ -1,6 +1,6 @@
 //! Flush joints: plates, bricks and pieces of one body side by side act as one surface; steps, walls and corners do not.
 //!
-//! What slides at v with friction μ comes to rest after x = v²/(2 μ g).
+//! A body that slides at v with friction μ comes to rest after x = v²/(2 μ g).
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::compute::{Accuracy, NarrowPhase};

@@ -271,8 +271,8 @@ fn none_one_and_two_bodies() {
     shown("free bodies", "0, 1, 2", holds, worst);
 }
 
-/// What cd-solve says of a case of ten steps when it is run, and as its plan.
-fn said(case: &mut Case) -> [String; 2] {
+/// Messages of cd-solve for a case of ten steps: of its run and of its plan.
+fn messages(case: &mut Case) -> [String; 2] {
     case.options.steps = Some(10);
     case.write();
     ["--force", "--plan"].map(|flag| {
@@ -295,7 +295,7 @@ fn before_a_plate() -> (Case, usize, usize) {
 fn a_step_too_long_for_what_moves_is_reported() {
     let printed = |case: &mut Case, h: f64, reason: &str| {
         case.options.dt = 10.0 * h;
-        let [run, plan] = said(case);
+        let [run, plan] = messages(case);
         // Four times the bound suits a draft.
         assert!(
             run.contains(&format!(
@@ -325,7 +325,7 @@ fn a_step_too_long_for_what_moves_is_reported() {
     printed(&mut struck, 5e-7, fast);
     // Where a motion depends on time all steps are `dt`.
     struck.options.accuracy = Some(Accuracy::Draft);
-    assert!(!said(&mut struck)[1].contains("of dt"));
+    assert!(!messages(&mut struck)[1].contains("of dt"));
     // A corner is 5 m from the centre; the plate's turn by 1e4 rad/s alone would allow 1e-5 s.
     let (mut swept, _, plate) = before_a_plate();
     swept.drive_along(plate, 4, Evolution::constant(2e4));
@@ -375,7 +375,7 @@ fn positions_with_too_few_digits_are_reported() {
         case.sphere(0.5, [0.0; 3]);
         case.sphere(0.5, [0.0, -out, 0.0]);
         case.options.dt = 1e-3;
-        let [run, plan] = said(&mut case);
+        let [run, plan] = messages(&mut case);
         let line = |text: &str| text.lines().find_map(|line| Some(line.split_once("body 2 is ")?.1.to_string()));
         assert_eq!(line(&run), line(&plan));
         line(&run)

@@ -42,17 +42,17 @@ fn at_rest(_: Vec3) -> (Vec3, Vec3) {
     (Vec3::zeros(), Vec3::zeros())
 }
 
-/// Most contacts listed and solved in the steps of a run.
-fn most(case: &mut Case, steps: u64) -> [f64; 2] {
+/// Largest numbers of contacts listed and solved in the steps of a run.
+fn largest_counts(case: &mut Case, steps: u64) -> [f64; 2] {
     case.run(steps);
     ["contacts_listed", "contacts_solved"].map(|name| case.column(name).into_iter().fold(0.0, f64::max))
 }
 
-/// Runs the scene and demands no more than `times` the contacts that 125 grains have that are left alone.
+/// Runs the scene and demands no more than `times` the contacts of 125 grains at rest.
 #[track_caller]
 fn expect_few(blocks: bool, case: &mut Case, steps: u64, times: f64) {
-    let alone = most(&mut scene(blocks, at_rest), steps);
-    let found = most(case, steps);
+    let alone = largest_counts(&mut scene(blocks, at_rest), steps);
+    let found = largest_counts(case, steps);
     assert!(alone[0] >= 300.0 && alone[1] >= 100.0, "{alone:?}");
     for (found, alone) in found.into_iter().zip(alone) {
         assert!(found <= times * alone, "blocks: {blocks}: {found}; alone {alone}");
@@ -192,8 +192,8 @@ fn deepest(state: &Snapshot) -> f64 {
     pairs.chain(free.iter().map(|&i| 0.5 - state.x(i).z)).fold(0.0, f64::max)
 }
 
-/// What a push within a step makes close is not missed, though the free velocities are equal or nothing: columns that fall many radii in a
-/// step, and rows of which the first is hit.
+/// Pairs that a push within the step closes are listed, though the free velocities are equal or 0: columns that fall many
+/// radii in a step, and rows of which the first is hit.
 #[test]
 fn what_pushes_close_is_listed() {
     for speed in [10.0, 100.0, 1e3, 1e5] {

@@ -46,28 +46,28 @@ fn the_version_may_have_a_commit() {
 fn what_is_no_case_says_what_to_run() {
     let folder = tempfile::tempdir().unwrap();
     let case = folder.path();
-    let said = |name: &str| {
+    let messages = |name: &str| {
         let (code, _, text) = ran(&case.join(name), case, &[]);
         assert_eq!(code, 2, "{text}");
         text
     };
     assert_eq!(
-        said("absent"),
+        messages("absent"),
         "cd-solve: CASE/absent: folder: there is no such folder; expected the folder of a case, with DATBOX in it\n"
     );
     fs::write(case.join("scene.ron"), "()").unwrap();
     assert_eq!(
-        said("scene.ron"),
+        messages("scene.ron"),
         "cd-solve: CASE/scene.ron: file: is a scene, not a case; run cd-pre CASE/scene.ron first, then cd-solve CASE\n"
     );
-    assert_eq!(said("scene.ron/"), said("scene.ron"));
-    assert_eq!(said(""), "cd-solve: CASE/: folder: has a scene but no DATBOX; run cd-pre CASE/scene.ron first\n");
+    assert_eq!(messages("scene.ron/"), messages("scene.ron"));
+    assert_eq!(messages(""), "cd-solve: CASE/: folder: has a scene but no DATBOX; run cd-pre CASE/scene.ron first\n");
     fs::write(case.join("notes.txt"), "").unwrap();
-    assert!(said("notes.txt").starts_with("cd-solve: CASE/notes.txt: file: is not a folder; expected the folder"));
+    assert!(messages("notes.txt").starts_with("cd-solve: CASE/notes.txt: file: is not a folder; expected the folder"));
     fs::create_dir(case.join("DATBOX")).unwrap();
     fs::write(case.join("DATBOX/BODIES.DAT"), "").unwrap();
     assert_eq!(
-        said("DATBOX"),
+        messages("DATBOX"),
         "cd-solve: CASE/DATBOX: folder: is a DATBOX; expected the case folder, which contains it\n"
     );
     let (code, _, text) = ran(case, case, &["resume"]);
@@ -299,7 +299,7 @@ fn a_model_that_has_changed_since_is_named() {
 
 #[test]
 fn empty_files_of_datbox_are_named() {
-    let said = |name: &str, bytes: &[u8]| {
+    let messages = |name: &str, bytes: &[u8]| {
         let case = falling();
         case.write();
         fs::write(case.path().join("DATBOX").join(name), bytes).unwrap();
@@ -308,13 +308,13 @@ fn empty_files_of_datbox_are_named() {
         text
     };
     let expected = "cd-solve: CASE/DATBOX/BODIES.DAT: file: no body; expected a $bdyty for each\n";
-    assert_eq!(said("BODIES.DAT", b""), expected);
+    assert_eq!(messages("BODIES.DAT", b""), expected);
     let expected = "cd-solve: CASE/DATBOX/TACT_BEHAV.DAT: file: no contact laws; expected a $behav for each law; \
                     a file without laws says so by a line '! no contact laws'\n";
-    assert_eq!(said("TACT_BEHAV.DAT", b""), expected);
-    assert_eq!(said("TACT_BEHAV.DAT", b"\x8b\x01 random \xff\n bytes"), expected);
+    assert_eq!(messages("TACT_BEHAV.DAT", b""), expected);
+    assert_eq!(messages("TACT_BEHAV.DAT", b"\x8b\x01 random \xff\n bytes"), expected);
     for name in ["BULK_BEHAV.DAT", "DOF.INI", "Vloc_Rloc.INI"] {
-        assert!(said(name, b"").starts_with(&format!("cd-solve: CASE/DATBOX/{name}")), "{name}");
+        assert!(messages(name, b"").starts_with(&format!("cd-solve: CASE/DATBOX/{name}")), "{name}");
     }
 }
 

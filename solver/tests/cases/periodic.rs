@@ -29,12 +29,12 @@ fn heap(blocks: bool, to: [f64; 2]) -> Case {
 }
 
 /// Positions less those of the start.
-fn ways(states: &[Snapshot]) -> Vec<Vec3> {
+fn displacements(states: &[Snapshot]) -> Vec<Vec3> {
     let last = states.last().unwrap();
     last.free().iter().map(|&i| last.x(i) - states[0].x(i)).collect()
 }
 
-/// What happens through the border is what happens within: a scene moved by half a cell is the same scene.
+/// A contact through the border is as one within: a scene moved by half a cell has the same motion.
 #[test]
 fn a_contact_through_the_border_is_one_within() {
     let mut within = heap(false, [0.0; 2]);
@@ -42,14 +42,14 @@ fn a_contact_through_the_border_is_one_within() {
     for to in [[2.0, 0.0], [0.0, -2.0], [2.0, 2.0], [-64.0, 30.0]] {
         let found = heap(false, to).states(64, 64);
         // Digits of positions up to 64 and solutions to 1e-11, which every impact magnifies.
-        for (a, b) in ways(&found).into_iter().zip(ways(&expected)) {
+        for (a, b) in displacements(&found).into_iter().zip(displacements(&expected)) {
             near(a, b, 1e-6);
         }
     }
-    // And there are some: without the periods the ways are others.
+    // And there are some: without the periods displacements differ.
     (within.options.xperiode, within.options.yperiode) = (None, None);
-    let open = ways(&within.states(64, 64));
-    assert!(open.iter().zip(ways(&expected)).any(|(a, b)| (a - b).norm() > 1e-2));
+    let open = displacements(&within.states(64, 64));
+    assert!(open.iter().zip(displacements(&expected)).any(|(a, b)| (a - b).norm() > 1e-2));
 }
 
 /// A gas in a cube that is periodic along x, y and z, all of it moved by `to`.
@@ -75,14 +75,14 @@ fn a_cube_is_the_same_wherever_its_border_is() {
     for to in [[0.0, 0.0, 1.875], [1.0, -1.5, 2.0], [0.0, 0.0, -30.0]] {
         let found = gas(to).states(64, 64);
         // Digits of positions up to 32 and solutions to 1e-11, which every impact magnifies.
-        for (a, b) in ways(&found).into_iter().zip(ways(&expected)) {
+        for (a, b) in displacements(&found).into_iter().zip(displacements(&expected)) {
             near(a, b, 1e-6);
         }
     }
     let mut open = gas([0.0; 3]);
     open.options.zperiode = None;
-    let open = ways(&open.states(64, 64));
-    assert!(open.iter().zip(ways(&expected)).any(|(a, b)| (a - b).norm() > 1e-2));
+    let open = displacements(&open.states(64, 64));
+    assert!(open.iter().zip(displacements(&expected)).any(|(a, b)| (a - b).norm() > 1e-2));
     let (start, end) = (&expected[0], &expected[1]);
     let scale = end.meta.ledger.momentum_scale;
     // Rounding of 64 steps.
@@ -140,8 +140,8 @@ fn blocks_meet_through_the_border() {
     near(border.momentum(), apart.momentum(), 1e-14);
 }
 
-/// Of a pair half a cell apart the nearest image changes, and what is known of how far apart they are with it: a ball that comes round
-/// to a tilted plate from the other side strikes it, whatever else the scene holds.
+/// The nearest image of a pair half a cell apart changes, and with it their known separation: a ball that comes to a tilted
+/// plate from the other side strikes it, in any scene.
 #[test]
 fn what_comes_round_from_the_other_side_is_met() {
     let run = |blocks: bool| {

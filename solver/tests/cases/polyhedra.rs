@@ -145,7 +145,7 @@ fn collisions_keep_momentum_and_energy_does_not_grow() {
     }
 }
 
-/// What file and program agree on: the same body in two frames of the file.
+/// A box in a frame of the file that is rotated and shifted: its centre of mass and principal moments are found.
 #[test]
 fn principal_axes_are_found_and_those_given_are_kept() {
     // A box of 2 x 4 x 6 turned by 30 degrees about z, its centre off the origin.
@@ -600,7 +600,7 @@ fn wall(case: &mut Case) -> Vec<usize> {
     bricks
 }
 
-/// What stands without mortar: name, size in m, friction, and how it is built.
+/// Building that stands without mortar: name, size in m, friction, and function that builds it.
 type Building = (&'static str, f64, f64, fn(&mut Case) -> Vec<usize>);
 const BUILDINGS: [Building; 4] = [
     ("stack of 20 cubes", 20.0, 0.6, stack),
@@ -648,7 +648,7 @@ fn a_minute_on_their_feet() {
     BUILDINGS.into_iter().filter(|building| !building.0.starts_with("wall")).for_each(a_minute);
 }
 
-/// Its thousand contacts are solved by what comes after the sweeps.
+/// The thousand contacts of the wall are solved by the methods that follow the sweeps.
 #[test]
 fn a_wall_stands() {
     a_minute(BUILDINGS[1]);

@@ -447,17 +447,21 @@ fn values_of_flags() {
 #[test]
 fn steps_of_which_no_problem_can_be_written() {
     let mut case = sound();
-    let made = |first: u64| format!("expected a step that the run makes, after {first} and up to 2");
+    let expected_step = |first: u64| format!("expected a step that the run makes, after {first} and up to 2");
     for step in ["0", "3", "99"] {
-        written_refused(&case, &["--dump-problem", step], &[&format!("options: --dump-problem: {step}; {}", made(0))]);
+        written_refused(
+            &case,
+            &["--dump-problem", step],
+            &[&format!("options: --dump-problem: {step}; {}", expected_step(0))],
+        );
     }
     // A run that has ended makes no step.
     assert_eq!(spawn(&case, &[]).0, 0);
     let flags = ["--resume", "--dump-problem", "2"];
-    expect_rejection(&case, &flags, &[&format!("options: --dump-problem: 2; {}", made(2))]);
+    expect_rejection(&case, &flags, &[&format!("options: --dump-problem: 2; {}", expected_step(2))]);
     // Results of before stay where --force is rejected.
     let flags = ["--force", "--dump-problem", "3"];
-    expect_rejection(&case, &flags, &[&format!("options: --dump-problem: 3; {}", made(0))]);
+    expect_rejection(&case, &flags, &[&format!("options: --dump-problem: 3; {}", expected_step(0))]);
     assert!(case.path().join("OUTBOX/steps.csv").exists());
 
     case.law("IQS_DS_ROLL_CLB", &[0.3, 0.3, 0.1, 0.1]);
@@ -682,18 +686,18 @@ fn contacts_of_vloc_rloc_that_are_in_doubt() {
     }
     let text = fs::read_to_string(datbox.join("Vloc_Rloc.INI")).unwrap();
     let record = &text[text.find("$icdan").unwrap()..];
-    let said = |text: &str| {
+    let messages = |text: &str| {
         fs::write(datbox.join("Vloc_Rloc.INI"), text).unwrap();
         spawn(&case, &["--force", "--steps", "3"])
     };
-    assert_eq!(said(&text).0, 0);
+    assert_eq!(messages(&text).0, 0);
     for (changed, expected) in [
         (text.replace(" stick", " stuck"), "status: stuck; expected one of LMGC90's"),
         (text.replacen("$steps        2", "$steps        3", 1), "head: step 3, time"),
         (format!("{text}{record}"), "bodies 2 and 1 occur 2 times; expected each contact once"),
         (text.replace("  law", "  lav"), "contact: a law 'lav"),
     ] {
-        let (code, printed) = said(&changed);
+        let (code, printed) = messages(&changed);
         assert!(code == 2 && printed.contains("CASE/DATBOX/Vloc_Rloc.INI") && printed.contains(expected), "{printed}");
     }
 }

@@ -218,7 +218,7 @@ fn a_spin_about_the_normal_decays_linearly() {
     }
 }
 
-/// What is said above of balls on a plate, where a block far away makes the scene one of polyhedra.
+/// The tests above of balls on a plate, in a scene that a block far away makes one of polyhedra.
 #[test]
 fn balls_among_polyhedra_resist_as_among_balls() {
     let with_block = |along: f64, rolling: f64, spinning: f64| {

@@ -153,11 +153,14 @@ fn energy_and_momenta_of_an_aggregate_close_when_ejecta_leave() {
     let present: Vec<usize> = last.free().into_iter().filter(|&i| last.is_present(i)).collect();
     let scale = last.meta.ledger.momentum_scale;
     near(Vec3::from(last.meta.ledger.momentum_expected), present_momentum(&last), 1e-12 * scale);
-    let angular: Vec3 = present.iter().map(|&i| last.x(i).cross(&last.v(i)) * last.mass(i) + last.spin(i)).sum();
+    let angular: Vec3 =
+        present.iter().map(|&i| last.x(i).cross(&last.v(i)) * last.mass(i) + last.own_angular_momentum(i)).sum();
     near(Vec3::from(last.meta.ledger.angular_momentum_expected), angular, 1e-12 * scale * 5.0);
     // Kinetic and potential energy of the rest.
-    let kinetic: f64 =
-        present.iter().map(|&i| 0.5 * (last.mass(i) * last.v(i).norm_squared() + last.spin(i).dot(&last.w(i)))).sum();
+    let kinetic: f64 = present
+        .iter()
+        .map(|&i| 0.5 * (last.mass(i) * last.v(i).norm_squared() + last.own_angular_momentum(i).dot(&last.w(i))))
+        .sum();
     let pair = -0.01 * last.mass(0) * last.mass(3) / (last.x(0) - last.x(3)).norm();
     let uniform: f64 = present.iter().map(|&i| -last.mass(i) * 0.01 * last.x(i).z).sum();
     let ledger = &last.meta.ledger;

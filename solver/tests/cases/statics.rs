@@ -181,7 +181,7 @@ fn a_run_reports_what_its_errors_are() {
     assert!(tight.iter().all(|(_, error)| *error < 1e-6) && loose[0].1 >= tight[0].1, "{loose:?} {tight:?}");
 }
 
-/// What a sphere that falls on plates whose normals lean by an angle to both sides may err by through chance.
+/// Error by chance in ERRORS.csv of a sphere that falls on plates whose normals lean by these angles, rad.
 fn chance_between(lean: &[f64]) -> f64 {
     let mut case = Case::new();
     case.law("IQS_CLB", &[0.0]);

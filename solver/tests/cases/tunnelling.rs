@@ -121,7 +121,7 @@ fn touching(pair: Pair) -> f64 {
     }
 }
 
-/// What is wrong with a blow, if anything.
+/// Fault of a blow; `None` if it is right.
 fn fault(pair: Pair, when: When, travel: f64, (kind, parameters, e): (&str, &[f64], f64)) -> Option<String> {
     let way = travel * R;
     let gap = match when {
@@ -494,7 +494,7 @@ fn nothing_passes_a_wall_that_moves_into_what_damping_slows() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// Of a blow in the first step, all that changes energy is in the ledger, whatever the way that θ = 1 adds.
+/// The ledger has all changes of energy by a blow in the first step, whatever displacement θ = 1 adds.
 #[test]
 fn the_first_step_is_in_the_ledger() {
     let mut case = Case::new();

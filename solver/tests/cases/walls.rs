@@ -314,7 +314,7 @@ fn a_plate_that_begins_to_turn_meets_what_lies_far_out() {
     near(end.v(ball), [0.0, 0.0, 3.5], 1e-9);
 }
 
-/// What is imposed is so from the beginning, whatever DOF.INI says of it.
+/// An imposed velocity holds from the start, whatever DOF.INI has.
 #[test]
 fn an_imposed_velocity_is_that_of_drv_dof_at_the_start_too() {
     let mut case = lift(Evolution::constant(0.5));

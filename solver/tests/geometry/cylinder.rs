@@ -37,7 +37,7 @@ fn separation(vertices: &[Vec3], [half_height, radius]: [f64; 2], m: &Vec3) -> f
     low - radius * m.x.hypot(m.y) - half_height * m.z.abs()
 }
 
-/// Its maximum by going uphill with ever smaller steps from the best of many directions.
+/// Largest separation, by ascent with ever smaller steps from the best of many directions.
 fn brute(vertices: &[Vec3], size: [f64; 2], random: &mut Random) -> f64 {
     let mut starts: Vec<(f64, Vec3)> = (0..300)
         .map(|_| random.direction())

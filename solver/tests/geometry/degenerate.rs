@@ -8,7 +8,7 @@ use crate::oracle::{Solid, common_area, separation};
 use crate::shapes::{Random, cuboid, prism, regular, rock};
 use crate::{check, contact, remembered};
 
-/// Of each class.
+/// Number of pairs of each class.
 const COUNT: usize = 1_000;
 const NOISE: f64 = 1e-12;
 
@@ -132,7 +132,7 @@ fn rotation_about(axis: Vec3, angle: f64) -> Quat {
     Quat::from_scaled_axis(axis * angle)
 }
 
-fn spin(random: &mut Random) -> Quat {
+fn rotation_about_z(random: &mut Random) -> Quat {
     // Also aligned, and by a right angle.
     rotation_about(Vec3::z(), [0.0, 0.0, std::f64::consts::FRAC_PI_2, random.between(0.0, 6.3)][random.index(4)])
 }
@@ -226,7 +226,7 @@ fn faces_on_faces() {
         let (a, b) = (large(random), polygon_body(random));
         let most = 0.4 * a.shape.inradius().min(b.shape.inradius());
         let side = [[0.0, 0.0], [random.between(-most, most), random.between(-most, most)]][random.index(2)];
-        let (qa, qb) = (spin(random), spin(random));
+        let (qa, qb) = (rotation_about_z(random), rotation_about_z(random));
         let gap = gap(random, &a, &b);
         stacked(a, qa, b, qb, side, gap)
     };
@@ -256,7 +256,7 @@ fn deepest(found: &Manifold, count: usize, gap: f64, size: f64) {
 fn edges_on_faces() {
     let make = |random: &mut Random| {
         let (a, b) = (large(random), polygon_body(random));
-        let (qa, qb) = (spin(random), spin(random) * edge_to(random, &b, -1.0));
+        let (qa, qb) = (rotation_about_z(random), rotation_about_z(random) * edge_to(random, &b, -1.0));
         let gap = gap(random, &a, &b);
         meeting(a, qa, b, qb, gap)
     };
@@ -270,7 +270,7 @@ fn edges_on_faces() {
 fn vertices_on_faces() {
     let make = |random: &mut Random| {
         let (a, b) = (large(random), polygon_body(random));
-        let (qa, qb) = (spin(random), spin(random) * vertex_to(random, &b, -1.0));
+        let (qa, qb) = (rotation_about_z(random), rotation_about_z(random) * vertex_to(random, &b, -1.0));
         let gap = gap(random, &a, &b);
         meeting(a, qa, b, qb, gap)
     };
@@ -347,7 +347,7 @@ fn rocks_that_just_touch() {
 fn one_inside_the_other() {
     let make = |random: &mut Random| {
         let (a, b) = (large(random), polygon_body(random));
-        let (qa, qb) = (spin(random), [spin(random), random.turn()][random.index(2)]);
+        let (qa, qb) = (rotation_about_z(random), [rotation_about_z(random), random.turn()][random.index(2)]);
         Touch { a, qa, b, qb, c: Vec3::zeros(), gap: 0.0 }
     };
     class(8, false, make, |_, found| assert!(found.gap() < 0.0));

@@ -35,7 +35,7 @@ pub fn remembered(
     polyhedron_polyhedron(&a.shape.posed_by(qa), &b.shape.posed_by(qb), c, alert, narrow, memory)
 }
 
-/// What holds for every contact, whatever the shapes.
+/// Checks properties that hold for every contact.
 pub fn check(found: &Manifold, alert: f64, size: f64, what: &dyn Fn() -> String) {
     assert!(!found.points.is_empty(), "{}: {found:?}", what());
     // A few roundings of components up to 1.

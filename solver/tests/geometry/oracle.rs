@@ -1,4 +1,4 @@
-//! What contact geometry must come out, by trying everything: slow, and with nothing in common with the solver's code.
+//! Expected contact geometry by exhaustive search, independent of the solver's code.
 
 use cd_solve::geometry::Polyhedron;
 use cd_solve::math::{Quat, Vec3};

@@ -1,12 +1,12 @@
-//! What two bodies share, seen along the direction of their contact, by trying everything: how many points, where, how
-//! deep, and the area. A corner is any crossing of two of all the sides' lines that no line leaves outside.
+//! Common part of two bodies, seen along the direction of their contact, by exhaustive search: number of points, positions,
+//! depths, area. A corner is any crossing of two of all the sides' lines that no line leaves outside.
 
 use cd_solve::geometry::Manifold;
 use cd_solve::math::{Quat, Vec3, local_frame};
 
 use crate::oracle::{Solid, hull};
 
-/// What has been compared, to see that all kinds are among it.
+/// Counts of the compared pairs by kind, to show that all kinds occur.
 #[derive(Debug, Default)]
 pub struct Tally {
     pub faces_on_faces: usize,
@@ -15,9 +15,9 @@ pub struct Tally {
     pub crossed_edges: usize,
     /// Vertices or parallel edges apart.
     pub nearest: usize,
-    /// Of one to so many points.
+    /// Pairs by their number of points.
     pub points: [usize; 12],
-    /// More faces than one look along the normal alike.
+    /// Pairs with several faces equally aligned with the normal.
     pub several: usize,
     /// Corners are as near to each other as where they become one, or a face is seen as a line.
     pub unsure: usize,
@@ -26,7 +26,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// How many pairs.
+    /// Number of pairs.
     pub fn met(&self) -> usize {
         self.points.iter().sum()
     }
@@ -154,7 +154,7 @@ impl Common {
     }
 }
 
-/// Of two convex polygons, counter-clockwise.
+/// Corners of the common part of two convex polygons, counter-clockwise.
 fn corners(p: &[[f64; 2]], q: &[[f64; 2]], small: f64) -> Vec<[f64; 2]> {
     let cross = |u: [f64; 2], v: [f64; 2]| u[0] * v[1] - u[1] * v[0];
     let from_to = |a: [f64; 2], b: [f64; 2]| [b[0] - a[0], b[1] - a[1]];
@@ -187,7 +187,7 @@ fn corners(p: &[[f64; 2]], q: &[[f64; 2]], small: f64) -> Vec<[f64; 2]> {
     met
 }
 
-/// Of the hull of some points.
+/// Area of the hull of points.
 fn area(points: &[[f64; 2]]) -> f64 {
     let Some(&[x, y]) = points.first() else { return 0.0 };
     let outline = hull(&points.iter().map(|p| [p[0] - x, p[1] - y]).collect::<Vec<_>>());
@@ -195,8 +195,8 @@ fn area(points: &[[f64; 2]]) -> f64 {
     (0..outline.len()).map(|k| 0.5 * (outline[k][0] * next(k)[1] - outline[k][1] * next(k)[0])).sum()
 }
 
-/// What a convex polygon, counter-clockwise, and a disc about the origin share: by slices across x = radius sin(angle),
-/// between places where a side begins, ends or meets the rim.
+/// Area of the common part of a convex polygon, counter-clockwise, and a disc about the origin: by slices across x = radius
+/// sin(angle), between positions where a side begins, ends or meets the rim.
 fn area_in_disc(polygon: &[[f64; 2]], radius: f64) -> f64 {
     let sides = || (0..polygon.len()).map(|k| (polygon[k], polygon[(k + 1) % polygon.len()]));
     let mut stops = vec![-1.0, 1.0];

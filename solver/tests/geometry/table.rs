@@ -1,4 +1,4 @@
-//! What must come out for cubes of half side 1 and their like, at gaps above, at and below zero.
+//! Expected contacts of cubes of half side 1 and similar bodies, at gaps above, at and below zero.
 
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, SQRT_2};
 

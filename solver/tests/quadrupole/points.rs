@@ -46,7 +46,7 @@ pub fn errors(r: &Vec3, one: &[Vec3], two: &[Vec3]) -> [f64; 3] {
     [(plain - force).norm(), (plain + found.force - force).norm(), turned / r.norm()].map(|x| x / force.norm())
 }
 
-/// What an aggregate of long rocks loses, without and with the correction, over what is exact.
+/// Relative errors of an aggregate of long rocks, without and with the correction.
 pub struct Aggregate {
     /// RMS of the force on a rock.
     pub force: [f64; 2],

@@ -18,7 +18,7 @@ fn has_durations(name: &str) -> bool {
 }
 
 /// Whether a file grows line by line under its final name.
-fn grows(name: &str) -> bool {
+fn is_growing_file(name: &str) -> bool {
     name == "OUTBOX/steps.csv"
         || name.starts_with("POSTPRO/probe-")
         || (name.starts_with("POSTPRO/") && name.ends_with(".DAT"))
@@ -75,7 +75,7 @@ impl Contents {
         names.filter(differ).cloned().collect()
     }
 
-    /// Removes snapshots that `expected` has not: those of a run that was asked to stop, which remain. Returns their number.
+    /// Removes snapshots that `expected` has not: those of a run that was requested to stop, which remain. Returns their number.
     pub fn remove_further_snapshots(&mut self, expected: &Contents) -> usize {
         let count = self.0.len();
         let steps: Vec<_> = expected.0.keys().filter_map(|name| snapshot_step(name)).collect();
@@ -85,19 +85,19 @@ impl Contents {
 
     /// Names of the files that have a final name and are neither as they were before the program nor as it writes them; a file
     /// that grows may be the beginning of one of these. `folder` is the one that was read.
-    pub fn half_written(&self, folder: &Path, before: &Contents, after: &Contents) -> Vec<String> {
+    pub fn half_written_files(&self, folder: &Path, before: &Contents, after: &Contents) -> Vec<String> {
         let is_whole = |name: &String, bytes: &Vec<u8>| {
             let known = [before, after].into_iter().filter_map(|contents| contents.0.get(name));
             let mut known = known.peekable();
             let path = folder.join(name);
             if snapshot_step(name).is_some() && known.peek().is_none() {
-                // A snapshot of a run that was asked to stop; its parts are read with it.
+                // A snapshot of a run that was requested to stop; its parts are read with it.
                 return name.contains("-part-") || Snapshot::read(&path).is_ok();
             }
-            // A run that was asked to stop adds a row of its last step.
+            // A run that was requested to stop adds a row of its last step.
             let rows =
                 bytes[..bytes.len().saturating_sub(1)].iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
-            known.any(|known| known == bytes || (grows(name) && known.starts_with(&bytes[..rows])))
+            known.any(|known| known == bytes || (is_growing_file(name) && known.starts_with(&bytes[..rows])))
                 // Its lines are those of the files at that time: --verify and the run after it compare them.
                 || name == "OUTBOX/SHA256SUMS"
                 // The state of such a run in text.

@@ -7,17 +7,17 @@ use std::process::{Command, Stdio};
 use super::Torture;
 use super::contents::Contents;
 use super::interruptions::Trial;
+use super::program_case::{Program, ProgramCase};
 use super::shim::Sabotage;
-use super::stage::{Program, Stage};
 use crate::draws::Draws;
 
 impl Torture {
     /// Starts a program twice in one folder: cd-solve on one case, cd-post, or cd-pre on two scenes.
     pub(super) fn let_two_write(&mut self, draws: &mut Draws) {
         let program = draws.choice(&[Program::Pre, Program::Solve, Program::Post]);
-        let stage = self.draw_stage_of(program, draws);
-        let other = self.draw_stage_of(program, draws);
-        let mut trial = Trial::new(&self.workplace, stage);
+        let program_case = self.draw_program_case_of(program, draws);
+        let other = self.draw_program_case_of(program, draws);
+        let mut trial = Trial::new(&self.workplace, program_case);
         let case = self.workplace.case();
         let mut second = trial.words(draws);
         if program == Program::Pre {
@@ -26,20 +26,20 @@ impl Torture {
             second =
                 [second[0].as_str(), scene.to_str().unwrap(), "-o", case.to_str().unwrap()].map(String::from).into();
         }
-        let first = self.workplace.start(&stage.words(&case, 2, false), None, "");
-        std::thread::sleep(stage.duration.mul_f64(0.3 * draws.share()));
+        let first = self.workplace.start(&program_case.words(&case, 2, false), None, "");
+        std::thread::sleep(program_case.duration.mul_f64(0.3 * draws.share()));
         let second = self.workplace.start(&second, None, "");
         let outcomes = [first, second].map(|running| running.outcome());
         let codes = [outcomes[0].code, outcomes[1].code];
         let is_expected = codes.iter().all(|code| [0, 2].contains(code)) && codes.contains(&0);
         trial.check(is_expected, || format!("exit codes {codes:?}: {}{}", outcomes[0].stderr, outcomes[1].stderr));
         if program == Program::Pre {
-            trial.check_datbox_of_one(stage, other, codes);
+            trial.check_datbox_of_one(program_case, other, codes);
         } else {
             trial.check_results("after both");
         }
         let faults = trial.faults;
-        let description = format!("{} and {}", stage.name(), other.name());
+        let description = format!("{} and {}", program_case.name(), other.name());
         self.tally.add_event(format!("{} {codes:?}", program.name()));
         self.tally.add_trials(1, &description, &faults);
     }
@@ -47,21 +47,29 @@ impl Torture {
     /// Renames or removes a folder of the case while a program uses it: OUTBOX, which must be noticed unless all is read or
     /// written, or DATBOX, which cd-solve has read. The run after it finds the folder where it was.
     pub(super) fn move_folder_away(&mut self, draws: &mut Draws) {
-        let stage = self.draw_stage_of(draws.choice(&[Program::Solve, Program::Solve, Program::Post]), draws);
-        let mut trial = Trial::new(&self.workplace, stage);
+        let program_case =
+            self.draw_program_case_of(draws.choice(&[Program::Solve, Program::Solve, Program::Post]), draws);
+        let mut trial = Trial::new(&self.workplace, program_case);
         let case = self.workplace.case();
-        let name =
-            if stage.program == Program::Solve { draws.choice(&["OUTBOX", "OUTBOX", "DATBOX"]) } else { "OUTBOX" };
+        let name = if program_case.program == Program::Solve {
+            draws.choice(&["OUTBOX", "OUTBOX", "DATBOX"])
+        } else {
+            "OUTBOX"
+        };
         let [folder, elsewhere] = [case.join(name), self.workplace.folder().join("elsewhere")];
         let _ = fs::remove_dir_all(&elsewhere);
-        let is_removed = stage.program == Program::Solve && name == "OUTBOX" && draws.below(2) == 0;
+        let is_removed = program_case.program == Program::Solve && name == "OUTBOX" && draws.below(2) == 0;
         let words = trial.words(draws);
         let running = self.workplace.start(&words, None, "");
-        std::thread::sleep(stage.duration.mul_f64(0.2 + 0.6 * draws.share()));
+        std::thread::sleep(program_case.duration.mul_f64(0.2 + 0.6 * draws.share()));
         let is_moved = fs::rename(&folder, &elsewhere).is_ok();
         let files = Contents::read(&elsewhere).0;
-        let is_done =
-            stage.after.0.keys().filter_map(|path| path.strip_prefix("OUTBOX/")).all(|path| files.contains_key(path));
+        let is_done = program_case
+            .after
+            .0
+            .keys()
+            .filter_map(|path| path.strip_prefix("OUTBOX/"))
+            .all(|path| files.contains_key(path));
         if is_moved && is_removed {
             // The program may write to it at this moment.
             while elsewhere.exists() {
@@ -71,7 +79,7 @@ impl Torture {
         let outcome = running.outcome();
         let event = format!(
             "{} {name} {} {}",
-            stage.program.name(),
+            program_case.program.name(),
             if is_removed { "removed" } else { "renamed" },
             outcome.code
         );
@@ -90,15 +98,15 @@ impl Torture {
         }
         trial.finish(draws);
         let faults = trial.faults;
-        let description = format!("{}: {event}", stage.name());
+        let description = format!("{}: {event}", program_case.name());
         self.tally.add_event(event);
         self.tally.add_trials(1, &description, &faults);
     }
 
     /// Shifts the clocks, or lets them jump.
     pub(super) fn falsify_clocks(&mut self, draws: &mut Draws) {
-        let stage = self.draw_stage(draws);
-        let mut trial = Trial::new(&self.workplace, stage);
+        let program_case = self.draw_program_case(draws);
+        let mut trial = Trial::new(&self.workplace, program_case);
         let (name, sabotage) = match draws.below(3) {
             // A century back: before 1970, and forwards.
             0 => ("a century back", Sabotage::ShiftClocks(-3_155_760_000)),
@@ -110,16 +118,16 @@ impl Torture {
         trial.check(outcome.code == 0, || format!("exit code {}: {}", outcome.code, outcome.stderr));
         trial.check_results("after it");
         let faults = trial.faults;
-        let description = format!("{}: {name}", stage.name());
-        self.tally.add_event(format!("{} {name} {}", stage.program.name(), outcome.code));
+        let description = format!("{}: {name}", program_case.name());
+        self.tally.add_event(format!("{} {name} {}", program_case.program.name(), outcome.code));
         self.tally.add_trials(1, &description, &faults);
     }
 
     /// Limits the size of files, as `ulimit -f` does.
     pub(super) fn limit_file_sizes(&mut self, draws: &mut Draws) {
-        let stage = self.draw_stage(draws);
-        let mut trial = Trial::new(&self.workplace, stage);
-        let largest = stage.after.0.values().map(Vec::len).max().unwrap_or(0) as u64;
+        let program_case = self.draw_program_case(draws);
+        let mut trial = Trial::new(&self.workplace, program_case);
+        let largest = program_case.after.0.values().map(Vec::len).max().unwrap_or(0) as u64;
         // Blocks of 512 bytes.
         let blocks = draws.below(largest / 512 + 2);
         let words = trial.words(draws);
@@ -127,47 +135,47 @@ impl Torture {
         trial.check_failed_write(&outcome);
         trial.finish(draws);
         let faults = trial.faults;
-        let description = format!("{}: {blocks} blocks", stage.name());
-        self.tally.add_event(format!("{} {}", stage.program.name(), outcome.code));
+        let description = format!("{}: {blocks} blocks", program_case.name());
+        self.tally.add_event(format!("{} {}", program_case.program.name(), outcome.code));
         self.tally.add_trials(1, &description, &faults);
     }
 
     /// Runs a program on a disk that is too small, and again when it has been enlarged. Counts a trial without any if file
     /// systems cannot be mounted here.
     pub(super) fn fill_disk(&mut self, draws: &mut Draws) {
-        let stage = self.draw_stage(draws);
+        let program_case = self.draw_program_case(draws);
         let case = self.workplace.case();
         let _ = fs::remove_dir_all(&case);
         fs::create_dir_all(&case).unwrap();
         let size = |contents: &Contents| {
             contents.0.values().map(|bytes| bytes.len().div_ceil(4096) as u64 + 1).sum::<u64>() * 4
         };
-        let [before, after] = [size(&stage.before), size(&stage.after)];
+        let [before, after] = [size(&program_case.before), size(&program_case.after)];
         let kilobytes = before + 40 + draws.below(after.saturating_sub(before).max(8) + 8);
         let Some(_mount) = MountedDisk::mount(&case, kilobytes) else {
             self.tally.add_event("not tested: no file system can be mounted".into());
             return self.tally.add_trials(1, "", &[]);
         };
-        let mut trial = Trial::new(&self.workplace, stage);
+        let mut trial = Trial::new(&self.workplace, program_case);
         let words = trial.words(draws);
         let outcome = self.workplace.run(&words, None);
         trial.check_failed_write(&outcome);
         mount(&["-o", &format!("remount,size={}k", 4 * after + 10_000)], &case);
         trial.finish(draws);
         let faults = trial.faults;
-        let description = format!("{}: {kilobytes} kB", stage.name());
-        self.tally.add_event(format!("{} {}", stage.program.name(), outcome.code));
+        let description = format!("{}: {kilobytes} kB", program_case.name());
+        self.tally.add_event(format!("{} {}", program_case.program.name(), outcome.code));
         self.tally.add_trials(1, &description, &faults);
     }
 }
 
 impl Trial<'_> {
     /// Checks that DATBOX is that of one of two cd-pre that ran at once, of one that has ended with 0.
-    fn check_datbox_of_one(&mut self, first: &Stage, second: &Stage, codes: [i32; 2]) {
+    fn check_datbox_of_one(&mut self, first: &ProgramCase, second: &ProgramCase, codes: [i32; 2]) {
         let contents = Contents::read(&self.workplace.case());
-        let is_of = |stage: &Stage| {
+        let is_of = |program_case: &ProgramCase| {
             // The line with the name of the scene differs.
-            let names = stage.after.0.iter().filter(|(name, _)| {
+            let names = program_case.after.0.iter().filter(|(name, _)| {
                 name.starts_with("DATBOX/") && !name.ends_with("COMPUTE.RON") && !name.ends_with("SHA256SUMS")
             });
             names.into_iter().all(|(name, bytes)| contents.0.get(name) == Some(bytes))

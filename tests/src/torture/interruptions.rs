@@ -2,8 +2,8 @@
 
 use super::Torture;
 use super::contents::Contents;
-use super::shim::{FILE_ERRORS, INTERRUPTED, OPERATION_KINDS, Operations, Sabotage};
-use super::stage::{Program, Stage};
+use super::program_case::{Program, ProgramCase};
+use super::shim::{FILE_ERRORS, INTERRUPTED_CALL, OPERATION_KINDS, Operations, Sabotage};
 use super::workplace::{Outcome, Workplace};
 use crate::draws::Draws;
 
@@ -16,22 +16,22 @@ const SNAPSHOT_CHECKSUMS: &str = "OUTBOX/SHA256SUMS";
 /// A broken run and the run after it: faults that were found.
 pub(super) struct Trial<'a> {
     pub workplace: &'a Workplace,
-    pub stage: &'a Stage,
+    pub program_case: &'a ProgramCase,
     /// Whether the program has begun before in this folder.
     again: bool,
     pub faults: Vec<String>,
 }
 
 impl<'a> Trial<'a> {
-    /// Prepares the folder of a stage.
-    pub fn new(workplace: &'a Workplace, stage: &'a Stage) -> Trial<'a> {
-        stage.before.write(&workplace.case());
-        Trial { workplace, stage, again: false, faults: Vec::new() }
+    /// Prepares the folder of the case before the program.
+    pub fn new(workplace: &'a Workplace, program_case: &'a ProgramCase) -> Trial<'a> {
+        program_case.before.write(&workplace.case());
+        Trial { workplace, program_case, again: false, faults: Vec::new() }
     }
 
     /// Next command line of the program.
     pub fn words(&mut self, draws: &mut Draws) -> Vec<String> {
-        let words = self.stage.words(&self.workplace.case(), 1 + draws.below(3), self.again);
+        let words = self.program_case.words(&self.workplace.case(), 1 + draws.below(3), self.again);
         self.again = true;
         words
     }
@@ -47,14 +47,14 @@ impl<'a> Trial<'a> {
     pub fn check_folder(&mut self, outcome: &Outcome) -> Contents {
         let case = self.workplace.case();
         let contents = Contents::read(&case);
-        let half = contents.half_written(&case, &self.stage.before, &self.stage.after);
+        let half = contents.half_written_files(&case, &self.program_case.before, &self.program_case.after);
         self.check(half.is_empty(), || format!("half-written after exit code {}: {half:?}", outcome.code));
         contents
     }
 
     /// Checks the exit code and messages of a run that could not write all files. A run that has ended well has lost nothing.
     pub fn check_failed_write(&mut self, outcome: &Outcome) {
-        let codes: &[i32] = if self.stage.program == Program::Solve { &[0, 2, 4] } else { &[0, 2] };
+        let codes: &[i32] = if self.program_case.program == Program::Solve { &[0, 2, 4] } else { &[0, 2] };
         self.check(codes.contains(&outcome.code), || format!("exit code {}: {}", outcome.code, outcome.stderr));
         let contents = self.check_folder(outcome);
         if outcome.code == 0 {
@@ -72,7 +72,9 @@ impl<'a> Trial<'a> {
     /// Number of complete snapshots that the folder did not have before the program.
     fn new_snapshots(&self, contents: &Contents) -> usize {
         let is_new = |name: &&String| {
-            name.starts_with("OUTBOX/snapshot") && !name.contains("-part-") && !self.stage.before.0.contains_key(*name)
+            name.starts_with("OUTBOX/snapshot")
+                && !name.contains("-part-")
+                && !self.program_case.before.0.contains_key(*name)
         };
         contents.0.keys().filter(is_new).count()
     }
@@ -93,13 +95,13 @@ impl<'a> Trial<'a> {
         self.check_results("the run after it");
     }
 
-    /// Compares all files with those of the unbroken run. A snapshot of a run that was asked to stop may remain, with its
+    /// Compares all files with those of the unbroken run. A snapshot of a run that was requested to stop may remain, with its
     /// lines in the list of checksums.
     pub fn check_results(&mut self, occasion: &str) {
         let mut contents = Contents::read(&self.workplace.case());
-        let mut different = contents.differences(&self.stage.after);
-        if !different.is_empty() && contents.remove_further_snapshots(&self.stage.after) > 0 {
-            different = contents.differences(&self.stage.after);
+        let mut different = contents.differences(&self.program_case.after);
+        if !different.is_empty() && contents.remove_further_snapshots(&self.program_case.after) > 0 {
+            different = contents.differences(&self.program_case.after);
             different.retain(|name| name != SNAPSHOT_CHECKSUMS);
             if contents.0.contains_key(SNAPSHOT_CHECKSUMS) {
                 let words = ["cd-solve".into(), self.workplace.case().display().to_string(), "--verify".into()];
@@ -120,27 +122,28 @@ fn draw_kinds(draws: &mut Draws) -> String {
 impl Torture {
     /// Kills a program once or several times, half of them at a file operation, and continues it after each kill.
     pub(super) fn kill(&mut self, draws: &mut Draws) {
-        let stage = self.draw_stage(draws);
-        let mut trial = Trial::new(&self.workplace, stage);
+        let program_case = self.draw_program_case(draws);
+        let mut trial = Trial::new(&self.workplace, program_case);
         let (mut kills, mut events, mut history) = (0, Vec::new(), Vec::new());
         for _ in 0..draws.choice(&[1, 1, 2, 4]) {
             let words = trial.words(draws);
             let outcome = if draws.below(4) > 0 {
                 let kinds = draw_kinds(draws);
                 // There are far fewer operations of one kind than writes.
-                let number = if kinds.contains('w') { stage.operations } else { 1 + stage.operations / 20 };
+                let number =
+                    if kinds.contains('w') { program_case.operations } else { 1 + program_case.operations / 20 };
                 let operation = 1 + draws.below(number);
                 history.push(format!("operation {operation} of {kinds}"));
                 self.workplace.run(&words, Some(&Sabotage::Kill { kinds, operation }))
             } else {
                 let running = self.workplace.start(&words, None, "");
-                let moment = stage.duration.mul_f64(draws.share());
+                let moment = program_case.duration.mul_f64(draws.share());
                 std::thread::sleep(moment);
                 running.send(&["KILL"]);
                 history.push(format!("after {moment:?}"));
                 running.outcome()
             };
-            events.push(format!("{} {}", stage.program.name(), outcome.code));
+            events.push(format!("{} {}", program_case.program.name(), outcome.code));
             trial.check([0, KILLED].contains(&outcome.code), || format!("{}: {}", outcome.code, outcome.stderr));
             kills += u64::from(outcome.code == KILLED);
             trial.check_folder(&outcome);
@@ -151,18 +154,18 @@ impl Torture {
         trial.check_mixture(&mut events);
         trial.finish(draws);
         let faults = trial.faults;
-        let description = format!("{}: {}", stage.name(), history.join(", "));
+        let description = format!("{}: {}", program_case.name(), history.join(", "));
         events.into_iter().for_each(|event| self.tally.add_event(event));
         self.tally.add_trials(kills, &description, &faults);
     }
 
     /// Lets file operations fail: one, all from one on, or some at random.
     pub(super) fn let_operations_fail(&mut self, draws: &mut Draws) {
-        let stage = self.draw_stage(draws);
-        let mut trial = Trial::new(&self.workplace, stage);
+        let program_case = self.draw_program_case(draws);
+        let mut trial = Trial::new(&self.workplace, program_case);
         let kinds = draw_kinds(draws);
         let (name, error) = draws.choice(&FILE_ERRORS);
-        let number = if kinds.contains('w') { stage.operations } else { 1 + stage.operations / 20 };
+        let number = if kinds.contains('w') { program_case.operations } else { 1 + program_case.operations / 20 };
         let first = 1 + draws.below(number);
         let operations = draws.choice(&[
             Operations::Range(first, first),
@@ -174,19 +177,19 @@ impl Torture {
         let words = trial.words(draws);
         let outcome = self.workplace.run(&words, Some(&sabotage));
         trial.check_failed_write(&outcome);
-        let mut events = vec![format!("{} {}", stage.program.name(), outcome.code)];
+        let mut events = vec![format!("{} {}", program_case.program.name(), outcome.code)];
         trial.check_mixture(&mut events);
         trial.finish(draws);
         let faults = trial.faults;
-        let description = format!("{}: {name} of {kinds}, {operations:?}", stage.name());
+        let description = format!("{}: {name} of {kinds}, {operations:?}", program_case.name());
         events.into_iter().for_each(|event| self.tally.add_event(event));
         self.tally.add_trials(1, &description, &faults);
     }
 
     /// Sends one or two signals at a random moment.
     pub(super) fn send_signals(&mut self, draws: &mut Draws) {
-        let stage = self.draw_stage(draws);
-        let mut trial = Trial::new(&self.workplace, stage);
+        let program_case = self.draw_program_case(draws);
+        let mut trial = Trial::new(&self.workplace, program_case);
         let signals: &[&str] = draws.choice(&[
             &["TERM"][..],
             &["INT"],
@@ -199,29 +202,29 @@ impl Torture {
         ]);
         let words = trial.words(draws);
         let running = self.workplace.start(&words, None, "");
-        std::thread::sleep(stage.duration.mul_f64(draws.share()));
+        std::thread::sleep(program_case.duration.mul_f64(draws.share()));
         running.send(signals);
         let outcome = running.outcome();
         trial.check_signalled(&outcome, signals);
-        let event = format!("{} {} {}", stage.program.name(), signals.join("+"), outcome.code);
+        let event = format!("{} {} {}", program_case.program.name(), signals.join("+"), outcome.code);
         trial.check_folder(&outcome);
         trial.finish(draws);
         let faults = trial.faults;
-        let description = format!("{}: {}", stage.name(), signals.join(", "));
+        let description = format!("{}: {}", program_case.name(), signals.join(", "));
         self.tally.add_event(event);
         self.tally.add_trials(1, &description, &faults);
     }
 
     /// Shortens writes, or lets calls be interrupted: neither is an error.
     pub(super) fn shorten_writes(&mut self, draws: &mut Draws) {
-        let stage = self.draw_stage(draws);
-        let mut trial = Trial::new(&self.workplace, stage);
+        let program_case = self.draw_program_case(draws);
+        let mut trial = Trial::new(&self.workplace, program_case);
         let operations = Operations::Share(300_000, draws.below(1 << 32));
         let (name, sabotage) = match draws.below(2) {
             0 => ("shortened", Sabotage::Shorten(operations)),
             _ => {
                 let kinds = "wos".to_string();
-                ("interrupted", Sabotage::Fail { kinds, error: INTERRUPTED, operations, half: false })
+                ("interrupted", Sabotage::Fail { kinds, error: INTERRUPTED_CALL, operations, half: false })
             }
         };
         let words = trial.words(draws);
@@ -229,8 +232,8 @@ impl Torture {
         trial.check(outcome.code == 0, || format!("exit code {}: {}", outcome.code, outcome.stderr));
         trial.check_results("after it");
         let faults = trial.faults;
-        let description = format!("{}: {name}, {operations:?}", stage.name());
-        self.tally.add_event(format!("{} {name} {}", stage.program.name(), outcome.code));
+        let description = format!("{}: {name}, {operations:?}", program_case.name());
+        self.tally.add_event(format!("{} {name} {}", program_case.program.name(), outcome.code));
         self.tally.add_trials(1, &description, &faults);
     }
 }
@@ -238,12 +241,12 @@ impl Torture {
 impl Trial<'_> {
     /// Checks that cd-solve rejects a DATBOX some of whose files are new and others old.
     fn check_mixture(&mut self, events: &mut Vec<String>) {
-        if self.stage.program != Program::Pre {
+        if self.program_case.program != Program::Pre {
             return;
         }
         let case = self.workplace.case();
         let contents = Contents::read(&case).0;
-        let (before, after) = (&self.stage.before, &self.stage.after);
+        let (before, after) = (&self.program_case.before, &self.program_case.after);
         let changed = after.differences(before);
         let count = |folder: &Contents| {
             let same = |name: &&String| folder.0.contains_key(*name) && folder.0.get(*name) == contents.get(*name);
@@ -271,11 +274,11 @@ impl Trial<'_> {
         let numbers: Vec<i32> = signals.iter().filter_map(number).collect();
         let mut codes: Vec<i32> = [0].into_iter().chain(numbers.iter().map(|number| 128 + number)).collect();
         let stops = numbers.iter().filter(|&&number| number != 1).count();
-        if self.stage.program == Program::Solve && stops > 0 {
+        if self.program_case.program == Program::Solve && stops > 0 {
             codes.push(4);
         }
         self.check(codes.contains(&outcome.code), || format!("exit code {}: {}", outcome.code, outcome.stderr));
-        if stops == 1 && self.stage.program == Program::Solve && outcome.code > 128 {
+        if stops == 1 && self.program_case.program == Program::Solve && outcome.code > 128 {
             // A single request ends cd-solve at once only before it has begun.
             let snapshots = self.new_snapshots(&Contents::read(&self.workplace.case()));
             self.check(snapshots == 0, || format!("ended at once after {snapshots} snapshots"));

@@ -5,7 +5,7 @@
 //! | module | |
 //! |---|---|
 //! | [`scenes`] | small scenes |
-//! | [`stage`] | a program on a scene, without disturbance |
+//! | [`program_case`] | a program on a scene, without disturbance |
 //! | [`workplace`] | the folder in which programs run, their processes |
 //! | [`shim`] | the library in C that lets file operations fail |
 //! | [`contents`] | comparison of folders |
@@ -16,17 +16,17 @@
 pub mod contents;
 pub mod hazards;
 pub mod interruptions;
+pub mod program_case;
 pub mod scenes;
 pub mod shim;
-pub mod stage;
 pub mod tally;
 pub mod workplace;
 
 use crate::draws::Draws;
-use crate::process::Programs;
+use crate::process::Executables;
+use program_case::{Program, ProgramCase, unbroken_program_cases};
 use scenes::TortureScene;
 use shim::Shim;
-use stage::{Program, Stage, unbroken_stages};
 use tally::Tally;
 use workplace::Workplace;
 
@@ -50,17 +50,17 @@ type TrialFunction = fn(&mut Torture, &mut Draws);
 /// Programs, scenes and results of torture.
 pub struct Torture {
     workplace: Workplace,
-    stages: Vec<Stage>,
+    program_cases: Vec<ProgramCase>,
     /// Results so far.
     pub tally: Tally,
 }
 
 impl Torture {
     /// Runs the programs on the scenes without disturbance. Errors: one of them fails.
-    pub fn new(programs: Programs, shim: Shim, scenes: &[TortureScene]) -> Result<Torture, String> {
-        let workplace = Workplace::new(programs, shim);
-        let stages = unbroken_stages(&workplace, scenes)?;
-        Ok(Torture { workplace, stages, tally: Tally::default() })
+    pub fn new(executables: Executables, shim: Shim, scenes: &[TortureScene]) -> Result<Torture, String> {
+        let workplace = Workplace::new(executables, shim);
+        let program_cases = unbroken_program_cases(&workplace, scenes)?;
+        Ok(Torture { workplace, program_cases, tally: Tally::default() })
     }
 
     /// Makes all trials of a plan. Prints the counts of each kind when it is done.
@@ -87,14 +87,15 @@ impl Torture {
     }
 
     /// One of the programs on one of the scenes: in half of the cases cd-solve, whose files matter most.
-    fn draw_stage(&self, draws: &mut Draws) -> &Stage {
+    fn draw_program_case(&self, draws: &mut Draws) -> &ProgramCase {
         let program = draws.choice(&[Program::Pre, Program::Solve, Program::Solve, Program::Post]);
-        self.draw_stage_of(program, draws)
+        self.draw_program_case_of(program, draws)
     }
 
     /// A program on one of the scenes.
-    fn draw_stage_of(&self, program: Program, draws: &mut Draws) -> &Stage {
-        let stages: Vec<&Stage> = self.stages.iter().filter(|stage| stage.program == program).collect();
-        draws.choice(&stages)
+    fn draw_program_case_of(&self, program: Program, draws: &mut Draws) -> &ProgramCase {
+        let program_cases: Vec<&ProgramCase> =
+            self.program_cases.iter().filter(|program_case| program_case.program == program).collect();
+        draws.choice(&program_cases)
     }
 }

@@ -56,7 +56,7 @@ pub const FILE_ERRORS: [(&str, i32); 6] =
     [("ENOSPC", 28), ("EIO", 5), ("EDQUOT", 122), ("EROFS", 30), ("EACCES", 13), ("EMFILE", 24)];
 
 /// Error of an operation that a signal has interrupted and that is to be repeated.
-pub const INTERRUPTED: i32 = 4;
+pub const INTERRUPTED_CALL: i32 = 4;
 
 /// File operations to which an action applies, counted from 1.
 #[derive(Debug, Clone, Copy)]

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 use super::shim::{Sabotage, Shim};
-use crate::process::{Programs, exit_code};
+use crate::process::{Executables, exit_code};
 
 /// Longest duration of a program before it counts as one that hangs. The scenes take a second; other programs may use the
 /// machine.
@@ -20,7 +20,7 @@ pub const HANGS: i32 = -2;
 /// Folder in which programs run.
 pub struct Workplace {
     folder: TempDir,
-    programs: Programs,
+    executables: Executables,
     shim: Shim,
 }
 
@@ -33,9 +33,9 @@ pub struct Outcome {
 }
 
 /// Process whose end is awaited, and the file of its messages.
-pub struct Running(Child, PathBuf);
+pub struct RunningProgram(Child, PathBuf);
 
-impl Running {
+impl RunningProgram {
     /// Waits for the end.
     pub fn outcome(mut self) -> Outcome {
         let start = Instant::now();
@@ -66,10 +66,10 @@ impl Running {
 
 impl Workplace {
     /// New temporary folder: in memory where the system has such a folder, as each file is synced.
-    pub fn new(programs: Programs, shim: Shim) -> Workplace {
+    pub fn new(executables: Executables, shim: Shim) -> Workplace {
         let in_memory = tempfile::tempdir_in("/dev/shm");
         let folder = in_memory.or_else(|_| tempfile::tempdir()).expect("a temporary folder");
-        Workplace { folder, programs, shim }
+        Workplace { folder, executables, shim }
     }
 
     /// Folder in which the programs run.
@@ -83,8 +83,8 @@ impl Workplace {
     }
 
     /// Starts a program on the case. `shell`: command of the shell to run before it in the same process.
-    pub fn start(&self, words: &[String], sabotage: Option<&Sabotage>, shell: &str) -> Running {
-        let mut command = self.programs.command(words);
+    pub fn start(&self, words: &[String], sabotage: Option<&Sabotage>, shell: &str) -> RunningProgram {
+        let mut command = self.executables.command(words);
         if !shell.is_empty() {
             let mut limited = Command::new("sh");
             limited.arg("-c").arg(format!("{shell}; exec \"$@\"")).arg("sh").arg(command.get_program());
@@ -99,7 +99,7 @@ impl Workplace {
         let number = NUMBER.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         let stderr = self.folder.path().join(format!("stderr-{}", number % 8));
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(File::create(&stderr).unwrap());
-        Running(command.spawn().unwrap(), stderr)
+        RunningProgram(command.spawn().unwrap(), stderr)
     }
 
     /// Runs a program on the case to its end.

@@ -29,7 +29,7 @@ impl Mp4Film {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(|error| Fault::from_io(folder, "created", &error))?;
         }
-        atomic::remove_old_part(path)?;
+        atomic::remove_temporary_file(path)?;
         let part = atomic::temporary_path(path);
         let (size, rate) = (format!("{width}x{height}"), frames_per_second.to_string());
         let program = Command::new(FFMPEG)

@@ -255,7 +255,7 @@ mod tests {
     }
 
     /// Volume, m^3, and notes.
-    fn made(mesh: PolygonMesh) -> (f64, String) {
+    fn repaired_volume(mesh: PolygonMesh) -> (f64, String) {
         let Triangulation { vertices, triangles, repairs } = triangulate(mesh);
         (Surface::new(&vertices, &triangles).unwrap().volume(), repairs.join(", "))
     }
@@ -283,7 +283,7 @@ mod tests {
         ] {
             let mut mesh = cube();
             mesh.polygons.push(more);
-            assert_eq!(made(mesh), (1.0, note.to_string()));
+            assert_eq!(repaired_volume(mesh), (1.0, note.to_string()));
         }
     }
 
@@ -294,12 +294,12 @@ mod tests {
         mesh.points.push([0.0, -0.5, -0.5]);
         mesh.polygons[2] = vec![0, 8, 1, 5, 4];
         mesh.polygons.push(vec![0, 1, 8]);
-        assert_eq!(made(mesh), (1.0, "dropped 2 degenerate triangles".to_string()));
+        assert_eq!(repaired_volume(mesh), (1.0, "dropped 2 degenerate triangles".to_string()));
         let mut mesh = cube();
         mesh.points.push([0.0, -0.5, -0.5]);
         mesh.polygons[2] = vec![8, 1, 5, 4, 0];
         mesh.polygons.push(vec![0, 1, 8]);
-        assert_eq!(made(mesh), (1.0, "dropped 1 degenerate triangle".to_string()));
+        assert_eq!(repaired_volume(mesh), (1.0, "dropped 1 degenerate triangle".to_string()));
     }
 
     #[test]

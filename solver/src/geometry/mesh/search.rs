@@ -101,7 +101,7 @@ struct NearTriangle {
     triangle: PosedTriangle,
     /// Largest gap along any direction, m.
     gap: f64,
-    /// Its own direction; `None` if the surface does not allow it ([`WallMesh::allows_normal`]).
+    /// Direction of the contact with this triangle alone; `None` if the surface does not allow it ([`WallMesh::allows_normal`]).
     own: Option<TouchAxis>,
     /// The nearest points, where vertices or an edge and a vertex are nearest.
     nearest: Option<ContactPoint>,

@@ -28,12 +28,12 @@ impl Program {
     }
 }
 
-/// A program on a case.
-pub struct Stage {
+/// A program with the case on which it runs, and the unbroken run of it.
+pub struct ProgramCase {
     pub program: Program,
     pub scene: TortureScene,
-    /// Whether the folder has results of an earlier run, which are replaced.
-    pub replaces: bool,
+    /// Whether the folder before the program has results of an earlier run, which it replaces.
+    pub has_results: bool,
     /// Folder before the program.
     pub before: Contents,
     /// Folder after the unbroken program.
@@ -44,7 +44,7 @@ pub struct Stage {
     pub duration: Duration,
 }
 
-impl Stage {
+impl ProgramCase {
     /// Command line; `again`: after a run that was broken.
     pub fn words(&self, case: &Path, threads: u64, again: bool) -> Vec<String> {
         let folder = case.display().to_string();
@@ -55,8 +55,8 @@ impl Stage {
             Program::Solve => {
                 let mut words = vec![name, folder, "--threads".into(), threads.to_string()];
                 words.extend(self.scene.flags.iter().map(|flag| flag.to_string()));
-                let further = if self.replaces { "--force" } else { "--resume" };
-                words.extend((again || self.replaces).then(|| further.to_string()));
+                let further = if self.has_results { "--force" } else { "--resume" };
+                words.extend((again || self.has_results).then(|| further.to_string()));
                 words
             }
         }
@@ -64,15 +64,15 @@ impl Stage {
 
     /// Name in reports.
     pub fn name(&self) -> String {
-        let replaces = if self.replaces { " over earlier files" } else { "" };
-        format!("{} {}{replaces}", self.program.name(), self.scene.name)
+        let occasion = if self.has_results { " over earlier files" } else { "" };
+        format!("{} {}{occasion}", self.program.name(), self.scene.name)
     }
 }
 
 /// Runs the programs on the scenes without any disturbance: each in a new folder, and over files of an earlier run. Errors: one
 /// of them does not end with 0.
-pub fn unbroken_stages(workplace: &Workplace, scenes: &[TortureScene]) -> Result<Vec<Stage>, String> {
-    let mut stages = Vec::new();
+pub fn unbroken_program_cases(workplace: &Workplace, scenes: &[TortureScene]) -> Result<Vec<ProgramCase>, String> {
+    let mut program_cases = Vec::new();
     for scene in scenes {
         let mut before = Contents::default();
         before.0.insert("scene.ron".into(), scene.text.as_bytes().to_vec());
@@ -80,46 +80,48 @@ pub fn unbroken_stages(workplace: &Workplace, scenes: &[TortureScene]) -> Result
             if program == Program::Solve && !scene.commands.is_empty() {
                 before.0.insert("DATBOX/POSTPRO.DAT".into(), scene.commands.as_bytes().to_vec());
             }
-            let stage = unbroken_stage(workplace, program, *scene, before)?;
-            before = stage.after.clone();
-            stages.push(stage);
+            let program_case = unbroken_program_case(workplace, program, *scene, before)?;
+            before = program_case.after.clone();
+            program_cases.push(program_case);
         }
     }
-    let of_pre: Vec<Contents> = stages.iter().step_by(3).map(|stage: &Stage| stage.after.clone()).collect();
-    let again = stages.iter().enumerate().map(|(k, stage)| {
-        let mut before = stage.after.clone();
-        if stage.program == Program::Pre {
+    let of_pre: Vec<Contents> =
+        program_cases.iter().step_by(3).map(|program_case: &ProgramCase| program_case.after.clone()).collect();
+    let again = program_cases.iter().enumerate().map(|(k, program_case)| {
+        let mut before = program_case.after.clone();
+        if program_case.program == Program::Pre {
             // The DATBOX of another scene.
             before = of_pre[(k / 3 + 1) % of_pre.len()].clone();
-            before.0.insert("scene.ron".into(), stage.scene.text.as_bytes().to_vec());
+            before.0.insert("scene.ron".into(), program_case.scene.text.as_bytes().to_vec());
         }
-        Stage { replaces: true, before, after: stage.after.clone(), ..*stage }
+        ProgramCase { has_results: true, before, after: program_case.after.clone(), ..*program_case }
     });
-    let again: Vec<Stage> = again.collect();
-    stages.extend(again);
-    Ok(stages)
+    let again: Vec<ProgramCase> = again.collect();
+    program_cases.extend(again);
+    Ok(program_cases)
 }
 
 /// Runs a program without any disturbance.
-fn unbroken_stage(
+fn unbroken_program_case(
     workplace: &Workplace,
     program: Program,
     scene: TortureScene,
     before: Contents,
-) -> Result<Stage, String> {
+) -> Result<ProgramCase, String> {
     let case = workplace.case();
     before.write(&case);
     let (after, duration) = (Contents::default(), Duration::ZERO);
-    let mut stage = Stage { program, scene, replaces: false, before, after, operations: 0, duration };
+    let mut program_case = ProgramCase { program, scene, has_results: false, before, after, operations: 0, duration };
     let count = workplace.folder().join("count");
     let start = Instant::now();
-    let outcome = workplace.run(&stage.words(&case, 1, false), Some(&Sabotage::Count(count.clone())));
+    let outcome = workplace.run(&program_case.words(&case, 1, false), Some(&Sabotage::Count(count.clone())));
     if outcome.code != 0 {
-        return Err(format!("{}: exit code {}\n{}", stage.name(), outcome.code, outcome.stderr));
+        return Err(format!("{}: exit code {}\n{}", program_case.name(), outcome.code, outcome.stderr));
     }
-    stage.duration = start.elapsed();
-    stage.after = Contents::read(&case);
-    let text = fs::read_to_string(&count).map_err(|error| format!("{}: no operations: {error}", stage.name()))?;
-    stage.operations = text.parse().map_err(|_| format!("number of operations: {text}"))?;
-    Ok(stage)
+    program_case.duration = start.elapsed();
+    program_case.after = Contents::read(&case);
+    let text =
+        fs::read_to_string(&count).map_err(|error| format!("{}: no operations: {error}", program_case.name()))?;
+    program_case.operations = text.parse().map_err(|_| format!("number of operations: {text}"))?;
+    Ok(program_case)
 }
