@@ -3,6 +3,7 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
@@ -14,11 +15,13 @@ use crate::error::{Fault, Faults};
 /// The bytes go to a new file `.NAME.part` in the same folder first. One that a killed program has left behind is removed
 /// before; if it is a link, so is the link, and the file to which it leads stays as it is.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Faults> {
+    create_folder_of(path)?;
     PendingFile::write(path, bytes)?.move_into_place()
 }
 
 /// Writes like `write` the bytes that `put` produces piece by piece, for files too large for memory.
 pub fn write_with(path: &Path, put: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), Faults> {
+    create_folder_of(path)?;
     PendingFile::write_with(path, |file| {
         let mut file = BufWriter::new(file);
         put(&mut file)?;
@@ -27,7 +30,8 @@ pub fn write_with(path: &Path, put: impl FnOnce(&mut dyn Write) -> std::io::Resu
     .move_into_place()
 }
 
-/// Writes like `write` a file that `put` fills in any order.
+/// Writes like `write` a file that `put` fills in any order. Its folder must exist: one that was removed or renamed while a
+/// program writes to it is not made again.
 pub fn write_file(path: &Path, put: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), Faults> {
     PendingFile::write_with(path, put)?.move_into_place()
 }
@@ -62,8 +66,10 @@ pub fn write_folder<'a>(
 /// Writes the temporary files of several files.
 fn write_pending_files<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Result<Vec<PendingFile>, Faults> {
     let files: Vec<(PathBuf, &[u8])> = files.into_iter().collect();
-    let pending_files: Vec<Result<PendingFile, Faults>> =
-        files.par_iter().map(|(path, bytes)| PendingFile::write(path, bytes)).collect();
+    let pending_files: Vec<Result<PendingFile, Faults>> = files
+        .par_iter()
+        .map(|(path, bytes)| create_folder_of(path).and_then(|()| PendingFile::write(path, bytes)))
+        .collect();
     pending_files.into_iter().collect()
 }
 
@@ -83,6 +89,7 @@ pub struct GrowingFile {
 impl GrowingFile {
     /// Starts a file of `length` zeros, to be replaced by [`GrowingFile::finish`].
     pub fn create(path: &Path, length: usize) -> Result<GrowingFile, Faults> {
+        create_folder_of(path)?;
         let (pending, file) = PendingFile::create(path)?;
         let mut growing = GrowingFile { pending, file, length: 0 };
         growing.append(&vec![0; length])?;
@@ -105,7 +112,7 @@ impl GrowingFile {
     /// Replaces the first bytes, and moves the file to its path.
     pub fn finish(mut self, start: &[u8]) -> Result<(), Faults> {
         let file = &mut self.file;
-        let written = file.seek(SeekFrom::Start(0)).and_then(|_| file.write_all(start)).and_then(|()| file.sync_all());
+        let written = file.seek(SeekFrom::Start(0)).and_then(|_| file.write_all(start)).and_then(|()| sync_file(file));
         written.map_err(|error| self.pending.fault(&error))?;
         self.pending.move_into_place()
     }
@@ -125,7 +132,7 @@ impl PendingFile {
 
     fn write_with(path: &Path, put: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<PendingFile, Faults> {
         let (pending, mut file) = PendingFile::create(path)?;
-        put(&mut file).and_then(|()| file.sync_all()).map_err(|error| pending.fault(&error))?;
+        put(&mut file).and_then(|()| sync_file(&file)).map_err(|error| pending.fault(&error))?;
         Ok(pending)
     }
 
@@ -133,14 +140,10 @@ impl PendingFile {
         Fault::from_io(&self.path, "written", error).into()
     }
 
-    /// Creates the folder and the empty temporary file.
+    /// Creates the empty temporary file.
     fn create(path: &Path) -> Result<(PendingFile, File), Faults> {
         let fault = |error: std::io::Error| Faults::from(Fault::from_io(path, "written", &error));
-        let folder = match path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
-            _ => PathBuf::from("."),
-        };
-        fs::create_dir_all(&folder).map_err(fault)?;
+        let folder = folder_of(path).to_path_buf();
         if path.is_dir() {
             return Err(fault(ErrorKind::IsADirectory.into()));
         }
@@ -164,6 +167,16 @@ impl Drop for PendingFile {
     }
 }
 
+/// Folder of a file.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Creates the folder of a file, if it is missing. Errors: it cannot be created.
+pub fn create_folder_of(path: &Path) -> Result<(), Faults> {
+    fs::create_dir_all(folder_of(path)).map_err(|error| Fault::from_io(path, "written", &error).into())
+}
+
 /// Path of the file that is written in place of `path`, until it is complete.
 pub fn temporary_path(path: &Path) -> PathBuf {
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
@@ -178,9 +191,25 @@ pub fn remove_temporary_file(path: &Path) -> Result<(), Faults> {
     }
 }
 
+/// Whether files are synced.
+static ARE_FILES_SYNCED: AtomicBool = AtomicBool::new(true);
+
+/// Sets whether this process waits until its files have reached the disk, as it does by default. Otherwise the last files
+/// may be damaged or lost if the machine fails, but not if only the program is killed.
+pub fn set_syncing(are_files_synced: bool) {
+    ARE_FILES_SYNCED.store(are_files_synced, Ordering::Relaxed);
+}
+
+/// Waits until the contents of a file have reached the disk, unless files are not synced, see [`set_syncing`].
+pub fn sync_file(file: &File) -> std::io::Result<()> {
+    if ARE_FILES_SYNCED.load(Ordering::Relaxed) { file.sync_data() } else { Ok(()) }
+}
+
 /// Waits until renames and removals in a folder have reached the disk. Not every system lets a folder be synced.
 fn sync_folder(folder: &Path) {
-    let _ = File::open(folder).and_then(|folder| folder.sync_all());
+    if ARE_FILES_SYNCED.load(Ordering::Relaxed) {
+        let _ = File::open(folder).and_then(|folder| folder.sync_all());
+    }
 }
 
 /// Opens an existing file to append to it. Errors: it cannot be written, or is a link.

@@ -5,6 +5,7 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use cd_formats::atomic;
 use cd_formats::case::{CaseFolder, case_fault};
 use cd_formats::command_line::parse_arguments;
 use cd_formats::compute::{Adaptive, ComputeFlags, MAX_THREADS};
@@ -65,6 +66,9 @@ struct CommandLine {
     /// Exchange states and forces of each step with another program on standard output and input, in binary; see docs/reference/running.md.
     #[arg(long, conflicts_with_all = ["plan", "dump_problem"])]
     step_loop: bool,
+    /// Do not wait until files are on the disk, which takes milliseconds for each snapshot. If the machine fails, the last files may then be damaged or lost.
+    #[arg(long, conflicts_with_all = ["plan", "verify"])]
+    no_sync: bool,
     /// Compute with vectors of this width instead of the largest of the machine, for tests: no result depends on it.
     #[arg(long, value_name = "NAME", hide = true)]
     vector_width: Option<SimdWidth>,
@@ -108,6 +112,7 @@ fn run_on_rank(communicator: &'static dyn Communicator, args: &[OsString]) -> i3
     if let Some(width) = arguments.vector_width {
         width.set_for_process();
     }
+    atomic::set_syncing(!arguments.no_sync);
     if arguments.verify {
         return if communicator.rank() == 0 { verify(&arguments.dir) } else { 0 };
     }

@@ -409,3 +409,13 @@ fn results_that_are_moved_away_end_the_run() {
         assert!(said.contains("OUTBOX: folder: was removed, renamed or replaced while the run was writing"), "{said}");
     }
 }
+
+#[test]
+fn a_run_without_syncing_writes_the_same_files() {
+    let [synced, other] = [&[][..], &["--no-sync"]].map(|flags| {
+        let case = Case::from_scene(&scene(0.1));
+        assert_eq!(case.solve(flags), 0);
+        case
+    });
+    assert_same_results(&synced, &other);
+}

@@ -693,8 +693,14 @@ impl Snapshot {
         archive.add_array("meta", &meta)
     }
 
-    /// Writes the file, whole or not at all.
+    /// Writes the file, whole or not at all. Creates a missing folder.
     pub fn write(&self, path: &Path) -> Result<(), Faults> {
+        atomic::create_folder_of(path)?;
+        self.write_to_folder(path)
+    }
+
+    /// Writes the file like [`Snapshot::write`] to a folder that must exist, see [`atomic::write_file`].
+    pub fn write_to_folder(&self, path: &Path) -> Result<(), Faults> {
         atomic::write_file(path, |file| {
             let archive = self.write_archive(BufWriter::new(file), None).map_err(|error| match error {
                 ZipError::Io(error) => error,
@@ -708,11 +714,11 @@ impl Snapshot {
     /// bodies.
     ///
     /// The bytes depend on the snapshot and `bodies_per_part` alone. If the program ends meanwhile, parts remain, but no
-    /// index.
+    /// index. The folder must exist, see [`atomic::write_file`].
     pub fn write_in_parts(&self, path: &Path, bodies_per_part: usize) -> Result<(), Faults> {
         let bodies = self.bodies.body_id.len();
         if bodies <= bodies_per_part {
-            return self.write(path);
+            return self.write_to_folder(path);
         }
         let (shapes, interval) = (self.shapes.as_ref(), self.interval.as_ref());
         let first_bodies = FirstBodies {
@@ -726,11 +732,11 @@ impl Snapshot {
             let end = bodies.min(first.saturating_add(bodies_per_part));
             rows = rows.next_part(first..end, end == bodies, first_bodies);
             let bytes = self.archive_bytes(Some(&rows));
-            atomic::write(&part_path(path, number), &bytes)?;
+            atomic::write_file(&part_path(path, number), |file| file.write_all(&bytes))?;
             parts.push(SnapshotPart::new(rows.bodies.len(), &bytes));
         }
         let index = Snapshot { meta: SnapshotMeta { parts, ..self.meta.clone() }, ..Snapshot::default() };
-        atomic::write(path, &index.index_bytes())
+        atomic::write_file(path, |file| file.write_all(&index.index_bytes()))
     }
 
     /// Reads the rows of all parts that `meta` names. Errors: parts that are missing, damaged, or not those of the index
@@ -1061,8 +1067,10 @@ mod tests {
         sample_in_parts().write_in_parts(&path, 1).unwrap();
         let mut other = sample_in_parts();
         other.bodies.body_x[1][0] = 2.0;
-        other.write_in_parts(&snapshot_path(&folder.path().join("other"), 0), 1).unwrap();
-        fs::copy(part_path(&snapshot_path(&folder.path().join("other"), 0), 1), part_path(&path, 1)).unwrap();
+        let other_folder = folder.path().join("other");
+        fs::create_dir(&other_folder).unwrap();
+        other.write_in_parts(&snapshot_path(&other_folder, 0), 1).unwrap();
+        fs::copy(part_path(&snapshot_path(&other_folder, 0), 1), part_path(&path, 1)).unwrap();
         fs::remove_file(part_path(&path, 2)).unwrap();
         let faults = Snapshot::read(&path).unwrap_err().to_string();
         let lines: Vec<&str> = faults.lines().collect();

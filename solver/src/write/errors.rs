@@ -14,6 +14,7 @@
 //! | energy | energy that the ledger does not explain, divided by the largest of the energies involved | `theta` |
 //! | momentum | kinetic energy of its drift as a motion of all bodies together, divided by the same | none: rounding |
 
+use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
@@ -480,7 +481,7 @@ pub fn write_errors(case: &Path, sources: &[ErrorSource]) -> Result<(), Faults> 
     let row =
         |source: &ErrorSource| format!("{},{},{:e},{:e}\n", source.name, source.option, source.error, source.seconds);
     let text = format!("source,option,error,seconds\n{}", sources.iter().map(row).collect::<String>());
-    atomic::write(&case.join(ERRORS_FILE), text.as_bytes())
+    atomic::write_file(&case.join(ERRORS_FILE), |file| file.write_all(text.as_bytes()))
 }
 
 #[cfg(test)]

@@ -264,7 +264,7 @@ impl ResultFiles {
         let (snapshot, path) = (snapshot::state_snapshot(scene, state), snapshot_path(&self.outbox, state.step));
         match self.part_bodies {
             Some(part_bodies) => snapshot.write_in_parts(&path, part_bodies)?,
-            None => snapshot.write(&path)?,
+            None => snapshot.write_to_folder(&path)?,
         }
         self.checksums.add_snapshot(state.step, &logs_with_checksums(&self.steps, &self.postpro, &self.probes))
     }

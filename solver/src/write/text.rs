@@ -1,5 +1,6 @@
 //! Writes the state in LMGC90's text syntax, for `--text`.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic::{self, folder_entries};
@@ -77,8 +78,10 @@ pub fn write_last(outbox: &Path, scene: &Scene, state: &State) -> Result<(), Fau
 
 /// Writes the motion and the contacts to the files with these names in OUTBOX.
 fn write_state(outbox: &Path, [dof, contacts]: [&str; 2], scene: &Scene, state: &State) -> Result<(), Faults> {
-    atomic::write(&outbox.join(contacts), contact_records(scene, state).to_text().as_bytes())?;
-    atomic::write(&outbox.join(dof), dof_file(scene, state).to_text().as_bytes())
+    let texts = [(contacts, contact_records(scene, state).to_text()), (dof, dof_file(scene, state).to_text())];
+    let write =
+        |(name, text): (&str, String)| atomic::write_file(&outbox.join(name), |file| file.write_all(text.as_bytes()));
+    texts.into_iter().try_for_each(write)
 }
 
 fn dof_file(scene: &Scene, state: &State) -> Dof {
