@@ -1,7 +1,7 @@
 //! Cohesive force of laws with one force for each pair of bodies, divided among the contacts of the pair.
 
 use super::context::AssemblyContext;
-use crate::scene::{BodyId, LawId};
+use crate::scene::{BodyId, BodyShape, LawId};
 use crate::state::Contact;
 
 /// Two bodies, the lower index first, the law between them, and the bits of the shift of the image that touches.
@@ -28,10 +28,10 @@ impl AssemblyContext<'_> {
         let law_of = |k: usize| self.state.laws[contacts[k].law].pair_cohesion();
         let mut factors: Vec<f64> =
             (0..contacts.len()).map(|k| law_of(k).map_or(0.0, |law| law.gap_factor(contacts[k].gap))).collect();
-        // Spheres and plates have one contact a pair, with nothing to divide.
-        if self.has_blocks {
+        if self.scene.has_parts() {
+            let is_divided = |&k: &usize| factors[k] > 0.0 && self.may_have_other_points(&contacts[k]);
             let mut near: Vec<(AttractedPair, usize)> =
-                (0..contacts.len()).filter(|&k| factors[k] > 0.0).map(|k| (attracted_pair(&contacts[k]), k)).collect();
+                (0..contacts.len()).filter(is_divided).map(|k| (attracted_pair(&contacts[k]), k)).collect();
             near.sort_unstable();
             for contacts_of_pair in near.chunk_by(|a, b| a.0 == b.0) {
                 let largest = contacts_of_pair.iter().map(|&(_, k)| factors[k]).fold(0.0, f64::max);
@@ -44,5 +44,13 @@ impl AssemblyContext<'_> {
             _ => 0.0,
         };
         factors.into_iter().enumerate().map(attraction).collect()
+    }
+
+    /// Whether the pair of a contact may have several: all pairs but a sphere with another sphere or with a plate.
+    fn may_have_other_points(&self, contact: &Contact) -> bool {
+        let Contact { candidate, antagonist, .. } = *contact;
+        let is_sphere = |body: BodyId| self.scene.sphere_flags[body.index()];
+        let is_plate = |body: BodyId| matches!(self.scene.bodies[body.index()].shape, BodyShape::Plane { .. });
+        !(is_sphere(candidate) && (is_sphere(antagonist) || is_plate(antagonist)))
     }
 }

@@ -4,9 +4,10 @@ use std::f64::consts::PI;
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::compute::EventAction;
+use cd_formats::drv_dof::Evolution;
 use cd_formats::law_table::{LawModel, SpherePacking};
 
-use crate::case::{Case, Figures, equal, near};
+use crate::case::{Case, Figures, equal, expect_same_bytes, near, uniform};
 
 const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
@@ -181,4 +182,114 @@ fn an_event_sets_the_stress() {
     let t: f64 = 0.03125;
     let a = 0.1 * force / states[0].mass(1);
     near(states[2].x(1), [1.0 + 0.5 * a * t * t, 0.0, 0.0], 0.1 * a * t * t);
+}
+
+/// Square root of 1/2.
+const HALF_ROOT: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// A case of one law, also with surfaces.
+fn surface_case((law, parameters): (&str, &[f64])) -> Case {
+    let mut case = Case::new();
+    case.law_of_all(law, parameters);
+    case.law_with("MESHx", law, parameters);
+    (case.options.dt, case.options.tol) = (1.0 / 1024.0, Some(1e-10));
+    case
+}
+
+/// A groove along y of one surface, with slopes of 45 degrees, its bottom in the origin.
+fn groove(case: &mut Case) {
+    let vertices =
+        [[-2.0, -2.0, 2.0], [0.0, -2.0, 0.0], [2.0, -2.0, 2.0], [-2.0, 2.0, 2.0], [0.0, 2.0, 0.0], [2.0, 2.0, 2.0]];
+    case.mesh(&vertices, &[[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]], [0.0; 3], AXES);
+}
+
+/// A corner of one surface: parts of the planes x = 0, y = 0 and z = 0.
+fn corner(case: &mut Case) {
+    let vertices = [[0.0; 3], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0]];
+    case.mesh(&vertices, &[[0, 1, 2], [0, 2, 3], [0, 3, 1]], [0.0; 3], AXES);
+}
+
+/// A closed drum of radius and half height 1 m.
+fn drum(case: &mut Case) {
+    let wall = case.plate([1.0; 3], [0.0; 3], AXES);
+    case.bodies[wall].contactors[0].shape = ShapeRecord::Cylinder { half_height: 1.0, radius: 1.0, hollow: true };
+}
+
+/// A fixed clump of two balls that touch.
+fn fixed_clump(case: &mut Case) {
+    let wall = case.sphere(0.25, [0.0; 3]);
+    case.drive(wall, [0.0; 6].map(Evolution::constant));
+    let part = |x: f64| Contactor {
+        colour: "GRAIN".into(),
+        shape: ShapeRecord::OffsetSphere { radius: 0.25, offset: [x, 0.0, 0.0] },
+        local_frame: None,
+    };
+    case.bodies[wall].contactors = [-0.25, 0.25].map(part).into();
+    case.dof.retain(|dof| dof.body != wall);
+}
+
+/// A sphere attracts one wall with the force of one pair in all its contact points, whatever other bodies the scene has.
+#[test]
+fn a_sphere_attracts_a_wall_of_several_points_once() {
+    let force = |radius: f64| 100.0 * PI * radius * radius;
+    let root = HALF_ROOT / 0.5;
+    let places: [(fn(&mut Case), [f64; 3], usize, f64); 4] = [
+        (groove, [0.0, 0.1, 0.25 * root], 2, force(0.25)),
+        (corner, [0.25; 3], 3, force(0.25)),
+        (drum, [0.75, 0.0, -0.75], 2, force(0.25)),
+        // 1/R = 1/r + 1/r.
+        (fixed_clump, [0.0, 0.0, 0.25 * 3.0f64.sqrt()], 2, force(0.125)),
+    ];
+    for law in [STRESS, RESTITUTION] {
+        for (place, (add_wall, x, points, force)) in places.into_iter().enumerate() {
+            let [alone, with_cube] = [false, true].map(|has_cube| {
+                let mut case = surface_case(law);
+                case.sphere(0.25, x);
+                add_wall(&mut case);
+                if has_cube {
+                    // Beyond the range of the ball, and in the drum.
+                    case.block([0.05; 3], [x[0], x[1], x[2] + 0.75], AXES);
+                }
+                let attractions = case.run(1).attractions.unwrap().contact_attraction;
+                assert_eq!(attractions.len(), points, "{}, {place}", law.0);
+                attractions.iter().sum::<f64>()
+            });
+            // Sums of two or three rounded shares.
+            equal(alone, force, 1e-12 * force);
+            equal(with_cube, force, 1e-12 * force);
+        }
+    }
+}
+
+/// Each of two slopes of 45 degrees holds with half of the force: upwards F cos 45.
+#[test]
+fn a_sphere_leaves_a_groove_of_one_surface_at_the_force_of_one_pair() {
+    let force = 100.0 * PI * 0.0625 * HALF_ROOT;
+    for (share, holds) in [(0.999, true), (1.001, false)] {
+        let mut case = surface_case(STRESS);
+        let ball = case.sphere(0.25, [0.0, 0.1, 0.5 * HALF_ROOT]);
+        groove(&mut case);
+        case.pull(ball, 2, share * force);
+        let states = case.states(50, 50);
+        // Beyond the force it rises by a thousandth of force t²/(2 m).
+        let rise = 0.5 * 1e-3 * force / states[0].mass(ball) * (50.0f64 / 1024.0).powi(2);
+        assert_eq!(states[1].x(ball).z - states[0].x(ball).z < 0.5 * rise, holds, "{share}");
+    }
+}
+
+#[test]
+fn balls_in_a_groove_have_the_same_bytes() {
+    expect_same_bytes(|| {
+        let mut case = surface_case(STRESS_ROLL);
+        groove(&mut case);
+        case.gravity = [0.5, 0.0, -40.0];
+        let mut random = uniform(4);
+        for k in 0..12u8 {
+            let [x, y] = [k % 3, k / 3].map(|k| 0.6 * f64::from(k));
+            let body = case.sphere(0.25, [x - 0.6, y - 0.9, 1.2]);
+            case.launch(body, [0; 3].map(|_| 2.0 * random() - 1.0), [0; 3].map(|_| 4.0 * random() - 2.0));
+        }
+        (case.options.dt, case.options.tol) = (1.0 / 256.0, Some(1e-5));
+        case
+    });
 }
