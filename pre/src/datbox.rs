@@ -31,9 +31,10 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     }
     let original = atomic::read_text(source)?;
     let text = apply_settings(&original, settings)?;
-    let (mut scene, population) = read_scene(source, &text, settings)?;
+    let (mut scene, population, warnings) = scene_with_warnings(source, &text, settings)?;
     let mut report = FaultReport::with_settings(source, &text, settings);
     report.warnings = ron_file::former_name_warnings(source, &original, settings);
+    report.warnings.0.extend(warnings.0);
     doubts::report_doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
     doubts::report_orbit_doubts(&scene.grains, &scene.compute.fields, &mut report);
     doubts::report_plate_presses(&scene.walls, std::iter::empty(), &scene.contacts, &mut report);
@@ -78,6 +79,11 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
 /// Errors: texts and values that make no scene, and bodies that cannot be placed. Faults name the file `source`, or the
 /// setting for values from `settings`.
 pub fn read_scene(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Population), Faults> {
+    scene_with_warnings(source, text, settings).map(|(scene, population, _)| (scene, population))
+}
+
+/// Scene and bodies as in [`read_scene`], and warnings of repairs of its files.
+fn scene_with_warnings(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Population, Faults), Faults> {
     let mut scene: Scene = parse_with_settings(source, text, settings, "scene")?;
     let mut report = FaultReport::with_settings(source, text, settings);
     check::check_scene(&scene, &mut report);
@@ -86,5 +92,6 @@ pub fn read_scene(source: &Path, text: &str, settings: &[String]) -> Result<(Sce
     }
     scene.laws.iter_mut().for_each(Law::apply_bulk_strength);
     let population = population::populate(&scene, source.parent().unwrap_or(Path::new("")), &mut report);
-    report.faults.into_result((scene, population))
+    let warnings = std::mem::take(&mut report.warnings);
+    report.faults.into_result((scene, population, warnings))
 }

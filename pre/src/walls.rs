@@ -217,7 +217,7 @@ fn mesh_body(index: usize, wall: &SceneWall, folder: &Path, report: &mut FaultRe
     let path = folder.join(file);
     let read =
         read_triangles(&path).map_err(|faults| report_file_faults(faults, &format!("walls.{index}.file"), report));
-    let FileTriangles { vertices, triangles, repairs } = read.ok()?;
+    let FileTriangles { vertices, triangles, repairs } = read.ok()?.with_split_junctions();
     if !repairs.is_empty() {
         report.add_warning(&format!("walls.{index}.file"), repairs.join(", "), "is the surface as it should be?");
     }

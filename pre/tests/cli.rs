@@ -431,3 +431,31 @@ fn pour_runs_the_solver_next_to_cd_pre() {
     assert_eq!(Bodies::read(&at("bed/pour/DATBOX/BODIES.DAT")).unwrap().0.len(), 1000);
     assert!(!at("bed/DATBOX").exists());
 }
+
+/// A vertex of two squares inside the side of a third one: the triangle of that side is split, with a warning.
+#[test]
+fn a_split_of_triangles_is_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let surface = "v -2 -2 0\nv 0 -2 0\nv 0 2 0\nv -2 2 0\nv 0 0 0\nv 2 -2 0\nv 2 0 0\nv 2 2 0\n\
+                   f 1 2 3\nf 1 3 4\nf 2 6 7\nf 2 7 5\nf 5 7 8\nf 5 8 3\n";
+    std::fs::write(folder.path().join("floor.obj"), surface).unwrap();
+    let scene = r#"(
+        materials: [(name: "ROCKx", density: 2500.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.0))],
+        contacts: [(between: ("BLUEx", "WALLx"), law: "iqsc0"), (between: ("BLUEx", "BLUEx"), law: "iqsc0")],
+        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(0.1), placement: List(positions: [(0.0, 0.0, 1.0)]))],
+        walls: [Mesh(material: "ROCKx", colour: "WALLx", file: "floor.obj")],
+        compute: (dt: 1e-3, steps: 1),
+    )"#;
+    let file = folder.path().join("scene.ron");
+    std::fs::write(&file, scene).unwrap();
+    let output = cd_pre(&[&file]);
+    let warning = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{warning}");
+    assert_eq!(warning.lines().count(), 1, "{warning}");
+    for part in ["cd-pre: warning: ", "wall 1", "split 1 triangle at vertices on their edges"] {
+        assert!(warning.contains(part), "{part}: {warning}");
+    }
+    let written = std::fs::read_to_string(folder.path().join("DATBOX/MESHx-1.obj")).unwrap();
+    assert_eq!(written.lines().filter(|line| line.starts_with("f ")).count(), 7);
+}

@@ -468,3 +468,38 @@ fn a_cluster_has_mass_and_inertia_of_its_surface() {
     let largest = bodies.body_inertia[0].iter().fold(0.0, |most: f64, moment| most.max(*moment));
     assert!((largest - 1000.0 * (0.5 + 10.0 / 9.0 + 2.0 / 9.0)).abs() < 1e-6, "{largest}");
 }
+
+/// A plane of one large square and, with a corner in the middle of its side, two small ones: grains slide over the side at
+/// 1.5 m/s as over a plate.
+#[test]
+fn grains_slide_over_junctions_of_a_surface() {
+    let folder = Case::empty();
+    let surface = "v -2 -2 0\nv 0 -2 0\nv 0 2 0\nv -2 2 0\nv 0 0.1 0\nv 2 -2 0\nv 2 0.1 0\nv 2 2 0\n\
+                   f 1 2 3\nf 1 3 4\nf 2 6 7\nf 2 7 5\nf 5 7 8\nf 5 8 3\n";
+    fs::write(folder.path().join("floor.obj"), surface).unwrap();
+    let grain = |shape: &str, y: f64| {
+        format!(
+            "(material: \"ROCKx\", colour: \"BLUEx\", shape: {shape}, velocity: (1.5, 0, 0), \
+             grain_orientation: Same((axis: (0, 0, 1), angle: 0.3)), placement: List(positions: [(-0.4, {y}, 0.2)]))"
+        )
+    };
+    let cylinder = "Cylinder(half_height: 0.2, radius: 0.2)";
+    let scene = format!(
+        r#"(
+        gravity: (0.0, 0.0, -9.81),
+        materials: [(name: "ROCKx", density: 2500.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.0))],
+        contacts: [(between: ("BLUEx", "WALLx"), law: "iqsc0"), (between: ("BLUEx", "BLUEx"), law: "iqsc0")],
+        grains: [{}, {}],
+        walls: [Mesh(material: "ROCKx", colour: "WALLx", file: "floor.obj", side: Front)],
+        compute: (dt: 1e-3, steps: 500, output_every: 500),
+    )"#,
+        grain("Box(lengths: (0.4, 0.4, 0.4))", 0.1),
+        grain(cylinder, -0.6)
+    );
+    let state = Case::with_surfaces(&scene, folder.path()).solved(&["--threads", "1"]).last_snapshot();
+    for v in &state.bodies.body_v[..2] {
+        // 1e-5 of the speed; the side without the corner takes half of it.
+        assert!((v[0] - 1.5).abs() < 1.5e-5 && v[1].hypot(v[2]) < 1.5e-5, "{v:?}");
+    }
+}

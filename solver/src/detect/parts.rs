@@ -20,7 +20,7 @@ use crate::geometry::{
     CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairRequest, PairResult, Separated,
     WallContacts, capsule_capsule, capsule_cylinder, capsule_mesh, cylinder_cylinder, cylinder_hollow_cylinder,
     cylinder_mesh, far_walls, nearest_of_segment, polyhedron_capsule, polyhedron_cylinder, polyhedron_hollow_cylinder,
-    polyhedron_mesh, polyhedron_sphere, rims_at_far_walls, segment_ends, vertices_at_far_walls,
+    polyhedron_mesh, polyhedron_sphere, rims_at_far_walls, segment_ends, swapped_manifold, vertices_at_far_walls,
 };
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
@@ -601,14 +601,4 @@ fn capsule_manifolds(pair: CandidatePair, size: [f64; 2]) -> SmallVec<[Manifold;
         // Spheres are candidates; surfaces have contacts of their own.
         PosedShape::Mesh(_) | PosedShape::Sphere { .. } => SmallVec::new(),
     }
-}
-
-/// Manifold of a polyhedron and a body at -`c` with the sides exchanged, so that the body is the candidate.
-fn swapped_manifold(found: &Manifold, c: &Vec3) -> Manifold {
-    let swapped_point = |point: &ContactPoint| ContactPoint {
-        position: point.position + c,
-        gap: point.gap,
-        features: (point.features.1, point.features.0),
-    };
-    Manifold { normal: -found.normal, points: found.points.iter().map(swapped_point).collect(), area: found.area }
 }

@@ -1,7 +1,9 @@
 //! Capsules: all points up to a radius from a segment, which is a cylinder of radius 0. Contacts are those of the segment
 //! with the radius taken off.
 
-use super::cylinder::{CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_SIDE, polyhedron_cylinder};
+use super::cylinder::{
+    CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_SIDE, polyhedron_cylinder, polyhedron_cylinder_along,
+};
 use super::manifold::{ContactPoint, ContactPoints, ListingRange, Manifold};
 use super::polyhedron::PosedPolyhedron;
 use crate::math::{Quat, Vec3};
@@ -61,6 +63,19 @@ pub fn polyhedron_capsule(
     range: impl Into<ListingRange>,
 ) -> Option<Manifold> {
     let found = polyhedron_cylinder(a, c, q, [half_length, 0.0], range.into().widened_by(radius))?;
+    Some(rounded_manifold(&found, [0.0, radius]))
+}
+
+/// Contact of polyhedron A with a capsule along the given unit normal `n`, from B to A; as [`polyhedron_cylinder_along`].
+pub fn polyhedron_capsule_along(
+    a: &PosedPolyhedron,
+    c: &Vec3,
+    q: &Quat,
+    [half_length, radius]: [f64; 2],
+    n: &Vec3,
+    range: ListingRange,
+) -> Option<Manifold> {
+    let found = polyhedron_cylinder_along(a, c, q, [half_length, 0.0], n, range.widened_by(radius))?;
     Some(rounded_manifold(&found, [0.0, radius]))
 }
 

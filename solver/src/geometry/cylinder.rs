@@ -86,14 +86,39 @@ pub fn polyhedron_end_along(
     if local_normal.xy().norm() > MAX_END_DEVIATION {
         return None;
     }
-    let pair = CylinderPair::new(a, c, q, size);
-    let m = Vec3::z() * 1f64.copysign(local_normal.z);
-    let axis = CylinderSearchAxis { m, s: pair.separation(&m), feature: CylinderFeature::Vertex };
-    pair.manifold(pair.common_part(&axis, range.area), range)
+    CylinderPair::new(a, c, q, size).manifold_along(Vec3::z() * 1f64.copysign(local_normal.z), range)
+}
+
+/// Contact of polyhedron A with a solid cylinder along the given unit normal `n`, from B to A: the corners of the common
+/// part of the face of A and the end or the line of the round side that face each other. `None` if there is no common part
+/// within the range. Other arguments as in [`polyhedron_cylinder`].
+///
+/// No search is made: the caller knows that a plane across `n` separates the two.
+///
+/// ```
+/// # use cd_solve::geometry::{Polyhedron, polyhedron_cylinder, polyhedron_cylinder_along};
+/// # use cd_solve::math::{Quat, Vec3};
+/// // A cylinder lies on the upper side of a cube, beyond whose edge it reaches by half its length.
+/// let cube = Polyhedron::cuboid(&Vec3::repeat(1.0));
+/// let posed = cube.posed_by(&Quat::identity());
+/// let (c, q) = (Vec3::new(1.0, 0.0, 1.25), Quat::rotation_between(&Vec3::z(), &Vec3::x()).unwrap());
+/// let found = polyhedron_cylinder_along(&posed, &c, &q, [0.5, 0.25], &-Vec3::z(), 0.125.into()).unwrap();
+/// assert_eq!((found.normal, found.points.len()), (-Vec3::z(), 2));
+/// assert!(found.points.iter().all(|point| point.gap.abs() < 1e-15 && point.position.x < 1.0 + 1e-15));
+/// ```
+pub fn polyhedron_cylinder_along(
+    a: &PosedPolyhedron,
+    c: &Vec3,
+    q: &Quat,
+    size: [f64; 2],
+    n: &Vec3,
+    range: ListingRange,
+) -> Option<Manifold> {
+    CylinderPair::new(a, c, q, size).manifold_along(q.inverse_transform_vector(n), range)
 }
 
 /// Largest sine of the angle between the axis and the normal of a flush surface, as for faces of flush joints.
-const MAX_END_DEVIATION: f64 = 1e-3;
+pub(super) const MAX_END_DEVIATION: f64 = 1e-3;
 
 /// Polyhedron A and cylinder B.
 struct CylinderPair<'a> {
@@ -165,6 +190,12 @@ impl<'a> CylinderPair<'a> {
         let mut manifold = Manifold::default();
         patch.write_manifold(range, self.tie, &mut manifold);
         (!manifold.points.is_empty()).then_some(manifold)
+    }
+
+    /// Manifold of the common part along the unit direction `m`; `None` if no point is within the range.
+    fn manifold_along(&self, m: Vec3, range: ListingRange) -> Option<Manifold> {
+        let axis = CylinderSearchAxis { m, s: self.separation(&m), feature: CylinderFeature::Vertex };
+        self.manifold(self.common_part(&axis, range.area), range)
     }
 
     /// Separation of the two along the unit direction `m`, m.

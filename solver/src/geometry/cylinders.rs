@@ -14,7 +14,7 @@
 //! meets a rim, or where two rims meet. All of these are tried.
 
 use super::capsule::rounded_manifold;
-use super::cylinder::{CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_RIM, CYLINDER_SIDE, rim_maximum};
+use super::cylinder::{CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_RIM, CYLINDER_SIDE, MAX_END_DEVIATION, rim_maximum};
 use super::manifold::{ContactPoint, ListingRange, Manifold};
 use super::pair::PatchCorner;
 use super::patch::{ContactPatch, MAX_AREA_TILT};
@@ -95,6 +95,56 @@ pub fn capsule_capsule(
     rounded_contact(a, b, range.into())
 }
 
+/// Contact of solid cylinder A with the end of solid cylinder B along the given unit normal `n`, from B to A, which is that
+/// of the end: points of the common part of the end and the surface of A that faces it. `None` if there is no common part
+/// within the range, or if `n` is not along B's axis to 10⁻³ rad. Other arguments as in [`cylinder_cylinder`].
+///
+/// No search is made: the caller knows that a plane across `n` separates the two.
+pub fn cylinder_end_along(
+    axes_a: &Quat,
+    size_a: [f64; 2],
+    c: &Vec3,
+    axes_b: &Quat,
+    size_b: [f64; 2],
+    n: &Vec3,
+    range: ListingRange,
+) -> Option<Manifold> {
+    let (a, b) = (PosedCylinder::new(axes_a, size_a, Vec3::zeros()), PosedCylinder::new(axes_b, size_b, *c));
+    end_contact(a, b, n, range)
+}
+
+/// Contact of capsule A of `[half length, radius]` (m) with the end of solid cylinder B, with the other arguments and
+/// results of [`cylinder_end_along`].
+pub fn capsule_end_along(
+    axes_a: &Quat,
+    size_a: [f64; 2],
+    c: &Vec3,
+    axes_b: &Quat,
+    size_b: [f64; 2],
+    n: &Vec3,
+    range: ListingRange,
+) -> Option<Manifold> {
+    let (a, b) = (PosedCylinder::core_of(axes_a, size_a, Vec3::zeros()), PosedCylinder::new(axes_b, size_b, *c));
+    let rounding = [a.rounding, b.rounding];
+    let found = end_contact(a, b, n, range.widened_by(rounding[0]))?;
+    Some(rounded_manifold(&found, rounding))
+}
+
+/// Contact of cylinder A, at the origin, with the end of B that faces along `n`, without their rounding; `None` as in
+/// [`cylinder_end_along`].
+fn end_contact(a: PosedCylinder, b: PosedCylinder, n: &Vec3, range: ListingRange) -> Option<Manifold> {
+    let axis = b.axis();
+    if axis.cross(n).norm() > MAX_END_DEVIATION {
+        return None;
+    }
+    let pair = TwoCylinders::new(a, b);
+    let m = axis * 1f64.copysign(axis.dot(n));
+    let end = MeetingAxis { m, s: pair.separation(&m), meeting: CylinderMeeting::EndOfB };
+    let mut manifold = Manifold::default();
+    pair.common_part(&end, range.area).write_manifold(range, pair.tie, &mut manifold);
+    (!manifold.points.is_empty()).then_some(manifold)
+}
+
 /// Contact of two cylinders, A at the origin, with their rounding; `None` if they are farther apart than `range` lists.
 fn rounded_contact(a: PosedCylinder, b: PosedCylinder, range: ListingRange) -> Option<Manifold> {
     let rounding = [a.rounding, b.rounding];
@@ -107,22 +157,15 @@ fn core_contact(a: PosedCylinder, b: PosedCylinder, range: ListingRange) -> Opti
     if b.centre.norm() - a.size() - b.size() > range.alert {
         return None;
     }
-    let smaller = a.size().min(b.size());
-    let tie = 4e-12 * smaller + 32.0 * f64::EPSILON * (a.size() + b.size());
-    let pair = TwoCylinders { a, b, smaller, tie };
+    let pair = TwoCylinders::new(a, b);
     let axis = pair.best_axis();
     if axis.s > range.alert {
         return None;
     }
-    let mut patch = ContactPatch { normal: -axis.m, ..ContactPatch::default() };
-    pair.collect_corners(&axis, range.area, &mut patch);
-    for corner in &mut patch.corners {
-        // The gap of the direction itself, if the two differ by rounding only.
-        corner.gap = if corner.gap <= axis.s + tie { axis.s } else { corner.gap };
-    }
-    if patch.has_axis_gap(axis.s, tie) {
+    let mut patch = pair.common_part(&axis, range.area);
+    if patch.has_axis_gap(axis.s, pair.tie) {
         let mut manifold = Manifold::default();
-        patch.write_manifold(range, tie, &mut manifold);
+        patch.write_manifold(range, pair.tie, &mut manifold);
         return (!manifold.points.is_empty()).then_some(manifold);
     }
     Some(Manifold { normal: axis.m, points: [pair.axis_point(&axis)].into_iter().collect(), area: 0.0 })
@@ -238,7 +281,24 @@ const MAX_PARALLEL_TILT: f64 = 1e-6;
 /// along a line: the gap at these ends exceeds that of the middle by half the square of this ratio, times the radius.
 const MAX_SIDE_SKEW: f64 = 1e-2;
 
-impl TwoCylinders<'_> {
+impl<'a> TwoCylinders<'a> {
+    fn new(a: PosedCylinder<'a>, b: PosedCylinder<'a>) -> Self {
+        let smaller = a.size().min(b.size());
+        let tie = 4e-12 * smaller + 32.0 * f64::EPSILON * (a.size() + b.size());
+        TwoCylinders { a, b, smaller, tie }
+    }
+
+    /// Corners of the common part along a direction.
+    fn common_part(&self, axis: &MeetingAxis, area_within: f64) -> ContactPatch {
+        let mut patch = ContactPatch { normal: -axis.m, ..ContactPatch::default() };
+        self.collect_corners(axis, area_within, &mut patch);
+        for corner in &mut patch.corners {
+            // The gap of the direction itself, if the two differ by rounding only.
+            corner.gap = if corner.gap <= axis.s + self.tie { axis.s } else { corner.gap };
+        }
+        patch
+    }
+
     /// Separation s(m), m.
     fn separation(&self, m: &Vec3) -> f64 {
         -m.dot(&self.b.centre) - self.a.reach(m) - self.b.reach(m)

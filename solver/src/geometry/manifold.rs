@@ -55,6 +55,16 @@ impl Manifold {
     }
 }
 
+/// Manifold of body A and body B with the sides exchanged, so that B is the candidate; `c` = x_A - x_B, m.
+pub fn swapped_manifold(found: &Manifold, c: &Vec3) -> Manifold {
+    let swapped_point = |point: &ContactPoint| ContactPoint {
+        position: point.position + c,
+        gap: point.gap,
+        features: (point.features.1, point.features.0),
+    };
+    Manifold { normal: -found.normal, points: found.points.iter().map(swapped_point).collect(), area: found.area }
+}
+
 /// Gaps up to which points and areas are listed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ListingRange {

@@ -45,18 +45,19 @@ mod sphere;
 mod triangles;
 
 pub use cache::CachedFeature;
-pub use capsule::{nearest_of_segment, polyhedron_capsule, segment_ends};
+pub use capsule::{nearest_of_segment, polyhedron_capsule, polyhedron_capsule_along, segment_ends};
 pub use cylinder::{
-    CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_RIM, CYLINDER_SIDE, polyhedron_cylinder, polyhedron_end_along,
+    CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_RIM, CYLINDER_SIDE, polyhedron_cylinder, polyhedron_cylinder_along,
+    polyhedron_end_along,
 };
-pub use cylinders::{capsule_capsule, capsule_cylinder, cylinder_cylinder};
+pub use cylinders::{capsule_capsule, capsule_cylinder, capsule_end_along, cylinder_cylinder, cylinder_end_along};
 pub use flush::polyhedra_along;
 pub use hollow_cylinder::{
     FAR_WALL, cylinder_hollow_cylinder, far_walls, polyhedron_hollow_cylinder, rims_at_far_walls, vertices_at_far_walls,
 };
 pub use manifold::{
     ContactPoint, ContactPoints, ListingRange, Manifold, NarrowPhaseMode, Separated, WallContacts, edge_feature,
-    face_feature, vertex_feature,
+    face_feature, swapped_manifold, vertex_feature,
 };
 pub use mesh::{capsule_mesh, cylinder_mesh, polyhedron_mesh};
 pub use near_pairs::{near_pairs, near_pairs_from};

@@ -18,7 +18,7 @@ const G: f64 = 8.0;
 const CONTACTORS: [&str; 6] = ["SPHER", "CAPSx", "POLYR", "CYLND", "PLANx", "DNLYC"];
 
 /// In gravity, with one law for all pairs that have contacts.
-fn scene(friction: f64) -> Case {
+pub fn scene(friction: f64) -> Case {
     let mut case = Case::new();
     for (k, one) in CONTACTORS.into_iter().enumerate() {
         for other in &CONTACTORS[k..] {

@@ -6,8 +6,10 @@
 //! | `legacy` | VTK legacy polygonal data |
 //! | `vtp` | VTK XML polygonal data, also with zlib blocks |
 //! | `vtk` | numbers and cells of both |
+//! | `junctions` | split of triangles at vertices on their edges |
 //! | `repair` | from polygons over points to a triangulation: weld, drop, flip |
 
+mod junctions;
 mod legacy;
 mod repair;
 mod stl;

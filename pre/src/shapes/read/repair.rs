@@ -11,10 +11,10 @@ use cd_formats::mesh::PolygonMesh;
 
 /// Distances up to which points of an open surface are welded, divided by the largest coordinate: the last digit of
 /// numbers in single precision, of seven, six and five digits.
-const WELD_TOLERANCES: [f64; 3] = [2e-7, 2e-6, 2e-5];
+pub(super) const WELD_TOLERANCES: [f64; 3] = [2e-7, 2e-6, 2e-5];
 /// Largest ratio of the welding distance to the extent: far from the origin the last digit may be as large as details
 /// of the surface.
-const WELD_OF_EXTENT: f64 = 1e-3;
+pub(super) const WELD_OF_EXTENT: f64 = 1e-3;
 /// Ratio of the height of a triangle to its longest side, below which it has no area; same value as in
 /// [`cd_formats::surface::Surface`].
 const FLATNESS_LIMIT: f64 = 1e-14;
@@ -101,7 +101,7 @@ pub fn point_fault(mesh: &PolygonMesh) -> Option<RecordFault> {
 }
 
 /// Largest coordinate, and longest side of the box along the axes.
-fn coordinate_and_extent(vertices: &[[f64; 3]]) -> [f64; 2] {
+pub(super) fn coordinate_and_extent(vertices: &[[f64; 3]]) -> [f64; 2] {
     let largest = vertices.iter().flatten().fold(0.0, |largest: f64, x| largest.max(x.abs()));
     let side = |k: usize| {
         let ends = vertices.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v[k]), b.max(v[k])]);
@@ -146,7 +146,7 @@ fn is_closed(triangles: &[[u32; 3]]) -> bool {
 }
 
 /// Edges of a triangle by the numbers of their ends, in its order.
-fn triangle_edges([a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
+pub(super) fn triangle_edges([a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
     [[*a, *b], [*b, *c], [*c, *a]]
 }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::along::{contact_along, polyhedron};
 use super::inner::{
     ContactHeight, FLUSH_TOLERANCE, FacePlane, InnerContact, JointScratch, MAX_CONTACTS_ALL_PAIRS, NearbyContactor,
     SurfaceContact, UpperContactor, any_is_low,
@@ -12,7 +13,6 @@ use super::inner::{
 use super::solid::ConvexSolid;
 use crate::detect::posed::{CandidatePair, PairSettings, PosedContactor, PosedShape};
 use crate::detect::travel::TravelBounds;
-use crate::geometry::{PosedPolyhedron, polyhedra_along, polyhedron_end_along};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Vec3, concatenated_lists, group_by_key, run_ranges};
 use crate::scene::{BodyId, PartId, Scene};
@@ -55,16 +55,6 @@ pub fn remove_inner_edges(
 fn has_common_surfaces(contactors: &[PosedContactor]) -> bool {
     contactors.iter().any(|contactor| polyhedron(contactor).is_some())
         && contactors.iter().filter(|contactor| covering_solid(contactor).is_some()).nth(1).is_some()
-}
-
-/// Polyhedron of a contactor, if it is one; a plate is a cuboid.
-fn polyhedron<'a>(contactor: &'a PosedContactor<'a>) -> Option<&'a PosedPolyhedron<'a>> {
-    match &contactor.shape {
-        PosedShape::Polyhedron(posed) | PosedShape::Plane { cuboid: posed, .. } => Some(posed),
-        PosedShape::Sphere { .. } | PosedShape::Cylinder { .. } | PosedShape::Capsule { .. } | PosedShape::Mesh(_) => {
-            None
-        }
-    }
 }
 
 /// Shape of a contactor whose faces may be part of a common surface: of a polyhedron or a solid cylinder.
@@ -202,11 +192,14 @@ impl<'a> InnerEdgeSearch<'a> {
         heights.extend(near.iter().map(height));
     }
 
-    /// Contactor A for the flush-joint test; `None` for a cylinder.
+    /// Contactor A for the flush-joint test; `None` for a hollow cylinder or a triangulated wall.
     fn upper_contactor(&self, a: &'a PosedContactor<'a>) -> Option<UpperContactor<'a>> {
         let solid = match &a.shape {
             PosedShape::Sphere { radius } => ConvexSolid::Sphere { radius: *radius },
-            _ => ConvexSolid::Polyhedron(polyhedron(a)?),
+            PosedShape::Capsule { half_length, radius } => {
+                ConvexSolid::Capsule { axes: &a.axes, half_length: *half_length, radius: *radius }
+            }
+            _ => covering_solid(a)?,
         };
         let lookahead = self.travel_bounds.lookahead;
         Some(UpperContactor { solid, centre: a.centre, radius: a.radius, travel: a.travel, lookahead })
@@ -256,8 +249,8 @@ impl<'a> InnerEdgeSearch<'a> {
     }
 }
 
-/// Replaces each inner contact of a polyhedron by the contact along the normal of the plane that hides it, and removes those
-/// of spheres. `inner` is in the order of the runs.
+/// Replaces each inner contact by the contact along the normal of the plane that hides it, and removes those of spheres.
+/// `inner` is in the order of the runs.
 fn replace_inner_contacts(
     scene: &Scene,
     settings: PairSettings,
@@ -271,17 +264,9 @@ fn replace_inner_contacts(
         let ContactRun { start, end, parts, .. } = runs[touch.index as usize];
         list.drop_range(start as usize..end as usize);
         let [a, b] = parts.map(|part| &contactors[part.index()]);
-        let Some(p) = polyhedron(a) else { continue };
         let Some(rule) = scene.visibility.interaction_rule(a.class, b.class) else { continue };
         let pair = CandidatePair::new(scene, contactors, settings, 0, &(parts, rule));
-        let n = if touch.a_is_antagonist { -n } else { *n };
-        let along = match &b.shape {
-            PosedShape::Cylinder { half_height, radius, hollow: false } => {
-                polyhedron_end_along(p, &pair.c, &b.axes, [*half_height, *radius], &n, pair.range)
-            }
-            _ => polyhedron(b).and_then(|q| polyhedra_along(p, q, &pair.c, &n, pair.range)),
-        };
-        if let Some(manifold) = along {
+        if let Some(manifold) = contact_along(&pair, n, touch.a_is_antagonist) {
             list.insert(&pair.listed_contacts(&manifold).collect::<Vec<_>>());
         }
     }

@@ -12,19 +12,20 @@
 //!
 //! | A | B | an inner contact of A and B |
 //! |---|---|---|
-//! | polyhedron | polyhedron | is replaced by the contact along the normal of the plane if A is above B, else removed |
+//! | polyhedron, cylinder, capsule | any | is replaced by that along the normal of the plane if A is above B, else removed |
 //! | sphere | any | is removed: a sphere above B has a contact with B's face |
-//! | polyhedron | rim of a cylinder | is removed: if the part of A above the end exceeds its overlap, A has a contact with the end |
 //!
 //! | file | content |
 //! |---|---|
 //! | `rims` | spheres on plates, in scenes without other shapes |
 //! | `edges` | contactors of any shape |
+//! | `along` | the contact that replaces an inner one |
 //! | `inner` | the test of the contacts of one contactor A |
 //! | `solid` | shapes for this test |
 //!
 //! Known as ghost collisions or internal edges in game physics; see E. Catto, Box2D: ghost collisions (2020).
 
+mod along;
 mod edges;
 mod inner;
 mod rims;

@@ -13,6 +13,12 @@ pub enum ConvexSolid<'a> {
         half_lengths: &'a Vec3,
     },
     Polyhedron(&'a PosedPolyhedron<'a>),
+    /// Capsule about the third axis.
+    Capsule {
+        axes: &'a Quat,
+        half_length: f64,
+        radius: f64,
+    },
     /// Cylinder about the third axis.
     Cylinder {
         axes: &'a Quat,
@@ -28,6 +34,9 @@ impl ConvexSolid<'_> {
             ConvexSolid::Sphere { radius } => *radius,
             ConvexSolid::Cuboid { axes, half_lengths } => axes.inverse_transform_vector(n).abs().dot(half_lengths),
             ConvexSolid::Polyhedron(posed) => posed.support_height(n),
+            ConvexSolid::Capsule { axes, half_length, radius } => {
+                half_length * (*axes * Vec3::z()).dot(n).abs() + radius
+            }
             ConvexSolid::Cylinder { axes, half_height, radius } => {
                 let local = axes.inverse_transform_vector(n);
                 half_height * local.z.abs() + radius * local.xy().norm()
@@ -36,10 +45,10 @@ impl ConvexSolid<'_> {
     }
 
     /// Normal of the face closest to `n`, and the distance of its plane from the centre, m. For a cylinder the faces are
-    /// its ends; a sphere has none.
+    /// its ends; a sphere and a capsule have none.
     pub fn face_along(&self, n: &Vec3) -> Option<(Vec3, f64)> {
         match self {
-            ConvexSolid::Sphere { .. } => None,
+            ConvexSolid::Sphere { .. } | ConvexSolid::Capsule { .. } => None,
             ConvexSolid::Cuboid { axes, half_lengths } => {
                 let local = axes.inverse_transform_vector(n);
                 let axis = local.iamax();
