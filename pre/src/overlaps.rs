@@ -74,17 +74,20 @@ impl<'a> ShapedGrain<'a> {
     /// Penetration of the grain into a wall and its periodic images, m; negative when apart.
     pub fn overlap_with_wall(&self, wall: &WallBody, options: &Compute) -> f64 {
         let grain = self.grain;
+        let allowed = TOUCHING_TOLERANCE * grain.radius;
         let image_overlap = |shift: Vector3<f64>| {
-            let overlap = wall.ball_overlap(&(grain.position - shift), grain.reach);
-            if overlap <= TOUCHING_TOLERANCE * grain.radius || grain.is_sphere() {
+            let centre = grain.position - shift;
+            if grain.has_pieces() {
+                let is_near = wall.may_overlap_ball(&centre, grain.reach);
+                return if is_near { wall.pieces_overlap(self.pieces(), &shift, allowed) } else { f64::NEG_INFINITY };
+            }
+            let overlap = wall.ball_overlap(&centre, grain.reach);
+            if overlap <= allowed || grain.is_sphere() {
                 return overlap;
             }
-            if !grain.has_pieces() {
-                let balls = grain.balls().into_iter();
-                let overlaps = balls.map(|ball| wall.ball_overlap(&(ball.centre - shift), ball.radius));
-                return overlaps.fold(f64::NEG_INFINITY, f64::max);
-            }
-            wall.pieces_overlap(self.pieces(), &shift, TOUCHING_TOLERANCE * grain.radius)
+            let balls = grain.balls().into_iter();
+            let overlaps = balls.map(|ball| wall.ball_overlap(&(ball.centre - shift), ball.radius));
+            overlaps.fold(f64::NEG_INFINITY, f64::max)
         };
         let shifts = nearest_images(options, &(grain.position - wall.centre));
         shifts.into_iter().map(image_overlap).fold(f64::NEG_INFINITY, f64::max)
