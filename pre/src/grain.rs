@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::placement::region::GrainRegion;
+use crate::placement::rounded_hulls::RoundedHull;
 use crate::shapes::OrientedShape;
 use crate::shapes::overlap::ConvexPiece;
 use crate::shapes::union::ClumpBall;
@@ -63,6 +64,16 @@ impl Grain {
             OrientedShape::Clump(clump) => clump.axes,
             OrientedShape::RoundSolid(round_solid) => round_solid.axes,
         }
+    }
+
+    /// Extent of its shape along a fixed axis, m; of a cylinder, that of the prism around it.
+    pub fn extent_along(&self, axis: usize) -> f64 {
+        let hulls = RoundedHull::from_shape(&self.shape, self.radius, &Matrix3::identity());
+        let ends = hulls.iter().map(|hull| hull.bounds().map(|end| (end[axis], hull.radius)));
+        let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [(start, radius), (end, _)]| {
+            [low.min(start - radius), high.max(end + radius)]
+        });
+        high - low
     }
 
     /// Whether the grain is a sphere.

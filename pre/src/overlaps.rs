@@ -74,17 +74,20 @@ impl<'a> ShapedGrain<'a> {
     /// Penetration of the grain into a wall and its periodic images, m; negative when apart.
     pub fn overlap_with_wall(&self, wall: &WallBody, options: &Compute) -> f64 {
         let grain = self.grain;
+        let allowed = TOUCHING_TOLERANCE * grain.radius;
         let image_overlap = |shift: Vector3<f64>| {
-            let overlap = wall.ball_overlap(&(grain.position - shift), grain.reach);
-            if overlap <= TOUCHING_TOLERANCE * grain.radius || grain.is_sphere() {
+            let centre = grain.position - shift;
+            if grain.has_pieces() {
+                let is_near = wall.may_overlap_ball(&centre, grain.reach);
+                return if is_near { wall.pieces_overlap(self.pieces(), &shift, allowed) } else { f64::NEG_INFINITY };
+            }
+            let overlap = wall.ball_overlap(&centre, grain.reach);
+            if overlap <= allowed || grain.is_sphere() {
                 return overlap;
             }
-            if !grain.has_pieces() {
-                let balls = grain.balls().into_iter();
-                let overlaps = balls.map(|ball| wall.ball_overlap(&(ball.centre - shift), ball.radius));
-                return overlaps.fold(f64::NEG_INFINITY, f64::max);
-            }
-            wall.pieces_overlap(self.pieces(), &shift, TOUCHING_TOLERANCE * grain.radius)
+            let balls = grain.balls().into_iter();
+            let overlaps = balls.map(|ball| wall.ball_overlap(&(ball.centre - shift), ball.radius));
+            overlaps.fold(f64::NEG_INFINITY, f64::max)
         };
         let shifts = nearest_images(options, &(grain.position - wall.centre));
         shifts.into_iter().map(image_overlap).fold(f64::NEG_INFINITY, f64::max)
@@ -113,7 +116,7 @@ pub struct Obstacles<'a> {
     grains: Vec<&'a Grain>,
     walls: &'a [WallBody],
     options: &'a Compute,
-    /// Shifts to the periodic images of grains that new ones can overlap.
+    /// Shifts to the nearest periodic images, none first.
     shifts: &'a [Vector3<f64>],
 }
 
@@ -194,7 +197,10 @@ impl<'a> Obstacles<'a> {
         let mut cells = SphereGrid::new(order.first().map_or(1.0, |&k| padded_reach(k)));
         order.iter().for_each(|&k| cells.add(self.grains[k].position, padded_reach(k)));
         let shaped = order.iter().map(|&k| ShapedGrain::new(self.grains[k])).collect();
-        ObstacleSearch { shaped, cells, obstacles: self }
+        let corners = |sign: f64| self.grains.iter().map(move |grain| grain.position.add_scalar(sign * grain.reach));
+        let low = corners(-1.0).fold(Vector3::repeat(f64::INFINITY), |low, corner| low.inf(&corner));
+        let high = corners(1.0).fold(Vector3::repeat(f64::NEG_INFINITY), |high, corner| high.sup(&corner));
+        ObstacleSearch { shaped, cells, bounds: [low, high], obstacles: self }
     }
 }
 
@@ -204,6 +210,8 @@ pub(crate) struct ObstacleSearch<'a> {
     /// Grains by their numbers in `cells`.
     shaped: Vec<ShapedGrain<'a>>,
     cells: SphereGrid,
+    /// Corners of the box around the balls of all grains, m.
+    bounds: [Vector3<f64>; 2],
 }
 
 impl ObstacleSearch<'_> {
@@ -217,7 +225,10 @@ impl ObstacleSearch<'_> {
             ball_overlap <= allowed || own.overlap_with(other, shift, ball_overlap) <= allowed
         };
         let mut is_free = true;
-        for shift in self.obstacles.shifts {
+        let [low, high] = self.bounds.map(|corner| corner - grain.position);
+        let is_near =
+            |shift: &&Vector3<f64>| (0..3).all(|k| low[k] - grain.reach < shift[k] && shift[k] < high[k] + grain.reach);
+        for shift in self.obstacles.shifts.iter().filter(is_near) {
             self.cells.for_each_overlap(&(grain.position + shift), grain.reach, |number, _| {
                 is_free = is_free && is_apart_from(&self.shaped[number], *shift);
             });

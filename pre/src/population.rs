@@ -33,7 +33,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
     let walls = walls::wall_bodies(&scene.walls, folder, report);
     let mut population = Population { grains: Vec::new(), walls, regions: Vec::new(), file_summaries: Vec::new() };
     let periods = scene.compute.periods();
-    let shifts = image_shifts(scene);
+    let shifts = periodic_shifts(periods);
     for (group, grains) in scene.grains.iter().enumerate() {
         let shapes = GrainSampler::from_grains(grains, folder, scene.seed, group);
         let shapes = shapes.map_err(|error| match error {
@@ -82,19 +82,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
     }
     let bodies = population.grains.len() + population.walls.len();
     report.require(bodies <= MAX_BODIES, "grains", format!("{bodies} bodies"), &format!("at most {MAX_BODIES}"));
-    // Grains of a packing that fills a period touch images across it: their centres are within the period.
-    let fills_period =
-        |group: usize, axis: usize| placement::filled_periods(&scene.grains[group], periods)[axis].is_some();
-    // Whether each group fills the period, by axes.
-    let groups_across: [Vec<bool>; 3] =
-        [0, 1, 2].map(|axis| (0..scene.grains.len()).map(|group| fills_period(group, axis)).collect());
-    for (axis, is_across) in groups_across.iter().enumerate() {
-        let balls = population.grains.iter().map(|grain| {
-            let reach = if is_across[grain.group] { 0.0 } else { grain.reach };
-            (grain.position, reach)
-        });
-        check_extent_along(&scene.compute, axis, balls, report);
-    }
+    (0..3).for_each(|axis| check_extent_along(&scene.compute, axis, &population.grains, report));
     check_numbers(scene, &population, report);
     check_inclined_plates(scene, &population, report);
     if report.faults.0.is_empty() {
@@ -221,30 +209,44 @@ fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed
     placed.grains.into_iter().enumerate().map(grain).collect()
 }
 
-/// Checks that all grains, given as balls of centre and radius, m, of a periodic scene fit within a period, so that no
-/// grain overlaps another's image.
-pub(crate) fn check_extent(
+/// Checks that the balls around grains, of centre and radius, m, of a periodic scene fit within a period, so that no grain
+/// overlaps another's image.
+pub(crate) fn check_balls_extent(
     options: &Compute,
     balls: impl Iterator<Item = (Vector3<f64>, f64)> + Clone,
     report: &mut FaultReport,
 ) {
-    (0..3).for_each(|axis| check_extent_along(options, axis, balls.clone(), report));
+    for axis in 0..3 {
+        let extent = extent_along(axis, balls.clone());
+        report_extent(options, axis, extent, "the balls around the grains extend", report);
+    }
 }
 
-/// Checks the extent of balls as [`check_extent`] does, along `axis` 0 to 2.
-fn check_extent_along(
-    options: &Compute,
-    axis: usize,
-    balls: impl Iterator<Item = (Vector3<f64>, f64)>,
-    report: &mut FaultReport,
-) {
-    let (name, period) = (PERIOD_NAMES[axis], options.periods()[axis]);
+/// Checks that each grain of a periodic scene is within a period along `axis` 0 to 2, and so are the centres of all: then a
+/// grain can overlap the nearest images of the others only.
+fn check_extent_along(options: &Compute, axis: usize, grains: &[Grain], report: &mut FaultReport) {
+    let Some(period) = options.periods()[axis] else { return };
+    let centres = extent_along(axis, grains.iter().map(|grain| (grain.position, 0.0)));
+    report_extent(options, axis, centres, "the centres of the grains extend", report);
+    let is_large = |grain: &&Grain| 2.0 * grain.reach > period;
+    let widest = grains.iter().filter(is_large).map(|grain| grain.extent_along(axis)).fold(0.0, f64::max);
+    report_extent(options, axis, widest, "a grain extends", report);
+}
+
+/// Extent of balls of centre and radius, m, along `axis` 0 to 2, m.
+fn extent_along(axis: usize, balls: impl Iterator<Item = (Vector3<f64>, f64)>) -> f64 {
     let ends = balls.flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
     let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
-    if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING_TOLERANCE)) {
-        let found = format!("{}, but the grains extend over {} m", number_text(period), rounded_number(high - low));
-        let expected = format!("a period of at least {} m", rounded_number(high - low));
-        report.add_fault(&format!("compute.{name}"), found, expected);
+    high - low
+}
+
+/// Reports an extent, m, that is longer than the period along `axis` 0 to 2; `subject`: its body and verb in words.
+fn report_extent(options: &Compute, axis: usize, extent: f64, subject: &str, report: &mut FaultReport) {
+    let (name, period) = (PERIOD_NAMES[axis], options.periods()[axis]);
+    if let Some(period) = period.filter(|period| extent > period * (1.0 + TOUCHING_TOLERANCE)) {
+        let extent = rounded_number(extent);
+        let found = format!("{}, but {subject} over {extent} m", number_text(period));
+        report.add_fault(&format!("compute.{name}"), found, format!("a period of at least {extent} m"));
     }
 }
 
@@ -292,18 +294,25 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
     }
 }
 
-/// Shifts, m, to the periodic images that grains can overlap: none where all grains fit within a period.
-fn image_shifts(scene: &Scene) -> Vec<Vector3<f64>> {
-    let periods = scene.compute.periods();
+/// Shifts, m, to the nearest images of a body with these periods: none first.
+fn periodic_shifts(periods: [Option<f64>; 3]) -> Vec<Vector3<f64>> {
     let mut shifts = vec![Vector3::zeros()];
-    for axis in 0..3 {
-        let is_filled = |grains: &Grains| placement::filled_periods(grains, periods)[axis];
-        if let Some(period) = scene.grains.iter().find_map(is_filled) {
-            let unit = Vector3::from_fn(|row, _| if row == axis { period } else { 0.0 });
-            shifts = shifts.iter().flat_map(|shift| [*shift, shift + unit, shift - unit]).collect();
-        }
+    for (axis, period) in periods.into_iter().enumerate() {
+        let Some(period) = period else { continue };
+        let unit = Vector3::from_fn(|row, _| if row == axis { period } else { 0.0 });
+        shifts = shifts.iter().flat_map(|shift| [*shift, shift + unit, shift - unit]).collect();
     }
     shifts
+}
+
+/// Shifts, m, to the images that grains of a scene can overlap: none along an axis on which their balls fit within a period.
+fn image_shifts(options: &Compute, grains: &[Grain]) -> Vec<Vector3<f64>> {
+    let mut periods = options.periods();
+    for (axis, period) in periods.iter_mut().enumerate() {
+        let extent = extent_along(axis, grains.iter().map(|grain| (grain.position, grain.reach)));
+        *period = period.filter(|period| extent > *period);
+    }
+    periodic_shifts(periods)
 }
 
 /// Advice for grains that overlap a wall around which their placement does not place them; `None` if it does.
@@ -325,6 +334,8 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     // Index of the first grain, and text and advice, of each overlap.
     let mut overlaps: Vec<(usize, String, &str)> = Vec::new();
     let expected = "grains that touch at most (a List or File may have allow_overlap: true)";
+    let image_advice =
+        "grains that touch the images of others at most, as in an envelope that is no longer than the periods";
     let shaped: Vec<ShapedGrain> = grains.iter().map(ShapedGrain::new).collect();
     let mut order: Vec<usize> = (0..grains.len()).collect();
     order.par_sort_unstable_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
@@ -334,7 +345,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         cells.add(grains[k].position, grains[k].reach);
         numbers[k] = number;
     }
-    let shifts = image_shifts(scene);
+    let shifts = image_shifts(&scene.compute, grains);
     // Grains whose bounding balls overlap, the smaller first, and its shift. Neighbours in the list of grains are mostly near in
     // space.
     let first_overlap = |(k, grain): (usize, &Grain)| {
@@ -355,7 +366,9 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         let (a, b) = (k.min(other), k.max(other));
         let overlap = shaped[k].overlap_with(&shaped[other], shift, overlap);
         if overlap > TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius) {
-            overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b)), expected));
+            let is_image = shift != Vector3::zeros();
+            let (image, expected) = if is_image { ("the periodic image of ", image_advice) } else { ("", expected) };
+            overlaps.push((a, format!("{} and {image}{} overlap by {overlap:.3e} m", name(a), name(b)), expected));
         }
     }
     for (k, grain) in grains.iter().enumerate() {

@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use crate::rotation::rotation_matrix;
 use crate::rounding::{round_8_digits, round_point};
 use crate::scene::{Revolution, SceneWall, TimeFunction, WallSide};
-use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
+use crate::shapes::overlap::{ConvexPiece, deepest_overlap, overlap_depth};
 use crate::shapes::read::{FileTriangles, read_triangles, report_file_faults};
 
 /// Plate, cylinder or surface; numbers have the digits of the files.
@@ -114,14 +114,24 @@ impl WallBody {
         ball_overlap(&self.shape, &(self.axes * (centre - self.centre)), radius)
     }
 
+    /// Whether a ball may overlap the wall: of a surface, whether the box around the ball meets triangles, or its centre is
+    /// inside of a solid.
+    pub fn may_overlap_ball(&self, centre: &Vector3<f64>, radius: f64) -> bool {
+        let ShapeRecord::Mesh { surface: Some(ref mesh), .. } = self.shape else {
+            return self.ball_overlap(centre, radius) > 0.0;
+        };
+        let (own, reach) = (self.axes * (centre - self.centre), Vector3::repeat(radius));
+        !mesh.triangles_in_box(&(own - reach), &(own + reach)).is_empty() || depth_in_solid(mesh, &own).is_some()
+    }
+
     /// Penetration of convex pieces into the wall translated by `shift`, m, see [`pieces_overlap`].
     pub fn pieces_overlap(&self, pieces: &[ConvexPiece], shift: &Vector3<f64>, allowed: f64) -> f64 {
         pieces_overlap(&self.shape, &(self.centre + shift), &self.axes, pieces, allowed)
     }
 }
 
-/// Penetration of convex pieces into a plate or cylinder with the axes `axes` (rows), m; if the depth is at
-/// most `allowed`, any value up to `allowed` may be returned. 0 for a surface, which is not compared with pieces.
+/// Penetration of convex pieces into a wall with the axes `axes` (rows), m; if the depth is at most `allowed`, any value up
+/// to `allowed` may be returned.
 pub fn pieces_overlap(
     wall: &ShapeRecord,
     centre: &Vector3<f64>,
@@ -145,8 +155,47 @@ pub fn pieces_overlap(
             };
             pieces.iter().map(penetration).fold(0.0, f64::max)
         }
+        ShapeRecord::Mesh { surface: Some(ref mesh), .. } => {
+            let penetration = |piece: &ConvexPiece| surface_overlap(mesh, centre, axes, piece, allowed);
+            pieces.iter().map(penetration).fold(0.0, f64::max)
+        }
         _ => 0.0,
     }
+}
+
+/// Penetration of a convex piece into a surface as [`pieces_overlap`]: the deepest one into a triangle; of a piece that is
+/// inside of a solid as a whole, the depth of its middle.
+fn surface_overlap(
+    mesh: &WallMesh,
+    centre: &Vector3<f64>,
+    axes: &Matrix3<f64>,
+    piece: &ConvexPiece,
+    allowed: f64,
+) -> f64 {
+    let own: Vec<Vector3<f64>> = piece.vertices().map(|vertex| axes * (vertex - centre)).collect();
+    let (low, high) = own.iter().fold((own[0], own[0]), |(low, high), vertex| (low.inf(vertex), high.sup(vertex)));
+    let depth_of = |triangle: u32| {
+        let corners = mesh.corners(triangle);
+        let heights = || own.iter().map(|vertex| mesh.normal(triangle).dot(&(vertex - corners[0])));
+        let crosses_plane = heights().any(|height| height > allowed) && heights().any(|height| height < -allowed);
+        if !crosses_plane {
+            return 0.0;
+        }
+        let corners = corners.map(|corner| axes.tr_mul(&corner));
+        overlap_depth(piece, &ConvexPiece::new(*centre, corners.to_vec(), &[[0, 1, 2], [0, 2, 1]]), allowed)
+    };
+    let deepest = mesh.triangles_in_box(&low, &high).into_iter().map(depth_of).fold(0.0, f64::max);
+    if deepest > allowed {
+        return deepest;
+    }
+    let middle = own.iter().sum::<Vector3<f64>>() / own.len() as f64;
+    depth_in_solid(mesh, &middle).unwrap_or(deepest)
+}
+
+/// Depth of a point behind a surface that has one side and no rim, a solid or the walls of a container, m; `None` of others.
+fn depth_in_solid(mesh: &WallMesh, point: &Vector3<f64>) -> Option<f64> {
+    let is_solid = mesh.sides() == MeshSides::One && mesh.has_no_rim();
+    is_solid.then(|| mesh.depth_behind(point)).flatten()
 }
 
 /// Penetration of a ball into a wall, m, its centre in the wall's own axes, m; negative when apart. For a centre within a
@@ -155,8 +204,8 @@ pub fn pieces_overlap(
 pub fn ball_overlap(wall: &ShapeRecord, centre: &Vector3<f64>, radius: f64) -> f64 {
     match *wall {
         ShapeRecord::Mesh { surface: Some(ref mesh), .. } => {
-            if mesh.sides() == MeshSides::One && mesh.has_no_rim() && mesh.is_behind(centre) {
-                return radius + mesh.distance_bound(centre, 2.0 * mesh.radius() + centre.norm());
+            if let Some(depth) = depth_in_solid(mesh, centre) {
+                return radius + depth;
             }
             let nearest = mesh.ball_contacts(centre, radius, 0.0);
             nearest.iter().map(|contact| radius - contact.distance).fold(f64::NEG_INFINITY, f64::max)

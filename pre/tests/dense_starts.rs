@@ -177,6 +177,104 @@ fn a_group_that_overlaps_the_image_of_a_dense_one_is_reported() {
     assert!(faults.contains("overlap by 5.000e-1 m"), "{faults}"); // distance 0.5 of spheres of radius 0.5
 }
 
+/// Extents of the farthest points of all grains along x and y, m.
+fn extents(population: &Population) -> [f64; 2] {
+    let ends = |axis: usize| {
+        let corners = population.grains.iter().flat_map(corners);
+        corners.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (corner, radius)| {
+            (low.min(corner[axis] - radius), high.max(corner[axis] + radius))
+        })
+    };
+    [0, 1].map(|axis| {
+        let (low, high) = ends(axis);
+        high - low
+    })
+}
+
+/// Balls around the grains reach beyond the period, their shapes do not.
+#[test]
+fn shapes_in_a_box_up_to_a_period_long_fit_into_it() {
+    let periods = "compute: (xperiode: 3.0, yperiode: 3.0),";
+    let rocks = "solid_fraction: 0.12, shape: Random(vertices: (8, 14), ratios: (1, 0.7, 0.4)), \
+                 sizes: Uniform(min: 0.2, max: 0.25)";
+    let bricks = "number: 20, shape: Box(lengths: (0.4, 0.4, 1.2)), \
+                  grain_orientation: Same((axis: (1, 0, 0), angle: 0.0))";
+    let clumps = "solid_fraction: 0.25, shape: Clump([(0, 0, 0, 0.3), (0.5, 0, 0, 0.2)]), sizes: Single(0.25)";
+    for (grains, placement, length) in [
+        (rocks, "RandomSequential", 3.0),
+        (rocks, "RandomSequential", 2.95),
+        (rocks, "DensePacking", 2.9),
+        (bricks, "DensePacking", 2.9),
+        (clumps, "DensePacking", 2.98),
+    ] {
+        let envelope = format!("placement: {placement}(envelope: Box(lengths: ({length:?}, {length:?}, 4)))");
+        let population = placed(&scene(&format!("{grains}, {envelope}"), periods));
+        let reaches = |axis: usize| population.grains.iter().map(move |grain| (grain.position[axis], grain.reach));
+        let is_past_period = |axis: usize| {
+            reaches(axis).map(|(x, reach)| x + reach).fold(0.0, f64::max)
+                - reaches(axis).map(|(x, reach)| x - reach).fold(0.0, f64::min)
+                > 3.0
+        };
+        assert!((0..2).any(is_past_period), "{grains} {envelope}: the balls fit");
+        let found = extents(&population);
+        assert!(found.iter().all(|extent| *extent <= length), "{grains} {envelope}: {found:?}");
+    }
+}
+
+/// A boulder of radius 1 across the border of a cell of the length 6: its image is at x = -3.1.
+#[test]
+fn grains_are_placed_around_the_images_of_a_boulder() {
+    let periods = "compute: (xperiode: 6.0, yperiode: 6.0),";
+    let boulder = "sizes: Single(1), placement: List(positions: [(2.9, 0, 0)])";
+    let next = "), (material: \"ROCKx\", colour: \"BLUEx\", ";
+    for (placement, length) in
+        [("RandomSequential", 6.0), ("JitteredLattice", 5.9), ("DensePacking", 5.9), ("DensePacking", 6.0)]
+    {
+        let number = if placement == "DensePacking" { 250 } else { 80 };
+        let grains = format!(
+            "number: {number}, sizes: Single(0.4), placement: {placement}(envelope: Box(lengths: ({length:?}, 6, 4)))"
+        );
+        let alone = placed(&scene(&grains, periods));
+        let around = placed(&scene(&format!("{boulder}{next}{grains}"), periods));
+        let gap_to_image = |grain: &Grain| (grain.position - Vector3::new(-3.1, 0.0, 0.0)).norm() - grain.reach - 1.0;
+        assert!(alone.grains.iter().any(|grain| gap_to_image(grain) < 0.0), "{grains}: no grain at the image");
+        // Bodies may overlap by a millionth of the radius.
+        assert!(around.grains[1..].iter().all(|grain| gap_to_image(grain) > -1e-6), "{grains}");
+        assert_eq!(around.grains.len(), alone.grains.len() + 1);
+    }
+}
+
+#[test]
+fn grains_that_overlap_an_image_or_extend_beyond_a_period_are_reported() {
+    let faults = |shape: &str, x: f64| {
+        let grains = format!("{shape}, placement: List(positions: [(0, 0, 0), ({x:?}, 0, 0)])");
+        read(Path::new(""), &scene(&grains, "compute: (xperiode: 6.0),")).err().unwrap_or_default()
+    };
+    let cube = "shape: Box(lengths: (1, 1, 1)), grain_orientation: Same((axis: (0, 0, 1), angle: 0))";
+    assert_eq!(faults(cube, 5.0), "");
+    assert_eq!(faults("sizes: Single(0.5)", 5.0), "");
+    let overlap = faults(cube, 5.25);
+    assert!(
+        overlap.contains("grain 1 of grains 1 and the periodic image of grain 2 of grains 1 overlap by 2.500e-1 m")
+    );
+    assert!(
+        overlap.contains("expected grains that touch the images of others at most, as in an envelope"),
+        "{overlap}"
+    );
+    let centres = faults(cube, 6.5);
+    assert!(centres.contains("xperiode: 6, but the centres of the grains extend over 6.5 m; expected a period of"));
+    let rod = "shape: Box(lengths: (6.5, 1, 1)), grain_orientation: Same((axis: (0, 0, 1), angle: 0))";
+    let wide = read(
+        Path::new(""),
+        &scene(&format!("{rod}, placement: List(positions: [(0, 0, 0)])"), "compute: (xperiode: 6.0),"),
+    );
+    assert!(wide.unwrap_err().contains("xperiode: 6, but a grain extends over 6.5 m; expected a period of at least"));
+    // A rod across, which turns its long side along y.
+    let across = rod.replace("(6.5, 1, 1)", "(1, 6.5, 1)");
+    let across = format!("{across}, placement: List(positions: [(0, 0, 0)])");
+    assert!(read(Path::new(""), &scene(&across, "compute: (xperiode: 6.0),")).is_ok());
+}
+
 /// Shapes and solid fractions at which their bounding balls would never fit.
 const DENSE_SHAPES: [(&str, f64); 6] = [
     (

@@ -511,14 +511,16 @@ impl WallMesh {
         self.near_triangles(point, limit).iter().map(|triangle| triangle.distance).fold(limit, f64::min)
     }
 
-    /// Whether a point, m, is behind the nearest point of a surface with one side, as all points inside of a closed one are.
-    pub fn is_behind(&self, point: &Vec3) -> bool {
+    /// Distance of a point behind a surface with one side from its nearest point, m; `None` of a point in front. All points
+    /// inside of a closed surface seen from outside are behind it.
+    pub fn depth_behind(&self, point: &Vec3) -> Option<f64> {
         let project = |triangle: u32, _: f64| {
             let nearest = self.near_triangle(triangle, point).point;
             Some(PointProjection::new(false, tree_point(&nearest)))
         };
-        let found = self.tree.project_point(tree_point(point), f64::MAX, project);
-        found.is_some_and(|(triangle, _)| !self.is_in_front(&self.near_triangle(triangle, point), point))
+        let (triangle, _) = self.tree.project_point(tree_point(point), f64::MAX, project)?;
+        let nearest = self.near_triangle(triangle, point);
+        (!self.is_in_front(&nearest, point)).then_some(nearest.distance)
     }
 
     /// Distance up to which distances of a point from triangles with a common point differ by rounding, m.
@@ -890,7 +892,9 @@ mod tests {
         let found = cube(MeshSides::One).ball_contacts(&centre, 0.75, 0.0);
         assert_eq!(found[0].normal, Vec3::x());
         let [inside, outside] = [Vec3::new(0.1, 0.2, 0.1), Vec3::new(3.0, 4.0, -2.0)];
-        assert!(cube(MeshSides::One).is_behind(&inside) && !cube(MeshSides::One).is_behind(&outside));
+        // The cube has the half length 1.
+        let depth = |point: &Vec3| cube(MeshSides::One).depth_behind(point);
+        assert_eq!([depth(&inside), depth(&outside)], [Some(1.0 - inside.amax()), None]);
     }
 
     /// Two planes at the angle of a groove or of a ridge along y.

@@ -19,7 +19,7 @@ use super::source::{SourceCase, SourcePart, scene_path, unit_quaternion};
 use crate::grain::Population;
 use crate::overlaps::{TOUCHING_TOLERANCE, nearest_images};
 use crate::placement::cells::SphereGrid;
-use crate::population::check_extent;
+use crate::population::check_balls_extent;
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::shapes::{OrientedRoundSolid, RoundSolid};
 use crate::walls::{self, WallBody};
@@ -248,7 +248,8 @@ impl<'a> PlacedBodies<'a> {
         for (k, (part, selection)) in self.parts.iter().zip(&changes.bodies).enumerate() {
             if selection.rotate.angle != 0.0 || part.source.options.periods() != options.periods() {
                 let part_balls = balls.iter().filter(|(body, _)| self.owner[*body] == k);
-                check_extent(options, part_balls.map(|&(body, radius)| (self.centres[body], radius)), report);
+                let part_balls = part_balls.map(|&(body, radius)| (self.centres[body], radius));
+                check_balls_extent(options, part_balls, report);
             }
         }
         let mut found = self.overlaps(&balls, options);

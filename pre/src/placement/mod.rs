@@ -265,7 +265,7 @@ fn particle_motions(particles: &ParticleState, rotation: &Matrix3<f64>) -> Optio
 
 /// Periods, m, of a scene with these `periods` that the box of a dense packing fills exactly, without a rotation: it
 /// has no walls along these axes.
-pub fn filled_periods(grains: &Grains, periods: [Option<f64>; 3]) -> [Option<f64>; 3] {
+fn filled_periods(grains: &Grains, periods: [Option<f64>; 3]) -> [Option<f64>; 3] {
     match &grains.placement {
         GrainPlacement::DensePacking { envelope: Envelope::Box { lengths: Some(lengths), .. } }
             if grains.orientation.angle == 0.0 =>
