@@ -33,6 +33,7 @@ use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
 use cd_formats::settings::{apply_settings, check_paths_once};
+use cd_formats::sinks_and_sources::set_random_orders;
 use cd_formats::snapshot::{self, DRIVEN_ALL, Ledger, START_FILE, Snapshot, SnapshotMeta};
 use cd_formats::vloc_rloc::VlocRloc;
 
@@ -74,6 +75,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let parts = select_parts(&request.changes, &sources, &mut report);
     reject_faults(&mut report)?;
     let mut options = request.next_options(file, &sources[0].options, &mut report)?;
+    set_random_orders(&mut options.sources, request.changes.seed);
     // The options of the changes name files in the folder of the changes; the options of the case name files in its DATBOX.
     let surfaces = match request.changes.compute {
         Some(_) => field_surfaces::take_surfaces(&mut options, folder, false),
