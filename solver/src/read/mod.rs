@@ -218,6 +218,7 @@ fn initial_state(
         ledger: Ledger::default(),
         postpro: PostproSums::default(),
         presence: Vec::new(),
+        exit_velocities: Vec::new(),
         bodies_entered: false,
         rest_since: None,
     }

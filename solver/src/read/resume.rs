@@ -88,6 +88,10 @@ fn restore_presence(path: &Path, scene: &mut Scene, state: &mut State, snapshot:
         }
         None => {}
     }
+    // Without sinks, or in a snapshot of a run without them, no body has left.
+    if let (false, Some(departures)) = (state.exit_velocities.is_empty(), &snapshot.departures) {
+        state.exit_velocities = departures.body_exit_v.iter().map(|v| Vec3::from(*v)).collect();
+    }
     if scene.roster.is_some() {
         state.apply_presence(scene);
     } else {

@@ -52,6 +52,9 @@ pub fn prepare_sinks_and_sources(
         entries,
     }));
     state.presence = vec![BodyPresence::Present; scene.bodies.len()];
+    if !scene.options.sinks.is_empty() {
+        state.exit_velocities = vec![Vec3::zeros(); scene.bodies.len()];
+    }
     for &body in selections.iter().flatten() {
         let i = body.index();
         state.presence[i] = BodyPresence::Waiting;
@@ -61,9 +64,6 @@ pub fn prepare_sinks_and_sources(
     Ok(())
 }
 
-/// Reports what is not computed together with sinks and sources.
-fn reject_combinations(scene: &Scene, report: &mut FaultReport) {
-    let option = if scene.options.sinks.is_empty() { "sources" } else { "sinks" };
 /// Bodies, by rising numbers, in the order in which they enter.
 fn ordered_bodies(bodies: &[BodyId], order: Option<EntryOrder>) -> Vec<BodyId> {
     let mut ordered = bodies.to_vec();
@@ -74,6 +74,9 @@ fn ordered_bodies(bodies: &[BodyId], order: Option<EntryOrder>) -> Vec<BodyId> {
     ordered
 }
 
+/// Reports what is not computed together with sinks and sources.
+fn reject_combinations(scene: &Scene, report: &mut FaultReport) {
+    let option = if scene.options.sinks.is_empty() { "sources" } else { "sinks" };
     let combinations = [
         (
             !scene.links.is_empty(),
