@@ -1064,6 +1064,12 @@ fn pouring_is_a_run_to_rest_and_a_datbox_from_its_end() {
         assert!(faults.ends_with(&message), "{faults}");
         assert!(!bed.join("DATBOX").exists());
     }
+    // Mistakes of the changes are found before the run.
+    let misspelt = folder.path().join("misspelt.ron");
+    fs::write(&misspelt, "(lawz: [])").unwrap();
+    let request_of_misspelt = PourRequest { changes: Some(&misspelt), ..request };
+    let faults = pour_grains(&request_of_misspelt, |_| panic!("the run has started")).unwrap_err().to_string();
+    assert!(faults.contains("lawz"), "{faults}");
     let faults = pour_grains(&request, |_| Err(std::io::ErrorKind::NotFound.into())).unwrap_err().to_string();
     assert!(faults.contains("cd-solve: cannot be started: "), "{faults}");
 

@@ -311,6 +311,11 @@ fn part_summary(part: &SourcePart) -> String {
     )
 }
 
+/// Checks all of a file of changes that needs no run. Errors: as of [`read`].
+pub fn check_file(file: &Path) -> Result<(), Faults> {
+    read(file, &atomic::read_text(file)?, &[]).map(drop)
+}
+
 /// Reads the changes in `text` and checks all that needs no run.
 ///
 /// Errors: texts and values that are no changes. Faults name the file `source`, or the setting for values from `settings`.
