@@ -1082,3 +1082,26 @@ fn pouring_is_a_run_to_rest_and_a_datbox_from_its_end() {
     assert_eq!(from_outbox(&bed.join("pour"), &twin, &fs::read_to_string(&changes).unwrap()), 0);
     assert_eq!(datbox_without_origin(&bed), datbox_without_origin(&twin));
 }
+
+/// Rumpf's strength of spheres with nu = 0.5, Z = 5 and F = c π R² (R = 4 m the radius of a pair of equal balls of 8 m, 1/R =
+/// 2/8): σ = nu Z F / (π d²) = c nu Z / 16 with d = 4 R, so c = 320 Pa for 50 Pa, and F = 320 π R².
+#[test]
+fn forces_that_follow_from_a_bulk_strength_are_printed() {
+    let scene = cloud(4, 0.4, 1, "dt: 8.0, steps: 1").replace("Uniform(min: 8.0, max: 12.0)", "Single(8.0)");
+    let run = Case::from_scene(&scene).solved(&[]);
+    let case = Case::empty();
+    let changes = case.path().join("changes.ron");
+    let text = r#"(laws: [(
+        name: "iqsc0",
+        bulk_strength: (tension: 50.0, nu: 0.5, z: 5.0),
+        kind: IQS_COH_DS_CLB(cohesive_stress: 0.0, full_range: 0.01, range: 0.05, dynamic_friction: 0.4,
+            static_friction: 0.5),
+    )])"#;
+    fs::write(&changes, text).unwrap();
+    let summary = cd_pre::from_outbox::write_datbox(run.path(), Some(&changes), &[], case.path()).unwrap();
+    let force = 320.0 * std::f64::consts::PI * 16.0;
+    let line = format!(
+        "law iqsc0: two equal grains attract each other with {force:.5} N, cohesive_stress 320.00000 Pa for a tensile strength of 50 Pa\n"
+    );
+    assert!(summary.contains(&line), "{summary}\n{line}");
+}

@@ -45,7 +45,7 @@ use crate::parse::parse_with_settings;
 use crate::population::populate;
 use crate::reread;
 use crate::scene::{self, Law, Material, Scene};
-use crate::summary::{group_lines, print_warnings};
+use crate::summary::{contact_radii, group_lines, pair_law_lines, print_warnings};
 use crate::write;
 pub use changes::{BodyFilter, Changes, MotionRemoval, Selection, WallSelector};
 use source::{SourceCase, SourcePart, scene_path};
@@ -121,6 +121,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let selected_count: usize = parts.iter().map(|part| part.source_bodies.len()).sum();
     summary += &digits::lost_digits(&records.0[..selected_count], &tables, &driven);
     summary += &group_lines(&new.scene, &new.population);
+    let radii = parts.iter().flat_map(SourcePart::contact_radii).chain(contact_radii(&new.population));
+    summary += &pair_law_lines(&request.changes.laws, radii);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     summary += &format!("{}; wrote {}: {}\n", count_text(records.0.len(), "body"), datbox.display(), names.join(" "));
     Ok(summary)

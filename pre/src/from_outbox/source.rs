@@ -68,6 +68,22 @@ pub struct SourcePart<'a> {
 
 /// Path of the value of the changes that a body of the new DATBOX comes from.
 pub fn scene_path(parts: &[SourcePart], new: &Population, body: usize) -> String {
+impl SourcePart<'_> {
+    /// Radii of the free bodies at contacts, m: a clump has those of its balls, another body that of equal volume.
+    pub fn contact_radii(&self) -> impl Iterator<Item = f64> {
+        let ball_radius = |contactor: &Contactor| match contactor.shape {
+            ShapeRecord::Sphere { radius } | ShapeRecord::OffsetSphere { radius, .. } => Some(radius),
+            _ => None,
+        };
+        let bodies = &self.state.bodies;
+        let rows = self.records.iter().zip(&bodies.body_radius).zip(&bodies.body_driven);
+        rows.filter(|(_, imposed)| **imposed == 0).flat_map(move |((record, radius), _)| {
+            let balls: Option<Vec<f64>> = record.contactors.iter().map(ball_radius).collect();
+            balls.unwrap_or_else(|| vec![*radius])
+        })
+    }
+}
+
     let mut end = 0;
     for (k, part) in parts.iter().enumerate() {
         end += part.source_bodies.len();
