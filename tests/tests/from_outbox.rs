@@ -1105,3 +1105,32 @@ fn forces_that_follow_from_a_bulk_strength_are_printed() {
     );
     assert!(summary.contains(&line), "{summary}\n{line}");
 }
+
+/// Times are products k `dt` of the step from the start of the first run, also in the runs that continue it: with `dt` =
+/// 1e-3 s they differ in the last bits from sums, and so would a wall that follows a function of time.
+#[test]
+fn functions_of_time_continue_bit_for_bit() {
+    let scene = r#"(
+        gravity: (0.0, 0.0, -9.81),
+        materials: [(name: "ROCKx", density: 2000.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+        contacts: [(between: ("BLUEx", "WALLx"), law: "iqsc0")],
+        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(0.1),
+            placement: List(positions: [(0.0, 0.0, 0.21)]))],
+        walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0.0, 0.0, 0.0), half_lengths: (1.0, 1.0, 0.1),
+            velocity: (Harmonic(amplitude: 0.2, omega: 30.0), Table([(0.0, 0.0), (0.1, 0.05), (0.3, -0.1)]),
+                Constant(0.0)))],
+        compute: (dt: 1.0e-3, steps: 240, output_every: 30),
+    )"#;
+    let unbroken = Case::from_scene(scene).solved(&[]);
+    let change = "(bodies: [(snapshot: 90)], keep_time: true)";
+    let second = next_case(&unbroken, change).solved(&["--steps", "60"]);
+    assert_eq!(bits(&second.snapshot(150)), bits(&unbroken.snapshot(150)));
+    // Of a run that itself continues another.
+    let third = next_case(&second, "(keep_time: true)").solved(&["--steps", "90"]);
+    assert_eq!(bits(&third.snapshot(240)), bits(&unbroken.snapshot(240)));
+    // From time 0, and with steps of another length, they are counted anew.
+    assert_eq!(next_case(&second, "()").solve(&["--steps", "2"]), 0);
+    let other = next_case(&second, "(keep_time: true, compute: (dt: 7.0e-4, steps: 2))").solved(&[]);
+    assert!((other.last_snapshot().meta.time - (0.15 + 2.0 * 7.0e-4)).abs() < 1e-15);
+}

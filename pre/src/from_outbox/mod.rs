@@ -416,6 +416,7 @@ struct DatboxContent<'a> {
 fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content: DatboxContent) -> Vec<File> {
     let DatboxContent { records, tables, driven, options } = content;
     let mut start = Snapshot { meta: parts[0].source.snapshot.meta.clone(), ..Snapshot::default() };
+    start.meta.counted_from = keep_time.then_some(parts[0].source.counted_from);
     if !keep_time {
         (start.meta.step, start.meta.time) = (0, 0.0);
     }

@@ -133,9 +133,9 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let start = datbox.join(START_FILE);
     let has_start = path_exists(&start) && faults.0.is_empty();
     if has_start {
-        faults.gather_result(resume::restore_start(&start, &scene, &mut state));
+        let counted_before = faults.gather_result(resume::restore_start(&start, &scene, &mut state)).flatten();
         scene.start = StepTime { step: state.step, time: state.time };
-        scene.counted_from = scene.start;
+        scene.counted_from = resume::counted_from(&scene, &state, counted_before);
     }
     if let Some(cell) = state.cell {
         // Velocities in the files are those about the affine field.
