@@ -108,7 +108,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let (source, text) = faults.gather_result(events_text(&datbox, flags)).unwrap_or_default();
     let mut event_report = FaultReport::new(&source, &text);
     behaviour::check_events(&scene, &mut event_report);
-    behaviour::check_probes(&scene, &mut event_report);
+    behaviour::check_probes(&scene, &bulk.gravity, &mut event_report);
     behaviour::check_text(&datbox, &mut scene, &mut faults);
     behaviour::check_cell(&datbox, &scene, &mut faults);
     behaviour::check_impacts(&datbox, &scene, &mut faults);

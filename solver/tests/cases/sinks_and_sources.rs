@@ -13,6 +13,7 @@ use cd_formats::sinks_and_sources::{EntryOrder, Sink, Source};
 use cd_formats::snapshot::{PRESENCE_GONE, PRESENCE_PRESENT, PRESENCE_WAITING, Snapshot};
 
 use crate::case::{AXES, Case, Figures, Vec3, equal, near, uniform};
+use crate::probes::at_rest_below;
 use crate::same_bits::{outbox, same};
 
 /// Columns of the file of a probe, by rows.
@@ -254,12 +255,12 @@ fn a_run_until_rest_waits_for_the_bodies_of_sources() {
         let source = |(k, from): (usize, &f64)| Source {
             name: format!("source{k}"),
             bodies: BodySelection::Body(2 + k),
-            from: *from,
             order: None,
+            from: *from,
             rate: 1.0,
         };
         case.options.sources = from.iter().enumerate().map(source).collect();
-        case.options.until = vec![EndCondition::AtRest { speed: 1e-3, during: 0.25 }];
+        case.options.until = vec![at_rest_below(1e-3, 0.25)];
         (case.options.dt, case.options.steps) = (1.0 / 64.0, Some(640));
         case
     };
