@@ -693,6 +693,14 @@ impl Compute {
         check_probes(&self.probes, &self.until, FlowNames { sinks: &sinks, sources: &sources }, prefix, report);
     }
 
+    /// Whether free bodies, `free_count` of them, have a potential energy at some time: under uniform gravity, which is
+    /// `gravity` (m/s^2) until an event sets it, or by self-gravity.
+    pub fn has_potential(&self, gravity: &[f64; 3], free_count: usize) -> bool {
+        let is_gravity_set =
+            self.events.iter().any(|event| matches!(event.action, EventAction::SetGravity(g) if g != [0.0; 3]));
+        *gravity != [0.0; 3] || is_gravity_set || self.self_gravity && free_count > 1
+    }
+
     /// Reports values of the option `cell`, at `path`, that no run could use with the other options.
     fn check_cell(&self, cell: &CellControl, path: &str, report: &mut FaultReport) {
         let damps = self.quench > 0.0 || self.events.iter().any(|e| matches!(e.action, EventAction::SetQuench(_)));

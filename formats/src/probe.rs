@@ -119,8 +119,16 @@ pub enum BodySelection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum EndCondition {
-    /// No point of a free body has been faster than `speed` (m/s) for `during` (s), and no body waits to enter.
-    AtRest { speed: f64, during: f64 },
+    /// For `during` (s) no point of a free body has been faster than `speed` (m/s), or the kinetic energy of the free bodies
+    /// has been at most `kinetic_over_potential` times their potential energy; one of the two is given. No body waits to
+    /// enter.
+    AtRest {
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        speed: Option<f64>,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        kinetic_over_potential: Option<f64>,
+        during: f64,
+    },
     /// The centres of mass of two selections are farther from each other than `distance` (m).
     Separation { between: (BodySelection, BodySelection), distance: f64 },
     /// A column of a probe is larger than `value` after a step.
@@ -337,14 +345,25 @@ pub fn check_probes(
     for (k, condition) in conditions.iter().enumerate() {
         let path = format!("{prefix}until.{k}");
         match condition {
-            EndCondition::AtRest { speed, during } => {
-                report.require_number(is_positive(*speed), &format!("{path}.speed"), *speed, "a finite speed > 0 m/s");
+            EndCondition::AtRest { speed, kinetic_over_potential, during } => {
+                let is_one_given = speed.is_some() != kinetic_over_potential.is_some();
+                report.require(is_one_given, &path, condition.to_text(), "either speed or kinetic_over_potential");
+                for (field, value, expected) in [
+                    ("speed", speed, "a finite speed > 0 m/s"),
+                    ("kinetic_over_potential", kinetic_over_potential, "a finite ratio > 0"),
+                ] {
+                    if let Some(value) = value {
+                        report.require_number(is_positive(*value), &format!("{path}.{field}"), *value, expected);
+                    }
+                }
                 let expected = "a finite time > 0 s";
                 report.require_number(is_positive(*during), &format!("{path}.during"), *during, expected);
                 let is_first = !conditions[..k].iter().any(|other| matches!(other, EndCondition::AtRest { .. }));
                 report.require(is_first, &path, condition.to_text(), "one AtRest");
             }
-            EndCondition::Separation { distance, .. } => {
+            EndCondition::Separation { between: (a, b), distance } => {
+                let expected = "two different selections of bodies";
+                report.require(a != b, &format!("{path}.between"), "of the same bodies", expected);
                 let expected = "a finite distance > 0 m";
                 report.require_number(is_positive(*distance), &format!("{path}.distance"), *distance, expected);
             }
@@ -367,6 +386,23 @@ pub fn check_probes(
                     Some(_) => {}
                 }
             }
+        }
+    }
+}
+
+/// Reports conditions on the potential energy in runs without one. `prefix` begins their paths; `has_potential`: whether the
+/// run has uniform gravity or self-gravity.
+pub fn check_energy_conditions(
+    conditions: &[EndCondition],
+    has_potential: bool,
+    prefix: &str,
+    report: &mut FaultReport,
+) {
+    for (k, condition) in conditions.iter().enumerate() {
+        if let EndCondition::AtRest { kinetic_over_potential: Some(_), .. } = condition {
+            let path = format!("{prefix}until.{k}.kinetic_over_potential");
+            let expected = "uniform gravity, or self_gravity: true and two free bodies; else speed";
+            report.require(has_potential, &path, "there is no potential energy", expected);
         }
     }
 }

@@ -7,8 +7,8 @@ use cd_formats::law_table::{
     ContactMemory, LAW_TABLE, LawCohesion, LawEntry, LawModel, LawParameter, is_law_of_points,
 };
 use cd_formats::snapshot::{
-    AttractionArrays, BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawArrays, LawName,
-    MaterialName, MemoryArrays, PairArrays, PresenceArrays, SnapshotMeta, TurningArrays,
+    AttractionArrays, BodyArrays, ContactArrays, ContactPartArrays, DepartureArrays, GravityArrays, IntervalArrays,
+    LawArrays, LawName, MaterialName, MemoryArrays, PairArrays, PresenceArrays, SnapshotMeta, TurningArrays,
 };
 
 const OPTIONS: &str = "docs/reference/options.md";
@@ -95,6 +95,7 @@ fn arrays_are_those_of_snapshots() {
         .chain(AttractionArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(GravityArrays::array_table().into_iter().map(|array| ("N", array)))
         .chain(PresenceArrays::array_table().into_iter().map(|array| ("N", array)))
+        .chain(DepartureArrays::array_table().into_iter().map(|array| ("N", array)))
         .chain(TurningArrays::array_table().into_iter().map(|array| ("U", array)))
         .chain(ContactPartArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(PairArrays::array_table().into_iter().map(|array| ("K", array)))

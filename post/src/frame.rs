@@ -12,7 +12,9 @@ use cd_formats::geometry::periodic_cell::PeriodicCell;
 use cd_formats::ids::BodyId;
 use cd_formats::index_types;
 use cd_formats::law_table::LawModel;
-use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SHAPE_PLANE, Snapshot, SnapshotMeta, WallCriteria, are_walls};
+use cd_formats::snapshot::{
+    BodyArrays, DRIVEN_ALL, PRESENCE_GONE, SHAPE_PLANE, Snapshot, SnapshotMeta, WallCriteria, are_walls,
+};
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::math::{Mat3, Vec3};
@@ -30,6 +32,9 @@ pub struct Frame {
     pub walls: Vec<Wall>,
     /// Numbers of the bodies that have not yet entered or have left the run.
     pub absent: Vec<u64>,
+    /// Bodies that have left, at their last position with the velocity with which they left; empty if the snapshot does not
+    /// have these velocities.
+    pub departed: Vec<Grain>,
     /// Contacts, in the order of the snapshot; those between two walls are left out.
     pub contacts: Vec<Contact>,
     pub interval: SnapshotInterval,
@@ -273,6 +278,13 @@ impl Frame {
         let is_present: Vec<bool> = (0..solids.len()).map(|row| snapshot.is_present(row)).collect();
         let absent = snapshot.bodies.body_id.iter().zip(&is_present);
         let absent = absent.filter(|(_, is_present)| !**is_present).map(|(id, _)| *id).collect();
+        let exit_velocities = snapshot.departures.as_ref().zip(snapshot.presence.as_ref()).map_or(
+            vec![None; solids.len()],
+            |(departures, presence)| {
+                let rows = presence.body_presence.iter().zip(&departures.body_exit_v);
+                rows.map(|(presence, v)| (*presence == PRESENCE_GONE).then(|| Vec3::from(*v))).collect()
+            },
+        );
         let Snapshot { meta, bodies, contacts, memory, laws: law_memory, attractions, shapes, interval, .. } = snapshot;
         let detection_time = -meta.parameters.theta * meta.h;
         let cell = meta.periodic_cell();
@@ -283,19 +295,21 @@ impl Frame {
         // Bodies of balls alone, as BODIES.DAT has them: position k in the list is contactor k.
         let clumps: Vec<Option<Arc<SolidShape>>> =
             solids.iter().map(|solid| solid.clone().filter(|solid| solid.is_clump())).collect();
-        let (mut grains, mut walls) = (Vec::new(), Vec::new());
+        let (mut grains, mut walls, mut departed) = (Vec::new(), Vec::new(), Vec::new());
         let contact_bodies: Vec<ContactBody> = solids
             .into_iter()
             .enumerate()
             .map(|(row, solid)| {
+                let grain = |solid| grain_of_row(&bodies, row, detection_time, solid, &cell, meta.cell.as_ref());
                 if !is_present[row] {
+                    departed.extend(exit_velocities[row].map(|v| Grain { v, ..grain(solid) }));
                     // No contact names it.
                     ContactBody::Grain(GrainId::new(grains.len()))
                 } else if is_wall[row] {
                     walls.push(wall_of_row(&bodies, row, solid));
                     ContactBody::Wall(WallId::new(walls.len() - 1))
                 } else {
-                    grains.push(grain_of_row(&bodies, row, detection_time, solid, &cell, meta.cell.as_ref()));
+                    grains.push(grain(solid));
                     ContactBody::Grain(GrainId::new(grains.len() - 1))
                 }
             })
@@ -364,7 +378,7 @@ impl Frame {
             touched_pairs: touched_pairs.collect(),
         };
         let field_shapes = FieldShapes::default();
-        Frame { meta, laws, grains, walls, absent, contacts, interval, field_shapes }
+        Frame { meta, laws, grains, walls, absent, departed, contacts, interval, field_shapes }
     }
 
     /// Periodic cell of the scene.
@@ -488,7 +502,7 @@ fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
 mod tests {
     use super::*;
     use crate::samples::Scene;
-    use cd_formats::snapshot::{ContactPartArrays, PresenceArrays, ShapeArrays};
+    use cd_formats::snapshot::{ContactPartArrays, DepartureArrays, PresenceArrays, ShapeArrays};
 
     #[test]
     fn planes_and_driven_bodies_are_walls() {
@@ -523,7 +537,13 @@ mod tests {
         let rows = [0.0, 4.0, 8.0, 12.0].map(|x| scene.grain([x, 0.0, 0.0], 1.0));
         scene.contact(rows[1], rows[3], -Vec3::x());
         scene.snapshot.presence = Some(PresenceArrays { body_presence: vec![2, 1, 0, 1] });
+        assert!(scene.frame().departed.is_empty());
+        let mut body_exit_v = vec![[0.0; 3]; 4];
+        body_exit_v[0] = [1.0, 2.0, 3.0];
+        scene.snapshot.departures = Some(DepartureArrays { body_exit_v });
         let frame = scene.frame();
+        // The third has not yet entered.
+        assert_eq!(frame.departed.iter().map(|grain| (grain.id, grain.v.z)).collect::<Vec<_>>(), [(1, 3.0)]);
         assert_eq!(frame.grains.iter().map(|grain| grain.id).collect::<Vec<_>>(), [2, 4]);
         assert_eq!(frame.absent, [1, 3]);
         assert_eq!(frame.contacts[0].grain_pair(), Some((GrainId(0), GrainId(1))));

@@ -8,6 +8,7 @@ use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
 use cd_formats::settings::{apply_settings, check_paths_once};
+use cd_formats::sinks_and_sources::set_random_orders;
 
 use crate::datbox_folder::{FROM_OUTBOX_FILES, lock_datbox, write_files};
 use crate::grain::Population;
@@ -91,6 +92,7 @@ fn scene_with_warnings(source: &Path, text: &str, settings: &[String]) -> Result
         return Err(report.faults);
     }
     scene.laws.iter_mut().for_each(Law::apply_bulk_strength);
+    set_random_orders(&mut scene.compute.sources, scene.seed);
     let population = population::populate(&scene, source.parent().unwrap_or(Path::new("")), &mut report);
     let warnings = std::mem::take(&mut report.warnings);
     report.faults.into_result((scene, population, warnings))

@@ -26,8 +26,8 @@ struct AttractingMass {
 enum PrimaryError {
     /// The surface of the primary cannot be read.
     UnreadSurface,
-    /// No primary at rest has the requested number; `fields` is the number of fields.
-    NotAtRest { fields: usize },
+    /// No primary at rest has the requested number; `known` are the numbers of those at rest, counted among all fields.
+    NotAtRest { known: Vec<usize> },
 }
 
 impl PrimaryError {
@@ -35,8 +35,14 @@ impl PrimaryError {
     fn expected(&self) -> String {
         match self {
             PrimaryError::UnreadSurface => "a surface that can be read".to_string(),
-            PrimaryError::NotAtRest { fields } => {
-                format!("the number of a primary at rest in compute.fields, from 1; {fields} fields are there")
+            PrimaryError::NotAtRest { known } => {
+                let expected = "the number of a primary at rest among compute.fields";
+                match known.as_slice() {
+                    [] => format!("{expected}; none of them is one"),
+                    numbers => {
+                        format!("{expected}: {}", numbers.iter().map(usize::to_string).collect::<Vec<_>>().join(", "))
+                    }
+                }
             }
         }
     }
@@ -81,9 +87,21 @@ impl AttractingMass {
                 let centre = Vector3::from(properties.centre) * *scale;
                 (density * properties.volume * scale.powi(3), Vector3::from(*position) + centre)
             }
-            _ => return Err(PrimaryError::NotAtRest { fields: options.fields.len() }),
+            _ => {
+                let fields = options.fields.iter().zip(1..).filter(|(field, _)| is_primary_at_rest(field));
+                return Err(PrimaryError::NotAtRest { known: fields.map(|(_, number)| number).collect() });
+            }
         };
         Ok(AttractingMass { mass, position, velocity: Vector3::zeros() })
+    }
+}
+
+/// Whether a field is that of a mass at rest.
+fn is_primary_at_rest(field: &ExternalField) -> bool {
+    match field {
+        ExternalField::PointMass { position, .. } | ExternalField::Oblate { position, .. } => position.is_some(),
+        ExternalField::Polyhedron { orbit, .. } => orbit.is_none(),
+        _ => false,
     }
 }
 

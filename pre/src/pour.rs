@@ -30,13 +30,16 @@ pub struct PourRequest<'a> {
 /// Writes DATBOX of the scene below `dir`/pour, computes it by `run_solver`, which returns the exit code of cd-solve, none if
 /// that was killed, and makes `dir`/DATBOX from the last snapshot. Returns a summary for people.
 ///
-/// Errors: faults of the scene or of the changes, or a run that does not end; see [`datbox::write_datbox`] and
+/// Errors: faults of the changes, those that need no run before it starts; faults of the scene, or a run that does not end; see [`datbox::write_datbox`] and
 /// [`from_outbox::write_datbox`].
 pub fn pour_grains(
     request: &PourRequest,
     run_solver: impl FnOnce(&Path) -> io::Result<Option<i32>>,
 ) -> Result<String, Faults> {
     let PourRequest { scene, settings, dir, changes } = *request;
+    if let Some(file) = changes {
+        from_outbox::check_file(file)?;
+    }
     let case = dir.join(POUR_FOLDER);
     print_line(datbox::write_datbox(scene, settings, &case.join("DATBOX"))?.trim_end());
     let code = run_solver(&case).map_err(|error| {

@@ -11,7 +11,7 @@ use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Faults, RecordFault};
 use cd_formats::names::{number_text, rounded_number};
-use cd_formats::probe::{named_bodies, unknown_bodies};
+use cd_formats::probe::{check_energy_conditions, named_bodies, unknown_bodies};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::AsciiText;
 use cd_formats::sinks_and_sources::source_bodies;
@@ -45,6 +45,8 @@ pub fn check_files<'a>(
     }
     let (Some(bodies), Some(bulk)) = (bodies, bulk) else { return };
     check_probes(&bodies, options, report);
+    let has_potential = options.has_potential(&bulk.gravity, bodies.0.len());
+    check_energy_conditions(&options.until, has_potential, "compute.", report);
     let mut is_driven = vec![false; bodies.0.len()];
     for row in driven.0.iter().filter(|row| row.kind.imposes_velocity()) {
         is_driven.get_mut(row.body).into_iter().for_each(|is_driven| *is_driven = true);

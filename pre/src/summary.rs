@@ -20,19 +20,22 @@ pub fn print_warnings(warnings: &Faults) {
 pub fn scene_summary(scene: &Scene, population: &Population) -> String {
     let (all, walls) = (population.grains.iter().collect::<Vec<_>>(), population.walls.len());
     let total = group_line(format!("{}, {walls} of them walls", count_text(all.len() + walls, "body")), &all);
-    group_lines(scene, population) + &total + "\n" + &pair_law_lines(scene, population)
+    group_lines(scene, population) + &total + "\n" + &pair_law_lines(&scene.laws, contact_radii(population))
 }
 
-/// A line for each law with cohesion of pairs: its forces between two of the smallest and two of the largest grains. A clump
-/// has the radii of its balls.
-fn pair_law_lines(scene: &Scene, population: &Population) -> String {
-    let extremes = population.grains.iter().fold([f64::INFINITY, 0.0], |extremes: [f64; 2], grain| {
-        let wider = |[low, high]: [f64; 2], radius: f64| [low.min(radius), high.max(radius)];
-        match grain.shape.clump() {
-            Some(clump) => clump.balls().map(|ball| ball.radius).fold(extremes, wider),
-            None => wider(extremes, grain.radius),
-        }
-    });
+/// Radii of the grains at contacts, m: a clump has those of its balls.
+pub fn contact_radii(population: &Population) -> impl Iterator<Item = f64> {
+    population.grains.iter().flat_map(|grain| match grain.shape.clump() {
+        Some(clump) => clump.balls().map(|ball| ball.radius).collect(),
+        None => vec![grain.radius],
+    })
+}
+
+/// A line for each law with cohesion of pairs: its forces between two of the smallest and two of the largest grains, of these
+/// radii, m.
+pub fn pair_law_lines(laws: &[Law], radii: impl Iterator<Item = f64>) -> String {
+    let extremes =
+        radii.fold([f64::INFINITY, 0.0], |[low, high]: [f64; 2], radius| [low.min(radius), high.max(radius)]);
     let line = |law: &Law| {
         let pair = law.kind.pair_cohesion()?;
         // 1/R of two equal grains is twice that of one.
@@ -51,7 +54,7 @@ fn pair_law_lines(scene: &Scene, population: &Population) -> String {
         }
         Some(text + "\n")
     };
-    scene.laws.iter().filter_map(line).collect()
+    laws.iter().filter_map(line).collect()
 }
 
 /// Number with five decimals; below 0.01 and from 1e6 on with five significant digits and an exponent.

@@ -79,6 +79,11 @@ fn orbits_that_cannot_be_are_refused() {
     let about = |centre: &str| pair_on(&format!("(about: {centre}, {elements})"));
     for (grains, options, expected) in [
         (about("Primary(1)"), "", "grains 2, orbit, about: Primary(1); expected the number of a primary at rest"),
+        (
+            about("Primary(1)"),
+            "fields: [RotatingFrame(rate: (0, 0, 0), centre: (0, 0, 0)), PointMass(mass: 4.0, position: (0, 0, 7))]",
+            "Primary(1); expected the number of a primary at rest among compute.fields: 2",
+        ),
         (about("Colour(\"REDxx\")"), "self_gravity: true", "no grains of the colour 'REDxx'"),
         (about("Colour(\"PLANE\")"), "", "expected self_gravity: true"),
         (

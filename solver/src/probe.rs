@@ -4,6 +4,7 @@
 mod region;
 
 use std::borrow::Cow;
+use std::f64::consts::PI;
 use std::time::Duration;
 
 use cd_formats::probe::{EndCondition, Probe, ProbeQuantity};
@@ -11,6 +12,7 @@ use nalgebra::Matrix3;
 
 use self::region::ProbeRegion;
 use crate::activity;
+use crate::assemble::self_gravity_energy;
 use crate::math::{Vec3, to_world};
 use crate::scene::{BodyId, BodyPresence, Scene, WallArea};
 use crate::sinks_and_sources::{BodyExchange, BodyFlow};
@@ -149,9 +151,11 @@ impl Probes {
                 values[position].get(columns.iter().position(|name| *name == column)?).copied()
             };
             let holds = match condition {
-                EndCondition::AtRest { speed, during } => {
+                EndCondition::AtRest { speed, kinetic_over_potential, during } => {
                     let is_any_waiting = state.presence.contains(&BodyPresence::Waiting);
-                    if is_any_waiting || largest_speed(scene, state, &scene.free) > *speed {
+                    let is_slow = || speed.is_none_or(|speed| largest_speed(scene, state, &scene.free) <= speed);
+                    let is_low = || kinetic_over_potential.is_none_or(|ratio| is_energy_low(scene, state, ratio));
+                    if is_any_waiting || !is_slow() || !is_low() {
                         state.rest_since = None;
                     } else if state.rest_since.is_none() {
                         state.rest_since = Some(state.time - state.h);
@@ -296,4 +300,46 @@ fn largest_speed(scene: &Scene, state: &State, bodies: &[BodyId]) -> f64 {
         v.norm() + state.w[i].norm() * scene.bodies[i].radius
     };
     bodies.iter().map(speed).fold(0.0, f64::max)
+}
+
+/// Whether the kinetic energy of the free bodies is at most `ratio` times their potential energy, which must not be 0.
+///
+/// The potential energy is the sum of those in self-gravity, -E, and in uniform gravity g, Σ m g h, with the height h of
+/// each centre above the lowest point of the balls of equal volume: it does not depend on the origin and is positive.
+fn is_energy_low(scene: &Scene, state: &State, ratio: f64) -> bool {
+    let kinetic = kinetic_energy(scene, state);
+    let (gravity, mut mass, mut density) = (state.gravity.norm(), 0.0, 0.0f64);
+    let up = if gravity > 0.0 { -state.gravity / gravity } else { Vec3::zeros() };
+    let (mut moment, mut lowest) = (0.0, f64::INFINITY);
+    for &body in &scene.free {
+        let (rigid_body, height) = (&scene.bodies[body.index()], state.x[body.index()].dot(&up));
+        mass += rigid_body.mass;
+        moment += rigid_body.mass * height;
+        lowest = lowest.min(height - rigid_body.radius);
+        density = density.max(rigid_body.mass / (4.0 / 3.0 * PI * rigid_body.radius.powi(3)));
+    }
+    if mass == 0.0 {
+        return true;
+    }
+    let mut potential = gravity * (moment - mass * lowest);
+    if scene.has_self_gravity() && kinetic > ratio * potential {
+        // No bodies have more than a ball of all their mass with the largest density, but those that overlap: twice that.
+        // A faster motion needs no evaluation.
+        let ball_radius = libm::cbrt(0.75 * mass / (PI * density));
+        let bound = 2.0 * 0.6 * scene.options.gravity_constant * mass * mass / ball_radius;
+        if kinetic <= ratio * (potential + bound) {
+            potential += self_gravity_energy(scene, state, &state.x).abs();
+        }
+    }
+    potential > 0.0 && kinetic <= ratio * potential
+}
+
+/// Kinetic energy of the free bodies, of translation and rotation, J; in a deforming cell about its flow.
+fn kinetic_energy(scene: &Scene, state: &State) -> f64 {
+    let energy = |body: &BodyId| {
+        let (i, rigid_body) = (body.index(), &scene.bodies[body.index()]);
+        let v = state.cell.map_or(state.v[i], |cell| cell.fluctuation(&state.x[i], &state.v[i]));
+        0.5 * rigid_body.mass * v.norm_squared() + rigid_body.rotational_energy(&state.q[i], &state.w[i])
+    };
+    scene.free.iter().map(energy).sum()
 }

@@ -73,6 +73,7 @@ pub fn exchange_bodies(scene: &mut Cow<Scene>, state: &mut State) -> BodyExchang
     for body in leaving {
         let i = body.index();
         state.presence[i] = BodyPresence::Gone;
+        state.exit_velocities[i] = state.v[i];
         (state.v[i], state.w[i]) = (Vec3::zeros(), Vec3::zeros());
     }
     for &(_, body, Twist { v, w }) in &entering {

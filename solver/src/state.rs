@@ -455,6 +455,8 @@ pub struct State {
     pub postpro: PostproSums,
     /// Whether each body is in the run; empty if the run has neither sinks nor sources.
     pub presence: Vec<BodyPresence>,
+    /// Velocity of each body that has left, as it left, m/s, 0 of others; empty if the run has no sinks.
+    pub exit_velocities: Vec<Vec3>,
     /// Whether bodies have entered after the last step, of which no contacts are known.
     pub bodies_entered: bool,
     /// Time since when all bodies have been at rest, s, if a condition at rest ends the run.

@@ -1064,6 +1064,12 @@ fn pouring_is_a_run_to_rest_and_a_datbox_from_its_end() {
         assert!(faults.ends_with(&message), "{faults}");
         assert!(!bed.join("DATBOX").exists());
     }
+    // Mistakes of the changes are found before the run.
+    let misspelt = folder.path().join("misspelt.ron");
+    fs::write(&misspelt, "(lawz: [])").unwrap();
+    let request_of_misspelt = PourRequest { changes: Some(&misspelt), ..request };
+    let faults = pour_grains(&request_of_misspelt, |_| panic!("the run has started")).unwrap_err().to_string();
+    assert!(faults.contains("lawz"), "{faults}");
     let faults = pour_grains(&request, |_| Err(std::io::ErrorKind::NotFound.into())).unwrap_err().to_string();
     assert!(faults.contains("cd-solve: cannot be started: "), "{faults}");
 
@@ -1075,4 +1081,56 @@ fn pouring_is_a_run_to_rest_and_a_datbox_from_its_end() {
     fs::create_dir(&twin).unwrap();
     assert_eq!(from_outbox(&bed.join("pour"), &twin, &fs::read_to_string(&changes).unwrap()), 0);
     assert_eq!(datbox_without_origin(&bed), datbox_without_origin(&twin));
+}
+
+/// Rumpf's strength of spheres with nu = 0.5, Z = 5 and F = c π R² (R = 4 m the radius of a pair of equal balls of 8 m, 1/R =
+/// 2/8): σ = nu Z F / (π d²) = c nu Z / 16 with d = 4 R, so c = 320 Pa for 50 Pa, and F = 320 π R².
+#[test]
+fn forces_that_follow_from_a_bulk_strength_are_printed() {
+    let scene = cloud(4, 0.4, 1, "dt: 8.0, steps: 1").replace("Uniform(min: 8.0, max: 12.0)", "Single(8.0)");
+    let run = Case::from_scene(&scene).solved(&[]);
+    let case = Case::empty();
+    let changes = case.path().join("changes.ron");
+    let text = r#"(laws: [(
+        name: "iqsc0",
+        bulk_strength: (tension: 50.0, nu: 0.5, z: 5.0),
+        kind: IQS_COH_DS_CLB(cohesive_stress: 0.0, full_range: 0.01, range: 0.05, dynamic_friction: 0.4,
+            static_friction: 0.5),
+    )])"#;
+    fs::write(&changes, text).unwrap();
+    let summary = cd_pre::from_outbox::write_datbox(run.path(), Some(&changes), &[], case.path()).unwrap();
+    let force = 320.0 * std::f64::consts::PI * 16.0;
+    let line = format!(
+        "law iqsc0: two equal grains attract each other with {force:.5} N, cohesive_stress 320.00000 Pa for a tensile strength of 50 Pa\n"
+    );
+    assert!(summary.contains(&line), "{summary}\n{line}");
+}
+
+/// Times are products k `dt` of the step from the start of the first run, also in the runs that continue it: with `dt` =
+/// 1e-3 s they differ in the last bits from sums, and so would a wall that follows a function of time.
+#[test]
+fn functions_of_time_continue_bit_for_bit() {
+    let scene = r#"(
+        gravity: (0.0, 0.0, -9.81),
+        materials: [(name: "ROCKx", density: 2000.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+        contacts: [(between: ("BLUEx", "WALLx"), law: "iqsc0")],
+        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(0.1),
+            placement: List(positions: [(0.0, 0.0, 0.21)]))],
+        walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0.0, 0.0, 0.0), half_lengths: (1.0, 1.0, 0.1),
+            velocity: (Harmonic(amplitude: 0.2, omega: 30.0), Table([(0.0, 0.0), (0.1, 0.05), (0.3, -0.1)]),
+                Constant(0.0)))],
+        compute: (dt: 1.0e-3, steps: 240, output_every: 30),
+    )"#;
+    let unbroken = Case::from_scene(scene).solved(&[]);
+    let change = "(bodies: [(snapshot: 90)], keep_time: true)";
+    let second = next_case(&unbroken, change).solved(&["--steps", "60"]);
+    assert_eq!(bits(&second.snapshot(150)), bits(&unbroken.snapshot(150)));
+    // Of a run that itself continues another.
+    let third = next_case(&second, "(keep_time: true)").solved(&["--steps", "90"]);
+    assert_eq!(bits(&third.snapshot(240)), bits(&unbroken.snapshot(240)));
+    // From time 0, and with steps of another length, they are counted anew.
+    assert_eq!(next_case(&second, "()").solve(&["--steps", "2"]), 0);
+    let other = next_case(&second, "(keep_time: true, compute: (dt: 7.0e-4, steps: 2))").solved(&[]);
+    assert!((other.last_snapshot().meta.time - (0.15 + 2.0 * 7.0e-4)).abs() < 1e-15);
 }

@@ -68,6 +68,32 @@ fn a_rebound_off_a_target_that_keeps_together_has_one_plus_restitution() {
     }
 }
 
+/// Between the first and the last snapshot it hits and leaves.
+#[test]
+fn a_projectile_that_leaves_by_a_sink_between_two_snapshots_has_the_velocity_after_its_blow() {
+    let law = "RST_CLB(normal_restitution: 0.5, tangential_restitution: 0.0, friction: 0.3)";
+    let shot = "sizes: Single(0.25), placement: List(positions: [(0.0, 0.0, 4.0)]), velocity: (0.0, 0.0, -5.0)";
+    let sink = r#"sinks: [(name: "up", region: Below(point: (0, 0, 5), normal: (0, 0, -1)))]"#;
+    let space = format!("compute: (dt: 0.01, end_time: 3.0, output_every: 300, tol: 1e-9, {sink})");
+    let bed = format!(
+        r#"gravity: (0.0, 0.0, -0.005),
+        walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0, 0, -0.5), half_lengths: (5, 5, 0.5))],
+        {space}"#
+    );
+    let mass_ratio = 0.25f64.powi(3);
+    let target = "sizes: Single(1.0), placement: List(positions: [(0.0, 0.0, 1.0)])";
+    // In the bed gravity changes it by 2 g h / v^2 = 4e-4.
+    for (parts, expected, tolerance) in [(space, 1.5 / (1.0 + mass_ratio), 1e-8), (bed, 1.5, 1e-3)] {
+        let columns = betas(&scene(law, target, shot, &parts));
+        assert_eq!(columns["time"].len(), 2);
+        assert_last(&columns, "beta_normal", expected, tolerance);
+        let [gained, carried] = ["gained_z", "carried_z"].map(|name| *columns[name].last().unwrap());
+        let incident = -5.0 * 2700.0 * 4.0 / 3.0 * std::f64::consts::PI * 0.25f64.powi(3);
+        // P + c = p; gravity, as above.
+        assert!(((gained + carried) / incident - 1.0).abs() < tolerance, "{gained} {carried} {incident}");
+    }
+}
+
 #[test]
 fn a_rebound_off_a_bed_counts_the_momentum_of_the_floor() {
     // A ball on a plate, of which another one rebounds with half of its speed; gravity changes it by 2 g h / v^2 = 4e-4.

@@ -94,6 +94,8 @@ pub struct Snapshot {
     pub gravity: Option<GravityArrays>,
     /// Bodies that are in the run; only if bodies may enter or leave.
     pub presence: Option<PresenceArrays>,
+    /// Velocities with which bodies have left; only if the run has sinks.
+    pub departures: Option<DepartureArrays>,
     /// Additional arrays for bodies of any shape; only in scenes with other bodies than spheres and plates.
     pub shapes: Option<ShapeArrays>,
     /// Sums over the steps since the snapshot before.
@@ -557,6 +559,14 @@ arrays! {
     }
 }
 
+arrays! {
+    /// One row for each body; there only if the run has sinks.
+    DepartureArrays {
+        /// Velocity of the centre of mass with which a body has left, m/s; 0 of others
+        body_exit_v: [f64; 3],
+    }
+}
+
 /// Value of [`PresenceArrays::body_presence`] of a body that has not yet entered.
 pub const PRESENCE_WAITING: u8 = 0;
 /// Value of [`PresenceArrays::body_presence`] of a body that is in the run.
@@ -673,6 +683,9 @@ impl Snapshot {
         if let Some(presence) = &self.presence {
             presence.write(&mut archive, body_rows)?;
         }
+        if let Some(departures) = &self.departures {
+            departures.write(&mut archive, body_rows)?;
+        }
         if let Some(shapes) = &self.shapes {
             shapes.write(&mut archive, rows)?;
         }
@@ -770,15 +783,15 @@ impl Snapshot {
                 (Some(_), None) => {}
             }
         }
-        let Snapshot { meta: _, bodies, contacts, memory, laws, attractions, gravity, presence, shapes, interval } =
-            part;
+        let Snapshot { bodies, contacts, memory, laws, attractions, gravity, shapes, interval, .. } = part;
         self.bodies.append(bodies);
         self.contacts.append(contacts);
         append_group(&mut self.memory, memory, |own, other| own.append(other));
         append_group(&mut self.laws, laws, |own, other| own.append(other));
         append_group(&mut self.attractions, attractions, |own, other| own.append(other));
         append_group(&mut self.gravity, gravity, |own, other| own.append(other));
-        append_group(&mut self.presence, presence, |own, other| own.append(other));
+        append_group(&mut self.presence, part.presence, |own, other| own.append(other));
+        append_group(&mut self.departures, part.departures, |own, other| own.append(other));
         append_group(&mut self.shapes, shapes, |own, other| own.append(other));
         append_group(&mut self.interval, interval, |own, other| own.append(other));
     }
@@ -830,6 +843,7 @@ impl Snapshot {
             attractions: entries.has_array("contact_attraction").then(|| AttractionArrays::read(entries)),
             gravity: entries.has_array("gravity_last").then(|| GravityArrays::read(entries)),
             presence: entries.has_array("body_presence").then(|| PresenceArrays::read(entries)),
+            departures: entries.has_array("body_exit_v").then(|| DepartureArrays::read(entries)),
             shapes: entries.has_array("turning_body").then(|| ShapeArrays::read(entries)),
             interval: entries.has_array("interval_body").then(|| IntervalArrays::read(entries)),
         }
@@ -855,7 +869,7 @@ impl Snapshot {
 
     /// Checks that arrays of the same rows have equal lengths and that indices are those of existing rows.
     fn check_indices(&self) -> Result<(), IndexError> {
-        let Snapshot { meta, bodies, contacts, memory, laws, attractions, gravity, presence, shapes, interval } = self;
+        let Snapshot { meta, bodies, contacts, memory, laws, attractions, gravity, shapes, interval, .. } = self;
         let (body_count, contact_count) = (bodies.body_id.len(), contacts.contact_body.len());
         let contact_rows = [
             memory.as_ref().map(|memory| memory.contact_bonded.len()),
@@ -872,7 +886,8 @@ impl Snapshot {
             && bodies.body_colour.iter().all(|&colour| (colour as usize) < meta.colours.len())
             && bodies.body_material.iter().all(|&material| (material as usize) < meta.materials.len())
             && gravity.as_ref().is_none_or(|gravity| gravity.gravity_last.len() == body_count)
-            && presence.as_ref().is_none_or(|presence| presence.body_presence.len() == body_count);
+            && self.presence.as_ref().is_none_or(|presence| presence.body_presence.len() == body_count)
+            && self.departures.as_ref().is_none_or(|departures| departures.body_exit_v.len() == body_count);
         let interval_bodies = interval.iter().flat_map(|interval| &interval.interval_body);
         let named = contacts.contact_body.iter().chain(interval_bodies).flatten();
         if in_range && named.into_iter().any(|&body| !self.is_present(body as usize)) {

@@ -30,6 +30,10 @@ const BED_REACH: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// is defined.
 const MIN_ALONG_SHARE: f64 = 1e-6;
 
+/// Change of the velocity of a body of a bed, relative to its speed, above which a blow has changed it: rounding of the steps
+/// of a flight is far below.
+const BLOW_SHARE: f64 = 1e-9;
+
 /// Bodies as the command line gives them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum BodyList {
@@ -413,6 +417,14 @@ impl ImpactRun {
             }
         }
         self.is_struck |= self.is_projectile_struck(frame);
+        for grain in &frame.departed {
+            if !self.is_participant(grain.id) {
+                continue;
+            }
+            let state = SeenState { mass: grain.mass, x: grain.x, v: grain.v };
+            self.is_struck |= self.projectile.contains(&grain.id) && self.has_blow_changed(&state, grain.id);
+            self.seen.insert(grain.id, state);
+        }
         let outside = match self.criterion {
             TargetCriterion::Bed { level, .. } => self.bodies_in_flight(frame, &fragments, level),
             _ => self.bodies_outside(frame, &fragments, remnant, &remnant_sums),
@@ -502,6 +514,15 @@ impl ImpactRun {
         touching.any(is_blow) || frame.interval.touched_pairs.iter().any(|pair| is_blow(pair.bodies))
     }
 
+    /// Whether the velocity of a body of a bed has changed by more than gravity since it was last seen: across the normal, or
+    /// outwards along it.
+    fn has_blow_changed(&self, state: &SeenState, body: u64) -> bool {
+        let (Some(CraterAxis { normal, .. }), Some(before)) = (self.axis, self.seen.get(&body)) else { return false };
+        let change = state.v - before.v;
+        let (outward, rounding) = (change.dot(&normal), BLOW_SHARE * state.v.norm());
+        outward > rounding || (change - normal * outward).norm() > rounding
+    }
+
     /// Bodies that are not in the target, in open space: also those that have left the run.
     fn bodies_outside(
         &self,
@@ -549,7 +570,11 @@ impl ImpactRun {
         let in_flight = frame.grains.iter().zip(&is_supported).filter(|(grain, is_supported)| {
             !**is_supported && self.is_participant(grain.id) && grain.x.dot(&normal) > level + clearance
         });
-        in_flight.map(|(grain, _)| grain.id).collect()
+        let departed = frame
+            .departed
+            .iter()
+            .filter(|grain| self.seen.contains_key(&grain.id) && grain.x.dot(&normal) > level + clearance);
+        in_flight.map(|(grain, _)| grain.id).chain(departed.map(|grain| grain.id)).collect()
     }
 
     /// Last known state of a body in free flight, traced back to the old surface.
@@ -862,6 +887,13 @@ mod tests {
             (removed.momentum_carried, removed.ejecta.len(), removed.target_mass),
             (seen.momentum_carried, 1, seen.target_mass)
         );
+        // With the velocity with which it left, also if a blow has changed that since the last snapshot.
+        let mut body_exit_v = vec![[0.0; 3]; 126];
+        body_exit_v[3] = [0.0, 0.0, 5.0];
+        scene.snapshot.departures = Some(cd_formats::snapshot::DepartureArrays { body_exit_v });
+        let removed = run.next_state(&scene.frame());
+        assert_eq!(removed.momentum_carried, 2.5 * seen.momentum_carried);
+        assert_eq!(removed.ejecta[0].launch_velocity.z, 5.0);
     }
 
     #[test]

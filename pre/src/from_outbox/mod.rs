@@ -33,6 +33,7 @@ use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
 use cd_formats::settings::{apply_settings, check_paths_once};
+use cd_formats::sinks_and_sources::set_random_orders;
 use cd_formats::snapshot::{self, DRIVEN_ALL, Ledger, START_FILE, Snapshot, SnapshotMeta};
 use cd_formats::vloc_rloc::VlocRloc;
 
@@ -44,7 +45,7 @@ use crate::parse::parse_with_settings;
 use crate::population::populate;
 use crate::reread;
 use crate::scene::{self, Law, Material, Scene};
-use crate::summary::{group_lines, print_warnings};
+use crate::summary::{contact_radii, group_lines, pair_law_lines, print_warnings};
 use crate::write;
 pub use changes::{BodyFilter, Changes, MotionRemoval, Selection, WallSelector};
 use source::{SourceCase, SourcePart, scene_path};
@@ -74,6 +75,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let parts = select_parts(&request.changes, &sources, &mut report);
     reject_faults(&mut report)?;
     let mut options = request.next_options(file, &sources[0].options, &mut report)?;
+    set_random_orders(&mut options.sources, request.changes.seed);
     // The options of the changes name files in the folder of the changes; the options of the case name files in its DATBOX.
     let surfaces = match request.changes.compute {
         Some(_) => field_surfaces::take_surfaces(&mut options, folder, false),
@@ -119,6 +121,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let selected_count: usize = parts.iter().map(|part| part.source_bodies.len()).sum();
     summary += &digits::lost_digits(&records.0[..selected_count], &tables, &driven);
     summary += &group_lines(&new.scene, &new.population);
+    let radii = parts.iter().flat_map(SourcePart::contact_radii).chain(contact_radii(&new.population));
+    summary += &pair_law_lines(&request.changes.laws, radii);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     summary += &format!("{}; wrote {}: {}\n", count_text(records.0.len(), "body"), datbox.display(), names.join(" "));
     Ok(summary)
@@ -309,6 +313,11 @@ fn part_summary(part: &SourcePart) -> String {
     )
 }
 
+/// Checks all of a file of changes that needs no run. Errors: as of [`read`].
+pub fn check_file(file: &Path) -> Result<(), Faults> {
+    read(file, &atomic::read_text(file)?, &[]).map(drop)
+}
+
 /// Reads the changes in `text` and checks all that needs no run.
 ///
 /// Errors: texts and values that are no changes. Faults name the file `source`, or the setting for values from `settings`.
@@ -407,6 +416,7 @@ struct DatboxContent<'a> {
 fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content: DatboxContent) -> Vec<File> {
     let DatboxContent { records, tables, driven, options } = content;
     let mut start = Snapshot { meta: parts[0].source.snapshot.meta.clone(), ..Snapshot::default() };
+    start.meta.counted_from = keep_time.then_some(parts[0].source.counted_from);
     if !keep_time {
         (start.meta.step, start.meta.time) = (0, 0.0);
     }

@@ -8,7 +8,7 @@ use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::case::{CaseFolder, case_fault};
 use cd_formats::compute::{Compute, Event, EventAction};
 use cd_formats::deforming_cell::CellState;
-use cd_formats::dof::BodyDof;
+use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::groups::{DisjointSets, FragmentSize, largest_remnant};
@@ -49,6 +49,8 @@ pub struct SourceCase {
     /// Options of the run, see [`run_options`].
     pub options: Compute,
     pub snapshot: Snapshot,
+    /// Step and time (s) from which the run counts its steps, each `dt` long.
+    pub counted_from: (u64, f64),
     /// Whether all bodies have the masses that they had in the run.
     pub has_masses_of_run: bool,
     /// Facts of the run that are not in the files, by name, in words.
@@ -66,6 +68,22 @@ pub struct SourcePart<'a> {
     pub state: Snapshot,
 }
 
+impl SourcePart<'_> {
+    /// Radii of the free bodies at contacts, m: a clump has those of its balls, another body that of equal volume.
+    pub fn contact_radii(&self) -> impl Iterator<Item = f64> {
+        let ball_radius = |contactor: &Contactor| match contactor.shape {
+            ShapeRecord::Sphere { radius } | ShapeRecord::OffsetSphere { radius, .. } => Some(radius),
+            _ => None,
+        };
+        let bodies = &self.state.bodies;
+        let rows = self.records.iter().zip(&bodies.body_radius).zip(&bodies.body_driven);
+        rows.filter(|(_, imposed)| **imposed == 0).flat_map(move |((record, radius), _)| {
+            let balls: Option<Vec<f64>> = record.contactors.iter().map(ball_radius).collect();
+            balls.unwrap_or_else(|| vec![*radius])
+        })
+    }
+}
+
 /// Path of the value of the changes that a body of the new DATBOX comes from.
 pub fn scene_path(parts: &[SourcePart], new: &Population, body: usize) -> String {
     let mut end = 0;
@@ -81,6 +99,17 @@ pub fn scene_path(parts: &[SourcePart], new: &Population, body: usize) -> String
 /// Orientation of a snapshot's row.
 pub fn unit_quaternion([w, i, j, k]: [f64; 4]) -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k))
+}
+
+/// Step and time (s) with which a run begins whose DATBOX is this folder. Errors: faults of its START.npz, or of DOF.INI.
+fn first_step(datbox: &Path) -> Result<(u64, f64), Faults> {
+    let start = datbox.join(START_FILE);
+    if path_exists(&start) {
+        let meta = Snapshot::read(&start)?.meta;
+        return Ok((meta.step, meta.time));
+    }
+    let dof = Dof::read(&datbox.join("DOF.INI"))?;
+    Ok((dof.step, dof.time))
 }
 
 impl SourceCase {
@@ -159,6 +188,7 @@ impl SourceCase {
             };
             notes.push(("sources", text));
         }
+        let counted_from = snapshot.meta.counted_from.map_or_else(|| first_step(&datbox), Ok)?;
         let gravity = snapshot.meta.parameters.uniform_gravity;
         let sets_gravity = |event: &Event| matches!(event.action, EventAction::SetGravity(_));
         if bulk.gravity != gravity && !past_events(&file_options.events, &snapshot.meta).iter().any(sets_gravity) {
@@ -173,7 +203,19 @@ impl SourceCase {
         }
         let case = case.to_path_buf();
         let has_masses_of_run = true;
-        Ok(SourceCase { case, bodies, shifts, bulk, tact, driven, options, snapshot, has_masses_of_run, notes })
+        Ok(SourceCase {
+            case,
+            bodies,
+            shifts,
+            bulk,
+            tact,
+            driven,
+            options,
+            snapshot,
+            counted_from,
+            has_masses_of_run,
+            notes,
+        })
     }
 
     /// Differences between the run and the files of its DATBOX, a line each; of options, only those whose value the

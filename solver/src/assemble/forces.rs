@@ -328,6 +328,15 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     outer_energy + mutual_energy(scene, &positions, &masses) + near_field(scene, x, &state.q).energy
 }
 
+/// Potential energy of self-gravity of the free grains at `x`, J; 0 without self-gravity.
+pub fn self_gravity_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
+    if !scene.has_self_gravity() {
+        return 0.0;
+    }
+    let (positions, masses) = point_masses(scene, x);
+    mutual_energy(scene, &positions, &masses) + near_field(scene, x, &state.q).energy
+}
+
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame. Pressures act on the areas in
 /// the contact configuration.
 fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Vec<BodyLoad> {

@@ -21,7 +21,7 @@ mod stored;
 
 pub use closed_by_others::contacts_closed_by_others;
 pub use events::{AppliedEvents, apply_events, apply_torque_and_damping};
-pub use forces::{FreeMotion, free_velocity, potential_energy};
+pub use forces::{FreeMotion, free_velocity, potential_energy, self_gravity_energy};
 pub use history::connected_bodies;
 pub use impact_sequence::take_unended_impacts;
 pub use interface_row::InterfaceRow;

@@ -15,7 +15,7 @@ use cd_formats::law_table::{
     law_parameters, needs_gauss_seidel, reference_gap_position,
 };
 use cd_formats::names::{count_text, number_text, rounded_number};
-use cd_formats::probe::{ProbeQuantity, named_bodies, unknown_bodies};
+use cd_formats::probe::{EndCondition, ProbeQuantity, check_energy_conditions, named_bodies, unknown_bodies};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::{AsciiText, TextLine};
 use cd_formats::snapshot::LawName;
@@ -566,8 +566,11 @@ pub fn check_events(scene: &Scene, report: &mut FaultReport) {
     }
 }
 
-/// Rejects probes and conditions of bodies that the scene does not have, and regions of too many periods.
-pub fn check_probes(scene: &Scene, report: &mut FaultReport) {
+/// Rejects probes and conditions of bodies that the scene does not have, conditions that can never hold, and regions of too
+/// many periods. `gravity`: uniform gravity at the start, m/s².
+pub fn check_probes(scene: &Scene, gravity: &[f64; 3], report: &mut FaultReport) {
+    let has_potential = scene.options.has_potential(gravity, scene.free.len());
+    check_energy_conditions(&scene.options.until, has_potential, "", report);
     let colours: Vec<&str> = scene.colours.iter().map(String::as_str).collect();
     let unknown = |bodies| unknown_bodies(bodies, scene.bodies.len(), &colours);
     for (path, bodies) in named_bodies(&scene.options.probes, &scene.options.until) {
@@ -575,6 +578,15 @@ pub fn check_probes(scene: &Scene, report: &mut FaultReport) {
             report.add_fault(&path, found, expected);
         } else if scene.selected_bodies(bodies).is_empty() {
             report.add_fault(&path, "the scene has no such body", "bodies of the scene");
+        }
+    }
+    for (k, condition) in scene.options.until.iter().enumerate() {
+        if let EndCondition::Separation { between: (a, b), .. } = condition
+            && a != b
+            && [a, b].into_iter().all(|bodies| unknown(bodies).is_none())
+            && scene.selected_bodies(a) == scene.selected_bodies(b)
+        {
+            report.add_fault(&format!("until.{k}.between"), "of the same bodies", "two different selections of bodies");
         }
     }
     for (k, probe) in scene.options.probes.iter().enumerate() {

@@ -108,7 +108,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let (source, text) = faults.gather_result(events_text(&datbox, flags)).unwrap_or_default();
     let mut event_report = FaultReport::new(&source, &text);
     behaviour::check_events(&scene, &mut event_report);
-    behaviour::check_probes(&scene, &mut event_report);
+    behaviour::check_probes(&scene, &bulk.gravity, &mut event_report);
     behaviour::check_text(&datbox, &mut scene, &mut faults);
     behaviour::check_cell(&datbox, &scene, &mut faults);
     behaviour::check_impacts(&datbox, &scene, &mut faults);
@@ -133,9 +133,9 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let start = datbox.join(START_FILE);
     let has_start = path_exists(&start) && faults.0.is_empty();
     if has_start {
-        faults.gather_result(resume::restore_start(&start, &scene, &mut state));
+        let counted_before = faults.gather_result(resume::restore_start(&start, &scene, &mut state)).flatten();
         scene.start = StepTime { step: state.step, time: state.time };
-        scene.counted_from = scene.start;
+        scene.counted_from = resume::counted_from(&scene, &state, counted_before);
     }
     if let Some(cell) = state.cell {
         // Velocities in the files are those about the affine field.
@@ -218,6 +218,7 @@ fn initial_state(
         ledger: Ledger::default(),
         postpro: PostproSums::default(),
         presence: Vec::new(),
+        exit_velocities: Vec::new(),
         bodies_entered: false,
         rest_since: None,
     }

@@ -88,6 +88,10 @@ fn restore_presence(path: &Path, scene: &mut Scene, state: &mut State, snapshot:
         }
         None => {}
     }
+    // Without sinks, or in a snapshot of a run without them, no body has left.
+    if let (false, Some(departures)) = (state.exit_velocities.is_empty(), &snapshot.departures) {
+        state.exit_velocities = departures.body_exit_v.iter().map(|v| Vec3::from(*v)).collect();
+    }
     if scene.roster.is_some() {
         state.apply_presence(scene);
     } else {
@@ -174,7 +178,7 @@ fn unreadable_snapshot_faults(faults: Faults, snapshots: &[(u64, PathBuf)]) -> F
 
 /// Step and time (s) from which steps are counted: those of the run before, or the start if that run had steps of another
 /// length.
-fn counted_from(scene: &Scene, state: &State, previous_start: Option<(u64, f64)>) -> StepTime {
+pub fn counted_from(scene: &Scene, state: &State, previous_start: Option<(u64, f64)>) -> StepTime {
     let agrees = |StepTime { step, time }: &StepTime| {
         let steps = state.step.saturating_sub(*step) as f64;
         let deviation = (state.time - (time + steps * scene.options.dt)).abs();
@@ -335,10 +339,12 @@ const MAX_AXES_ROTATION: f64 = 1e-5;
 ///
 /// The law of a contact is that of TACT_BEHAV.DAT for its two bodies; without one the contact is dropped. Rejects bodies
 /// that are not in DATBOX, and positions, axes and velocities other than those of the text files, which have then been
-/// edited. Velocities imposed by DRV_DOF.DAT are not compared.
-pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults> {
+/// edited. Velocities imposed by DRV_DOF.DAT are not compared. Returns the step and time (s) from which the run counted
+/// whose state this is, if it continues that run in time.
+pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<Option<(u64, f64)>, Faults> {
     let snapshot = Snapshot::read(path)?;
     check_start(path, &snapshot, scene, state)?;
+    let counted_before = snapshot.meta.counted_from;
     let bodies_of_rows: Vec<BodyId> = snapshot.bodies.body_id.iter().map(|&id| BodyId(id as u32 - 1)).collect();
     let mut restored = state.clone();
     let inertia = snapshot.bodies.body_inertia.clone();
@@ -384,7 +390,7 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
         state.pair_attractions.clear();
     }
     state.bonding = BondingMode::No;
-    Ok(())
+    Ok(counted_before)
 }
 
 /// Checks that the bodies of START.npz are those of DATBOX, each once, with the motion of the text files.

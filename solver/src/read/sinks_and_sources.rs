@@ -8,8 +8,9 @@ use cd_formats::compute::ComputeFlags;
 use cd_formats::error::Faults;
 use cd_formats::probe::unknown_bodies;
 use cd_formats::report::FaultReport;
-use cd_formats::sinks_and_sources::source_bodies;
+use cd_formats::sinks_and_sources::{EntryOrder, source_bodies};
 
+use crate::math::random::splitmix64;
 use crate::math::{Twist, Vec3};
 use crate::scene::{BodyId, BodyPresence, BodyRoster, Scene};
 use crate::state::State;
@@ -37,7 +38,10 @@ pub fn prepare_sinks_and_sources(
         let i = body.index();
         (body, Twist { v: state.v[i], w: state.w[i] })
     };
-    let entries = selections.iter().map(|bodies| bodies.iter().map(entry).collect()).collect();
+    let orders = scene.options.sources.iter().map(|source| source.order);
+    let entries =
+        selections.iter().zip(orders).map(|(bodies, order)| ordered_bodies(bodies, order).iter().map(entry).collect());
+    let entries = entries.collect();
     scene.roster = Some(Arc::new(BodyRoster {
         free: scene.free.clone(),
         spheres: scene.spheres.clone(),
@@ -48,6 +52,9 @@ pub fn prepare_sinks_and_sources(
         entries,
     }));
     state.presence = vec![BodyPresence::Present; scene.bodies.len()];
+    if !scene.options.sinks.is_empty() {
+        state.exit_velocities = vec![Vec3::zeros(); scene.bodies.len()];
+    }
     for &body in selections.iter().flatten() {
         let i = body.index();
         state.presence[i] = BodyPresence::Waiting;
@@ -55,6 +62,16 @@ pub fn prepare_sinks_and_sources(
     }
     state.apply_presence(scene);
     Ok(())
+}
+
+/// Bodies, by rising numbers, in the order in which they enter.
+fn ordered_bodies(bodies: &[BodyId], order: Option<EntryOrder>) -> Vec<BodyId> {
+    let mut ordered = bodies.to_vec();
+    if let Some(EntryOrder::Random(seed)) = order {
+        let stream = splitmix64(seed);
+        ordered.sort_by_cached_key(|body| (splitmix64(stream ^ body.number() as u64), *body));
+    }
+    ordered
 }
 
 /// Reports what is not computed together with sinks and sources.

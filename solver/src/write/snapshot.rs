@@ -3,9 +3,10 @@
 use cd_formats::compute::{Adaptive, SweepPrecision};
 use cd_formats::law_table::{LawParameter, law_parameters};
 use cd_formats::snapshot::{
-    AttractionArrays, BodyArrays, ContactArrays, FORMAT_VERSION, GravityArrays, IntervalArrays, LawArrays, LawName,
-    MemoryArrays, PRESENCE_GONE, PRESENCE_PRESENT, PRESENCE_WAITING, PresenceArrays, RunParameters, SHAPE_PARTS,
-    SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, ShapeArrays, Snapshot, SnapshotMeta,
+    AttractionArrays, BodyArrays, ContactArrays, DepartureArrays, FORMAT_VERSION, GravityArrays, IntervalArrays,
+    LawArrays, LawName, MemoryArrays, PRESENCE_GONE, PRESENCE_PRESENT, PRESENCE_WAITING, PresenceArrays, RunParameters,
+    SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, ShapeArrays, Snapshot,
+    SnapshotMeta,
 };
 
 use crate::laws::{Cohesion, ContactLaw};
@@ -26,6 +27,7 @@ pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
         attractions: has_attractions.then(|| AttractionArrays { contact_attraction: state.pair_attractions.clone() }),
         gravity: gravity_arrays(scene, state),
         presence: scene.roster.is_some().then(|| presence_arrays(state)),
+        departures: (!state.exit_velocities.is_empty()).then(|| departure_arrays(state)),
         shapes: scene.has_parts().then(|| shape_arrays(scene, state)),
         interval: Some(interval_arrays(state)),
     }
@@ -179,6 +181,10 @@ fn presence_arrays(state: &State) -> PresenceArrays {
         BodyPresence::Gone => PRESENCE_GONE,
     };
     PresenceArrays { body_presence: state.presence.iter().map(value).collect() }
+}
+
+fn departure_arrays(state: &State) -> DepartureArrays {
+    DepartureArrays { body_exit_v: state.exit_velocities.iter().map(|v| (*v).into()).collect() }
 }
 
 fn gravity_arrays(scene: &Scene, state: &State) -> Option<GravityArrays> {

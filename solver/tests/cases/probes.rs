@@ -122,11 +122,94 @@ fn a_pair_that_turns_as_one_body_has_its_angular_velocity() {
     equal(energy[0][6], 2.0 * mass, 1e-12);
 }
 
+/// Condition that no free body is faster than `speed` (m/s) for `during` (s).
+pub fn at_rest_below(speed: f64, during: f64) -> EndCondition {
+    EndCondition::AtRest { speed: Some(speed), kinetic_over_potential: None, during }
+}
+
+/// Condition that the kinetic energy is at most `ratio` times the potential energy for `during` (s).
+fn energy_below(ratio: f64, during: f64) -> EndCondition {
+    EndCondition::AtRest { speed: None, kinetic_over_potential: Some(ratio), during }
+}
+
+/// A ball of radius 1/2 m that is thrown up with 4 m/s under 8 m/s² has m v²/2 <= m g R/16, its lowest point being its own,
+/// while |v| <= √(1/2) m/s. v = 4 - k/8 after k steps of 1/64 s: from the step 27 on, which begins at 26/64 s.
+#[test]
+fn kinetic_energy_over_that_above_the_lowest_point_ends_a_run() {
+    let last = |origin: f64, ratio: f64, steps: u64| {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        case.gravity = [0.0, 0.0, -8.0];
+        let body = case.sphere(0.5, [0.0, 0.0, origin]);
+        case.launch(body, [0.0, 0.0, 4.0], [0.0; 3]);
+        (case.options.dt, case.options.steps) = (1.0 / 64.0, Some(steps));
+        case.options.until = vec![energy_below(ratio, 0.125)];
+        case.write();
+        assert_eq!(case.solve(&[]), 0);
+        case.last().meta.step
+    };
+    // Eight steps.
+    assert_eq!([0.0, 1e3, -7.0].map(|origin| last(origin, 1.0 / 16.0, 60)), [34; 3]);
+    // |v| <= 0.1 m/s for less than two steps.
+    assert_eq!(last(0.0, 0.01 / 8.0, 60), 60);
+}
+
+/// On a circular orbit about each other the kinetic energy of two balls is half of G m²/d.
+#[test]
+fn kinetic_energy_over_that_of_self_gravity_ends_a_run() {
+    let last = |ratio: f64| {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        let mass = 4.0 / 3.0 * PI;
+        let speed = (mass / 8.0 / 2.0).sqrt();
+        for side in [-1.0, 1.0] {
+            let body = case.sphere(1.0, [2.0 * side * 2.0, 0.0, 0.0]);
+            case.launch(body, [0.0, side * speed, 0.0], [0.0; 3]);
+        }
+        (case.options.self_gravity, case.options.gravity_constant) = (true, 1.0);
+        (case.options.dt, case.options.steps) = (1.0 / 64.0, Some(100));
+        case.options.until = vec![energy_below(ratio, 0.25)];
+        case.write();
+        assert_eq!(case.solve(&[]), 0);
+        case.last().meta.step
+    };
+    // The scheme keeps it to (h ω)² = 1e-5.
+    assert_eq!([0.501, 0.499].map(last), [16, 100]);
+}
+
+#[test]
+fn conditions_that_never_hold_are_rejected() {
+    let code = |until: EndCondition, gravity: f64, self_gravity: bool| {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        case.gravity = [0.0, 0.0, gravity];
+        case.sphere(1.0, [0.0; 3]);
+        if self_gravity {
+            case.sphere(1.0, [4.0, 0.0, 0.0]);
+        }
+        (case.options.dt, case.options.steps) = (0.125, Some(1));
+        case.options.self_gravity = self_gravity;
+        case.options.until = vec![until];
+        case.write();
+        case.solve(&[])
+    };
+    let energy = || energy_below(0.1, 1.0);
+    assert_eq!([code(energy(), 0.0, false), code(energy(), -1.0, false), code(energy(), 0.0, true)], [2, 0, 0]);
+    for (speed, kinetic_over_potential) in [(None, None), (Some(1.0), Some(1.0)), (None, Some(0.0))] {
+        assert_eq!(code(EndCondition::AtRest { speed, kinetic_over_potential, during: 1.0 }, -1.0, false), 2);
+    }
+    let separation = |a, b| EndCondition::Separation { between: (a, b), distance: 5.0 };
+    let body = BodySelection::Body;
+    assert_eq!(code(separation(body(1), body(2)), 0.0, true), 0);
+    assert_eq!(code(separation(body(1), body(1)), 0.0, true), 2);
+    assert_eq!(code(separation(BodySelection::Free, BodySelection::Colour("GRAIN".into())), 0.0, true), 2);
+}
+
 #[test]
 fn bodies_at_rest_end_a_run_after_the_given_time() {
     let mut case = resting();
     case.options.steps = Some(1000);
-    case.options.until = vec![EndCondition::AtRest { speed: 1e-3, during: 0.25 }];
+    case.options.until = vec![at_rest_below(1e-3, 0.25)];
     case.write();
     assert_eq!(case.solve(&[]), 0);
     // 16 steps of 1/64 s.
@@ -165,7 +248,7 @@ fn resumed_probes_have_the_bytes_of_the_unbroken_run() {
         let mut case = resting();
         case.launch(0, [1.0, 0.5, 0.0], [0.0, 3.0, 0.0]);
         case.options.output_every = 10;
-        case.options.until = vec![EndCondition::AtRest { speed: 1e-3, during: 0.25 }];
+        case.options.until = vec![at_rest_below(1e-3, 0.25)];
         let force = |every| force_probe(BodySelection::Free, every);
         case.options.probes =
             vec![force(1), force(7), probe("m", 3, ProbeQuantity::Motion { of: BodySelection::Free })];

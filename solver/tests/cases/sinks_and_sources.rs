@@ -9,10 +9,11 @@ use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::compute::{Adaptive, ExternalField};
 use cd_formats::probe::{BodySelection, CountingSurface, EndCondition, Probe, ProbeQuantity};
 use cd_formats::region::SpaceRegion;
-use cd_formats::sinks_and_sources::{Sink, Source};
+use cd_formats::sinks_and_sources::{EntryOrder, Sink, Source};
 use cd_formats::snapshot::{PRESENCE_GONE, PRESENCE_PRESENT, PRESENCE_WAITING, Snapshot};
 
 use crate::case::{AXES, Case, Figures, Vec3, equal, near, uniform};
+use crate::probes::at_rest_below;
 use crate::same_bits::{outbox, same};
 
 /// Columns of the file of a probe, by rows.
@@ -179,7 +180,7 @@ fn rain(number: usize, speed: f64) -> Case {
         case.launch(body, [0.0, 0.0, -speed], [0.0, 3.0, 0.0]);
     }
     let (name, bodies) = ("rain".into(), BodySelection::Colour("GRAIN".into()));
-    case.options.sources = vec![Source { name, bodies, from: 1.0, rate: 0.5 }];
+    case.options.sources = vec![Source { name, bodies, order: None, from: 1.0, rate: 0.5 }];
     case.options.sinks = vec![sink_below(0.0)];
     case.options.probes = vec![removed(1), probe("entered", 1, ProbeQuantity::Entered { from: "rain".into() })];
     case.options.dt = 0.125;
@@ -254,11 +255,12 @@ fn a_run_until_rest_waits_for_the_bodies_of_sources() {
         let source = |(k, from): (usize, &f64)| Source {
             name: format!("source{k}"),
             bodies: BodySelection::Body(2 + k),
+            order: None,
             from: *from,
             rate: 1.0,
         };
         case.options.sources = from.iter().enumerate().map(source).collect();
-        case.options.until = vec![EndCondition::AtRest { speed: 1e-3, during: 0.25 }];
+        case.options.until = vec![at_rest_below(1e-3, 0.25)];
         (case.options.dt, case.options.steps) = (1.0 / 64.0, Some(640));
         case
     };
@@ -334,7 +336,8 @@ pub fn mixed(polyhedra: bool) -> Case {
     let far = SpaceRegion::Beyond { centre: [0.0; 3], radius: 6.0 };
     case.options.sinks = vec![sink(drain), Sink { name: "far".into(), region: far }];
     let bodies = BodySelection::Colour("RAINx".into());
-    case.options.sources = vec![Source { name: "rain".into(), bodies, from: 0.2, rate: 20.0 }];
+    let order = Some(EntryOrder::Random(3));
+    case.options.sources = vec![Source { name: "rain".into(), bodies, order, from: 0.2, rate: 20.0 }];
     case.options.probes =
         vec![removed(7), probe("force", 3, ProbeQuantity::Force { on: BodySelection::Body(41), about: None })];
     let options = &mut case.options;
@@ -430,7 +433,7 @@ fn infall_is_accreted_up_to_the_impact_parameter_of_gravitational_focusing() {
         case.launch(body, [speed, 0.0, 0.0], [0.0; 3]);
     }
     let (name, bodies) = ("stream".into(), BodySelection::Free);
-    case.options.sources = vec![Source { name, bodies, from: 0.0, rate: 1.0 }];
+    case.options.sources = vec![Source { name, bodies, order: None, from: 0.0, rate: 1.0 }];
     let last = case.run(64 * 120);
     // The limit is 29.3 m.
     assert!(limit(28.5) > 29.2 && limit(30.0) < 29.4);
