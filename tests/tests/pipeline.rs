@@ -469,7 +469,6 @@ fn a_cluster_has_mass_and_inertia_of_its_surface() {
     assert!((largest - 1000.0 * (0.5 + 10.0 / 9.0 + 2.0 / 9.0)).abs() < 1e-6, "{largest}");
 }
 
-<<<<<<< HEAD
 /// A plane of one large square and, with a corner in the middle of its side, two small ones: grains slide over the side at
 /// 1.5 m/s as over a plate.
 #[test]
@@ -503,7 +502,8 @@ fn grains_slide_over_junctions_of_a_surface() {
         // 1e-5 of the speed; the side without the corner takes half of it.
         assert!((v[0] - 1.5).abs() < 1.5e-5 && v[1].hypot(v[2]) < 1.5e-5, "{v:?}");
     }
-=======
+}
+
 /// Positions of 100 grains of a square of 1 m², in the order in which they enter, one a step.
 fn rain(seed: u64, order: &str) -> Vec<[f64; 3]> {
     let scene = format!(
@@ -560,5 +560,4 @@ fn grains_of_a_source_enter_all_over_their_envelope() {
         entered
     };
     assert_eq!(sorted(random), sorted(numbered));
->>>>>>> fsources
 }
