@@ -30,8 +30,8 @@ pub struct PourRequest<'a> {
 /// Writes DATBOX of the scene below `dir`/pour, computes it by `run_solver`, which returns the exit code of cd-solve, none if
 /// that was killed, and makes `dir`/DATBOX from the last snapshot. Returns a summary for people.
 ///
-/// Errors: faults of the changes, those that need no run before it starts; faults of the scene, or a run that does not end; see [`datbox::write_datbox`] and
-/// [`from_outbox::write_datbox`].
+/// Errors: faults of the changes that need no run, before it starts; faults of the scene; a run that does not end; and the
+/// other faults of the changes, see [`datbox::write_datbox`] and [`from_outbox::write_datbox`].
 pub fn pour_grains(
     request: &PourRequest,
     run_solver: impl FnOnce(&Path) -> io::Result<Option<i32>>,
