@@ -36,7 +36,13 @@ pub fn is_stopped() -> bool {
 
 /// Whether this process was requested to stop.
 pub fn is_stop_requested() -> bool {
-    STOP_FLAG.get().is_some_and(|stop| stop.load(Ordering::Relaxed))
+    STOP_FLAG.get().is_some_and(|stop| stop.load(Ordering::Relaxed)) || is_stopped_by_test()
+}
+
+/// Whether a test stops this thread.
+#[cfg(not(test))]
+fn is_stopped_by_test() -> bool {
+    false
 }
 
 /// Requests this process to stop, as a signal does.
@@ -74,4 +80,17 @@ pub fn current_activity() -> String {
         stage if stage == StepStage::Detection as u8 => "detection of contacts".into(),
         _ => format!("{contacts} contacts listed, {} sweeps so far", CURRENT_SWEEPS.load(Ordering::Relaxed)),
     }
+}
+
+#[cfg(test)]
+thread_local! {
+    /// Number of the query of this thread from which on it counts as stopped.
+    pub static QUERIES_UNTIL_STOP: std::cell::Cell<u64> = const { std::cell::Cell::new(u64::MAX) };
+}
+
+/// Whether a test stops this thread at this query.
+#[cfg(test)]
+fn is_stopped_by_test() -> bool {
+    QUERIES_UNTIL_STOP.set(QUERIES_UNTIL_STOP.get().saturating_sub(1));
+    QUERIES_UNTIL_STOP.get() == 0
 }

@@ -66,6 +66,11 @@ pub fn step(scene: &Scene, state: &mut State, times: &mut StageTimes) -> Option<
     let PredictedStep { q_c, free, contacts } = predicted;
     let context = StepContext { scene, q_c: &q_c, free: &free, contacts: &contacts };
     let errors = refine_until_decided(context, &state.laws, request, &mut solved);
+    if activity::is_stopped() {
+        // A refinement that was stopped leaves undecided which bonds break.
+        before.restore_to(state);
+        return None;
+    }
     solve::update_backoff(&mut state.fallback, request, state.step, q_c.step_multiple, &solved.solution);
     clock.add_lap(|times| &mut times.solve);
     let outcome = finish_contacts(context, state, &solved, errors.as_ref());
@@ -223,4 +228,159 @@ pub fn next_contact_problem(scene: &Scene, state: &State) -> (u64, assemble::Con
     let contacts = detect::listed_contacts(scene, &q_c, free.velocities(), &mut state.detection_cache);
     let contact_problem = assemble::contact_problem(scene, &state, &q_c, &contacts, free.velocities());
     (q_c.step_multiple, contact_problem, contacts)
+}
+
+#[cfg(test)]
+mod tests {
+    use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
+    use cd_formats::bulk_behav::{BulkBehav, Material};
+    use cd_formats::compute::{Compute, ComputeFlags, ContactSolver};
+    use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof, Evolution};
+    use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
+
+    use super::*;
+    use crate::activity::QUERIES_UNTIL_STOP;
+
+    /// Three cubes of 1 m and 1 kg, or balls of this diameter, one below the other under a ceiling at z = 0.
+    struct Column {
+        has_cubes: bool,
+        law: (&'static str, &'static [f64]),
+        gravity: [f64; 3],
+        solver: ContactSolver,
+    }
+
+    impl Column {
+        fn bodies(&self) -> Vec<Body> {
+            let body = |colour: &str, z: f64, shape: ShapeRecord| Body {
+                line: 0,
+                material: "ROCKx".into(),
+                equivalent_radius: 0.0,
+                inertia: None,
+                position: [0.0, 0.0, z],
+                contactors: vec![Contactor { colour: colour.into(), shape, local_frame: None }],
+            };
+            let vertices = (0..8).map(|k| [0, 1, 2].map(|i| f64::from(k >> i & 1) - 0.5)).collect();
+            let triangles: [[u32; 3]; 12] = [
+                [0, 2, 1],
+                [1, 2, 3],
+                [4, 5, 6],
+                [5, 7, 6],
+                [0, 1, 4],
+                [1, 5, 4],
+                [2, 6, 3],
+                [3, 6, 7],
+                [0, 4, 2],
+                [2, 4, 6],
+                [1, 3, 5],
+                [3, 7, 5],
+            ];
+            let grain = match self.has_cubes {
+                true => ShapeRecord::Polyhedron { vertices, triangles: triangles.into() },
+                false => ShapeRecord::Sphere { radius: 0.5 },
+            };
+            let ceiling = ShapeRecord::Plane { half_lengths: [2.0, 2.0, 0.5] };
+            let grains = [-0.5, -1.5, -2.5].map(|z| body("GRAIN", z, grain.clone()));
+            grains.into_iter().chain([body("WALLx", 0.5, ceiling)]).collect()
+        }
+
+        fn tact(&self) -> TactBehav {
+            let (kind, parameters) = self.law;
+            let grain = if self.has_cubes { "POLYR" } else { "SPHER" };
+            let side = |contactor: &str, colour: &str| VisibilitySide {
+                body: "RBDY3".into(),
+                contactor: contactor.into(),
+                colour: colour.into(),
+            };
+            let row = |antagonist: VisibilitySide| VisibilityRow {
+                line: 0,
+                candidate: side(grain, "GRAIN"),
+                law: "law00".into(),
+                antagonist,
+                alert: 1e-3,
+            };
+            TactBehav {
+                visibility: vec![row(side(grain, "GRAIN")), row(side("PLANx", "WALLx"))],
+                laws: vec![LawRecord {
+                    line: 0,
+                    nickname: "law00".into(),
+                    kind: kind.into(),
+                    parameters: parameters.into(),
+                }],
+            }
+        }
+
+        /// Scene and state at the start.
+        fn read(&self) -> (Scene, State) {
+            let folder = tempfile::tempdir().unwrap();
+            let datbox = folder.path().join("DATBOX");
+            std::fs::create_dir_all(&datbox).unwrap();
+            let put = |name: &str, text: String| std::fs::write(datbox.join(name), text).unwrap();
+            put("BODIES.DAT", Bodies(self.bodies()).to_text());
+            let materials = vec![Material { name: "ROCKx".into(), density: 1.0 }];
+            put("BULK_BEHAV.DAT", BulkBehav { gravity: self.gravity, materials }.to_text());
+            put("TACT_BEHAV.DAT", self.tact().to_text());
+            let driven = |component| DrivenComponent {
+                line: 0,
+                body: 3,
+                component,
+                kind: DrivenKind::Velocity,
+                evolution: Evolution::constant(0.0),
+            };
+            put("DRV_DOF.DAT", DrvDof((0..6).map(driven).collect()).to_text());
+            let options = Compute {
+                dt: 1.0 / 1024.0,
+                tol: Some(1e-3),
+                max_sweeps: Some(2000),
+                solver: self.solver,
+                ..Compute::default()
+            };
+            put("COMPUTE.RON", options.to_text());
+            crate::read::read_case(folder.path(), &ComputeFlags::default()).unwrap()
+        }
+    }
+
+    /// The next step and the number of its queries, stopped at the query `stop`.
+    fn stopped_step(scene: &Scene, state: &mut State, stop: u64) -> (Option<StepReport>, u64) {
+        QUERIES_UNTIL_STOP.set(stop);
+        let report = step(scene, state, &mut StageTimes::default());
+        (report, stop - QUERIES_UNTIL_STOP.replace(u64::MAX))
+    }
+
+    /// A step that is stopped at any query of any solver is abandoned, and repeated with the result of an unbroken one.
+    #[test]
+    fn a_step_that_is_stopped_anywhere_is_repeated() {
+        use ContactSolver::{Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
+        let (hanging, pressed) = ([0.0, 0.0, -8.0], [1.0, 0.5, 8.0]);
+        // On 1 m² hang three cubes of 24 N in all: the bonds of the first break, which a refinement decides.
+        let bonds: (_, &[f64]) = ("IQS_MOHR_DS_CLB", &[20.0, 20.0, 0.3, 0.3]);
+        let beams: (_, &[f64]) = ("IQS_BEAM_DS_CLB", &[1e3, 1e3, 0.5, 0.3, 0.3]);
+        let elastic_beams: (_, &[f64]) = ("ELASTIC_BEAM_DS_CLB", &[1e6, 4e5, 1e3, 1e3, 0.5, 0.3, 0.3]);
+        let friction: (_, &[f64]) = ("IQS_CLB", &[0.3]);
+        let mut columns = Vec::new();
+        for solver in [Auto, Nlgs, NlgsAnderson, ProxNewton, Admm, InteriorPoint] {
+            columns.push(Column { has_cubes: true, law: bonds, gravity: hanging, solver });
+            columns.push(Column { has_cubes: false, law: friction, gravity: pressed, solver });
+        }
+        for law in [beams, elastic_beams] {
+            columns.push(Column { has_cubes: false, law, gravity: hanging, solver: Auto });
+            columns.push(Column { has_cubes: true, law, gravity: hanging, solver: Auto });
+        }
+        for column in &columns {
+            let (name, solver) = (column.law.0, column.solver);
+            let (scene, before) = column.read();
+            let mut end = before.clone();
+            let (report, queries) = stopped_step(&scene, &mut end, u64::MAX);
+            assert!(queries > 2, "{name}, {solver}: {queries} queries");
+            // The last queries are those of the refinement.
+            for stop in (1..=queries).rev().step_by(1 + queries as usize / 30) {
+                let mut state = before.clone();
+                let (stopped, _) = stopped_step(&scene, &mut state, stop);
+                let place = format!("{name}, {solver}: query {stop} of {queries}");
+                assert!(stopped.is_none() && state == before, "{place}");
+                let repeated = step(&scene, &mut state, &mut StageTimes::default());
+                assert_eq!(repeated, report, "{place}");
+                assert!(state == end, "{place}");
+            }
+        }
+    }
 }

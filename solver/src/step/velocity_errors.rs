@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use super::bond_closing::LARGEST_OPENING;
 use super::context::{SolvedProblem, StepContext};
 use super::error_loads::largest_error_load;
+use crate::activity;
 use crate::assemble::{ContactConstraint, ContactProblem, RollingConstraint, SolverBody, stored_problem};
 use crate::laws::{ContactLaw, ContactMotion};
 use crate::math::{PAR_MIN_LEN, Vec3};
@@ -226,7 +227,8 @@ fn has_active_bond(row: &ContactConstraint) -> bool {
 
 /// Refines a converged solution tenfold as long as it is undecided which bonds break, and returns the velocity errors of the
 /// result; `None` if no law has irreversible losses. The velocity of bonds that break must stay in a refinement. The number
-/// of refinements depends only on the loads of the bonds.
+/// of refinements depends only on the loads of the bonds, unless the program is requested to stop: the step is then to be
+/// abandoned.
 pub fn refine_until_decided(
     context: StepContext,
     laws: &[ContactLaw],
@@ -245,7 +247,7 @@ pub fn refine_until_decided(
     let mut sweeps_left = MOMENTUM_CYCLE.max(MAX_REFINEMENT_COST / (solved.contact_problem.rows.len() as u64).max(1));
     for refinement in 0..MAX_REFINEMENTS {
         let is_decided = is_settled && !bonds.are_undecided(solved, &errors, &rigid, &moving);
-        if !solved.solution.converged || is_decided || sweeps_left == 0 {
+        if !solved.solution.converged || is_decided || sweeps_left == 0 || activity::is_stopped() {
             break;
         }
         let speed = |SolvedProblem { contact_problem, solution, .. }: &SolvedProblem, k: usize| {
