@@ -29,11 +29,11 @@ pub fn contact_along(pair: &CandidatePair, n: &Vec3, a_is_antagonist: bool) -> O
     let found = match &b.shape {
         &PosedShape::Cylinder { half_height, radius, hollow: false } => {
             let size_b = [half_height, radius];
-            match &a.shape {
-                &PosedShape::Cylinder { half_height: h, radius: r, hollow: false } => {
+            match a.shape {
+                PosedShape::Cylinder { half_height: h, radius: r, hollow: false } => {
                     cylinder_end_along(&a.axes, [h, r], &b_from_a, &b.axes, size_b, n, range)
                 }
-                &PosedShape::Capsule { half_length: h, radius: r } => {
+                PosedShape::Capsule { half_length: h, radius: r } => {
                     capsule_end_along(&a.axes, [h, r], &b_from_a, &b.axes, size_b, n, range)
                 }
                 _ => polyhedron_end_along(polyhedron(a)?, &b_from_a, &b.axes, size_b, n, range),
@@ -41,11 +41,11 @@ pub fn contact_along(pair: &CandidatePair, n: &Vec3, a_is_antagonist: bool) -> O
         }
         _ => {
             let q = polyhedron(b)?;
-            let found = match &a.shape {
-                &PosedShape::Cylinder { half_height, radius, hollow: false } => {
+            let found = match a.shape {
+                PosedShape::Cylinder { half_height, radius, hollow: false } => {
                     polyhedron_cylinder_along(q, &-b_from_a, &a.axes, [half_height, radius], &-n, range)
                 }
-                &PosedShape::Capsule { half_length, radius } => {
+                PosedShape::Capsule { half_length, radius } => {
                     polyhedron_capsule_along(q, &-b_from_a, &a.axes, [half_length, radius], &-n, range)
                 }
                 _ => None,
