@@ -233,7 +233,9 @@ fn fixed_clump(case: &mut Case) {
 fn a_sphere_attracts_a_wall_of_several_points_once() {
     let force = |radius: f64| 100.0 * PI * radius * radius;
     let root = HALF_ROOT / 0.5;
-    let places: [(fn(&mut Case), [f64; 3], usize, f64); 4] = [
+    // Wall, position of the sphere, number of contact points, force of the pair in N.
+    type Place = (fn(&mut Case), [f64; 3], usize, f64);
+    let places: [Place; 4] = [
         (groove, [0.0, 0.1, 0.25 * root], 2, force(0.25)),
         (corner, [0.25; 3], 3, force(0.25)),
         (drum, [0.75, 0.0, -0.75], 2, force(0.25)),
