@@ -1126,7 +1126,7 @@ fn functions_of_time_continue_bit_for_bit() {
     let change = "(bodies: [(snapshot: 90)], keep_time: true)";
     let second = next_case(&unbroken, change).solved(&["--steps", "60"]);
     assert_eq!(bits(&second.snapshot(150)), bits(&unbroken.snapshot(150)));
-    // Of a run that itself continues another.
+    // The second run continues another one itself.
     let third = next_case(&second, "(keep_time: true)").solved(&["--steps", "90"]);
     assert_eq!(bits(&third.snapshot(240)), bits(&unbroken.snapshot(240)));
     // From time 0, and with steps of another length, they are counted anew.

@@ -173,7 +173,7 @@ mod tests {
         let points = [&points[..], &[[1.0, -1.0, 0.0], [1.0, 0.0, 1.0]]].concat();
         let flat = [[0, 1, 2], [4, 3, 5]];
         assert_eq!(split(&points, &flat).1, "split 1 triangle at vertices on their edges");
-        // Of its own points, at the ends of the same part of the edge.
+        // The part of the edge between points 3 and 4 has two triangles already: a piece of the first one would be its third.
         let upright = [[0, 1, 2], [3, 4, 5], [0, 3, 6], [6, 3, 4]];
         assert_eq!(split(&points, &upright), (upright.to_vec(), String::new()));
     }
