@@ -19,7 +19,7 @@ impl AssemblyContext<'_> {
         let bodies = [contact.candidate, contact.antagonist].map(|body| body.index());
         // Angular velocities at the step's start: bodies that turn as one have the same one then, while free rotation differs
         // from body to body.
-        let is_pushed_at_centre = |i: usize| self.q_c.pushed_at_centre.contains(&BodyId::new(i));
+        let is_pushed_at_centre = |i: usize| self.q_c.is_pushed_at_centre(BodyId::new(i));
         let [mut a, mut b] = bodies.map(|i| if is_pushed_at_centre(i) { Vec3::zeros() } else { self.state.w[i] });
         let own_w = [a, b];
         let radius = self.rolling_radius(contact);
@@ -58,7 +58,7 @@ impl AssemblyContext<'_> {
         if time_before == 0.0 {
             return Vec3::zeros();
         }
-        let change = |body: BodyId| match self.q_c.pushed_at_centre.contains(&body) {
+        let change = |body: BodyId| match self.q_c.is_pushed_at_centre(body) {
             true => Vec3::zeros(),
             false => self.start.w[body.index()] - self.state.w[body.index()],
         };

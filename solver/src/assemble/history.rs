@@ -91,6 +91,9 @@ impl AssemblyContext<'_> {
     pub(super) fn previous_contacts(&self, contacts: &[Contact]) -> Vec<Option<ContactId>> {
         let mut found = previous_by_key(&self.state.contacts, contacts);
         self.find_previous_by_position(contacts, &mut found);
+        if !self.scene.sphere_flags.contains(&false) {
+            return found; // no contact changes its key
+        }
         let gone = self.lost_contacts(contacts, &found);
         let new = self.new_contacts(contacts, &found, &gone);
         for new in new.chunk_by(|&i, &k| contactor_pair(&contacts[i]) == contactor_pair(&contacts[k])) {

@@ -267,9 +267,10 @@ impl ContactProblem {
         self.regularised.get(position)
     }
 
-    /// Memory of the law of row `k` at the start of the step.
-    pub fn law_memory(&self, k: usize) -> LawMemory {
-        self.memories.get(k).copied().unwrap_or_default()
+    /// Gap from which the law of row `k` counts, m.
+    #[inline]
+    pub fn reference_gap(&self, k: usize) -> f64 {
+        self.memories.get(k).map_or(0.0, |memory| memory.reference_gap)
     }
 
     /// Vector from the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate

@@ -653,7 +653,7 @@ impl AssemblyContext<'_> {
         let MomentLimits { bending, torsion, shear } = law.moment_limits(bonded)?;
         let bodies = [contact.candidate, contact.antagonist];
         let turns =
-            |body: &BodyId| self.scene.bodies[body.index()].can_rotate() && !self.q_c.pushed_at_centre.contains(body);
+            |body: &BodyId| self.scene.bodies[body.index()].can_rotate() && !self.q_c.is_pushed_at_centre(*body);
         if !bodies.iter().any(turns) {
             return None; // no moment changes the two rotations
         }
@@ -692,7 +692,7 @@ impl AssemblyContext<'_> {
 /// Per-body part of [`BlockData`], if a scene needs it.
 fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
     let inverse_inertia = |(i, (body, q)): (usize, (&RigidBody, &Quat))| {
-        if q_c.pushed_at_centre.contains(&BodyId::new(i)) { Matrix3::zeros() } else { body.inverse_inertia_matrix(q) }
+        if q_c.is_pushed_at_centre(BodyId::new(i)) { Matrix3::zeros() } else { body.inverse_inertia_matrix(q) }
     };
     let all_locked_axes = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
     let bodies = scene.bodies.par_iter().zip(&q_c.q);

@@ -122,6 +122,12 @@ impl ContactConfiguration {
         self.cell_step.as_ref().map(|cell| &cell.end_gradient)
     }
 
+    /// Whether contacts push a body at its centre, as if it had no rotation; of most scenes no body.
+    #[inline]
+    pub fn is_pushed_at_centre(&self, body: BodyId) -> bool {
+        !self.pushed_at_centre.is_empty() && self.pushed_at_centre.contains(&body)
+    }
+
     /// Velocity `v` (m/s) of body `i` beyond the mean velocity, in a deforming cell about the affine field, m/s.
     pub fn relative_motion(&self, i: usize, v: &Vec3) -> Vec3 {
         match self.end_gradient() {

@@ -151,12 +151,19 @@ struct ScaleSums {
     squared_speeds: f64,
 }
 
+/// Speed (m/s) and angular speed (rad/s) of each body of the problem, shared by its contacts.
+fn body_speeds(problem: &ContactProblem) -> Vec<[f64; 2]> {
+    let bodies = problem.bodies.par_iter().with_min_len(PAR_MIN_LEN);
+    bodies.map(|body_start| [body_start.v.norm(), body_start.w.norm()]).collect()
+}
+
 impl RowScales {
-    fn new(problem: &ContactProblem, k: ContactId) -> Self {
+    /// Contribution of row `k`; `speeds`: [`body_speeds`].
+    fn new(problem: &ContactProblem, speeds: &[[f64; 2]], k: ContactId) -> Self {
         let row = &problem.rows[k.index()];
         let speed_of_side = |side: usize| {
-            let body_start = &problem.bodies[row.bodies[side].index()];
-            body_start.v.norm() + body_start.w.norm() * problem.contact_arm(k.index(), side).norm()
+            let [speed, angular_speed] = speeds[row.bodies[side].index()];
+            speed + angular_speed * problem.contact_arm(k.index(), side).norm()
         };
         let (w_n, w_t) = problem.delassus_diagonal(k.index());
         let speed = speed_of_side(0) + speed_of_side(1) + row.shift.norm() + w_n * row.impulse_shift.abs();
@@ -187,8 +194,9 @@ impl ResidualScales {
 
     /// Scales of the active rows of all ranks, `count` in number; `active`: those of `problem`, which this rank lists.
     pub fn of_ranks(problem: &ContactProblem, active: &[ContactId], count: usize) -> Self {
+        let speeds = body_speeds(problem);
         let rows: Vec<RowScales> =
-            active.par_iter().with_min_len(PAR_MIN_LEN).map(|&k| RowScales::new(problem, k)).collect();
+            active.par_iter().with_min_len(PAR_MIN_LEN).map(|&k| RowScales::new(problem, &speeds, k)).collect();
         let sum_rows = |rows: &[RowScales]| rows.iter().fold(ScaleSums::ZERO, |sums, &row| sums.with_row(row));
         let tasks = chunk_results(&rows, GROUPS_PER_TASK * GROUP_LANES, sum_rows);
         ResidualScales::new(tasks.into_iter().fold(ScaleSums::ZERO, ScaleSums::with_task), count, ROUNDING_FLOOR)
@@ -274,11 +282,12 @@ impl<'a> ResidualEvaluator<'a> {
         } else {
             Vec::new()
         };
+        let speeds = if rows.is_empty() { Vec::new() } else { body_speeds(problem) };
         // Trace of W, sum of the squares of the speeds at the contacts, and whether there is an attraction.
         let scales_of = |rows: &[ContactId]| {
             rows.iter().fold((ScaleSums::ZERO, false), |(sums, attracts), &k| {
                 let attracts = attracts || problem.rows[k.index()].impulse_shift != 0.0;
-                (sums.with_row(RowScales::new(problem, k)), attracts)
+                (sums.with_row(RowScales::new(problem, &speeds, k)), attracts)
             })
         };
         let parts: Vec<_> = rows.par_chunks(GROUPS_PER_TASK * GROUP_LANES).map(scales_of).collect();
@@ -415,6 +424,7 @@ impl<'a> ResidualEvaluator<'a> {
     }
 
     /// Motion of a body after an impulse and an angular impulse, the six numbers `sum`.
+    #[inline]
     fn motion_after(&self, body: BodyId, body_start: &SolverBody, sum: [f64; 6]) -> BodyMotion {
         let v = body_start.v + self.problem.velocity_change(body, &Vec3::new(sum[0], sum[1], sum[2]));
         let w = body_start.w + self.problem.angular_velocity_change(body, &Vec3::new(sum[3], sum[4], sum[5]));

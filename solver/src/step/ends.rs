@@ -67,6 +67,7 @@ pub fn finish_contacts(
     let (v, w) = solved_velocities(solution, free, q_c);
     let mut solved_contacts = std::mem::take(&mut state.contacts);
     solved_contacts.resize(contacts.len(), SolvedContact::default());
+    let driven: Vec<bool> = scene.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(|body| body.driven).collect();
     let warning_depth = OVERLAP_WARNING_SHARE * scene.smallest_radius;
     let velocities = Velocities { v: &v, w: &w, ..free.velocities() };
     let start_surfaces = scene.surface_motions(state.time, &q_c.q);
@@ -82,6 +83,7 @@ pub fn finish_contacts(
         velocities,
         velocities_without_rotation,
         start_surfaces: &start_surfaces,
+        driven: &driven,
         warning_depth,
     };
     if state.detection_cache.is_divided() {
@@ -136,6 +138,8 @@ struct PostSolve<'a> {
     velocities_without_rotation: Velocities<'a>,
     /// Motions of the surfaces of walls at the step's start.
     start_surfaces: &'a [SurfaceMotion],
+    /// Whether each body is a driven one; in an array of their own, as contacts read them in any order.
+    driven: &'a [bool],
     /// Smallest depth that is worth a warning for the smallest bodies, m. Below it a contact is not compared with its radii.
     warning_depth: f64,
 }
@@ -160,9 +164,10 @@ impl PostSolve<'_> {
         for ((k, contact), solved) in (first..).zip(contacts).zip(solved_contacts) {
             let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
             let rolling_moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, moment)| moment);
-            self.finish_contact(k, contact, rolling_moment, solved);
+            let arms = contact_problem.arms_of(k, contact, &q_c.x);
+            self.finish_contact(k, contact, &arms, rolling_moment, solved);
             // A row does not act between bodies whose motion is imposed: their penetration is no error of the contact.
-            let gap = contact.gap - contact_problem.law_memory(k).reference_gap;
+            let gap = contact.gap - contact_problem.reference_gap(k);
             let depth = if row.acts { (-gap).max(0.0) } else { 0.0 };
             totals.penetration_largest = totals.penetration_largest.max(depth);
             totals.penetration_sum += depth;
@@ -190,12 +195,12 @@ impl PostSolve<'_> {
                     let allowed_closing = law.max_closing_speed(row.u_before.x);
                     totals.penetration_added += (-gap - q_c.h * (solved.velocity.x + allowed_closing) - depth).max(0.0);
                 }
-                let virial = self.accumulate_totals(k, r, solved, &mut totals);
+                let virial = self.accumulate_totals(k, r, &arms, solved, &mut totals);
                 totals.virial += virial;
                 pair_virials.push(PairVirial { bodies: row.bodies, virial });
             } else if solved.moment != Vec3::zeros() {
                 // The net impulse is zero, as the repulsion equals the cohesion; only the rolling moment acts.
-                self.accumulate_totals(k, r, solved, &mut totals);
+                self.accumulate_totals(k, r, &arms, solved, &mut totals);
             }
         }
         (totals, pair_virials)
@@ -208,22 +213,32 @@ impl PostSolve<'_> {
         radii.reduce(f64::min).unwrap_or(0.0)
     }
 
-    /// Relative velocity at contact `k` where its impulse acts, world frame, m/s.
-    fn contact_velocity(&self, k: usize, contact: &Contact, velocities: Velocities) -> Vec3 {
-        let &PostSolve { q_c, contact_problem, .. } = self;
-        let row = &contact_problem.rows[k];
-        let mut velocity = velocity_at_arms(contact, &contact_problem.arms_of(k, contact, &q_c.x), velocities);
-        if let Some(lever) = contact_problem.nonzero_lever(k) {
-            let [a, b] = row.bodies.map(|body| velocities.w[body.index()]);
-            velocity += lever * row.normal.dot(&(a - b));
+    /// Relative velocity at contact `k` with these arms, m, where its impulse acts, world frame, m/s.
+    #[inline]
+    fn contact_velocity(&self, k: usize, contact: &Contact, arms: &[Vec3; 2], velocities: &Velocities) -> Vec3 {
+        let velocity = velocity_at_arms(contact, arms, *velocities);
+        match self.contact_problem.nonzero_lever(k) {
+            Some(lever) => {
+                let row = &self.contact_problem.rows[k];
+                let [a, b] = row.bodies.map(|body| velocities.w[body.index()]);
+                velocity + lever * row.normal.dot(&(a - b))
+            }
+            None => velocity,
         }
-        velocity
     }
 
-    /// Writes contact `k` at the step's end into `end`, with the moment (N m s, world frame) of its rolling resistance, if it
-    /// has one.
-    fn finish_contact(&self, k: usize, contact: &Contact, rolling_moment: Option<&Vec3>, end: &mut SolvedContact) {
-        let &PostSolve { state, contact_problem, solution, velocities, .. } = self;
+    /// Writes contact `k` with these arms, m, at the step's end into `end`, with the moment (N m s, world frame) of its rolling
+    /// resistance, if it has one.
+    #[inline]
+    fn finish_contact(
+        &self,
+        k: usize,
+        contact: &Contact,
+        arms: &[Vec3; 2],
+        rolling_moment: Option<&Vec3>,
+        end: &mut SolvedContact,
+    ) {
+        let &PostSolve { state, contact_problem, solution, .. } = self;
         let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
         let frame = contact.frame();
         let local = to_local(&frame, r);
@@ -255,7 +270,7 @@ impl PostSolve<'_> {
         *own = *contact;
         *impulse = Vec3::new(local.x + row.impulse_shift, local.y, local.z);
         *moment = rolling_moment.map_or(Vec3::zeros(), |m| to_local(&frame, m));
-        *velocity = to_local(&frame, &self.contact_velocity(k, contact, velocities));
+        *velocity = to_local(&frame, &self.contact_velocity(k, contact, arms, &self.velocities));
         *end_status = status;
         *bond = row.bond.filter(|_| law.keeps_bond(contact.gap, motion));
         if let (Some(&RegularisedRow::Bond { opening, sliding, .. }), Some(_)) = (regularised, &bond) {
@@ -302,39 +317,38 @@ impl PostSolve<'_> {
         }
     }
 
-    /// Adds the contribution of contact `k` with the impulse `r` of its row to the totals; returns its impulse times its
-    /// branch, N m s.
-    fn accumulate_totals(&self, k: usize, r: &Vec3, contact: &SolvedContact, totals: &mut ContactTotals) -> f64 {
-        let &PostSolve { scene, state, q_c, contact_problem, velocities: Velocities { v, w, .. }, .. } = self;
-        let (bodies, walls) = (&scene.bodies, &scene.walls);
+    /// Adds the contribution of contact `k` with these arms, m, and the impulse `r` of its row to the totals; returns its impulse
+    /// times its branch, N m s.
+    fn accumulate_totals(
+        &self,
+        k: usize,
+        r: &Vec3,
+        arms: &[Vec3; 2],
+        contact: &SolvedContact,
+        totals: &mut ContactTotals,
+    ) -> f64 {
+        let &PostSolve { scene, q_c, contact_problem, driven, .. } = self;
+        let walls = &scene.walls;
         let row = &contact_problem.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
-        let is_pushed_at_centre = |body: BodyId| q_c.pushed_at_centre.contains(&body);
-        let velocity = match row.bodies.into_iter().any(is_pushed_at_centre) {
-            true => to_local(&contact.frame(), &self.contact_velocity(k, contact, self.velocities_without_rotation)),
+        let velocity = match row.bodies.into_iter().any(|body| q_c.is_pushed_at_centre(body)) {
+            true => {
+                to_local(&contact.frame(), &self.contact_velocity(k, contact, arms, &self.velocities_without_rotation))
+            }
             false => *velocity,
         };
-        if walls[contact.candidate.index()] && walls[contact.antagonist.index()] {
+        let (candidate, antagonist) = (contact.candidate.index(), contact.antagonist.index());
+        if walls[candidate] && walls[antagonist] {
             return 0.0; // not counted in the ledger
         }
         let mean_velocity = 0.5 * (velocity + row.u_before);
-        let (candidate, antagonist) = (contact.candidate.index(), contact.antagonist.index());
         let force = r + contact.normal * row.impulse_shift;
-        let arms = contact_problem.arms_of(k, contact, &q_c.x);
-        // Sum of the angular velocities at the step's start and end, rad/s.
-        let doubled_mean_spin =
-            |body: usize| if is_pushed_at_centre(BodyId::new(body)) { Vec3::zeros() } else { w[body] + q_c.w[body] };
         let rolls = *moment != Vec3::zeros();
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
-        let turning_work =
-            if rolls { 0.5 * moment.dot(&(doubled_mean_spin(candidate) - doubled_mean_spin(antagonist))) } else { 0.0 };
-        // Elastic bonds of faces do not act at the contact point.
-        let has_moved_point = contact.area > 0.0 && self.state.laws[contact.law].bond_stiffness().is_some();
-        let offset = if has_moved_point { arms[0] - contact_arms(contact, &q_c.x)[0] } else { Vec3::zeros() };
-        let moment = if contact_problem.has_friction_offsets() {
-            moment + contact_problem.friction_couple(k, r)
+        let turning_work = if rolls {
+            0.5 * moment.dot(&(self.doubled_mean_spin(candidate) - self.doubled_mean_spin(antagonist)))
         } else {
-            moment
+            0.0
         };
         // A wall's centre has no meaning for the stress of the grains: for a wall the branch ends at the contact point.
         let branch_arm = |body: usize, arm: Vec3| if walls[body] { Vec3::zeros() } else { arm };
@@ -347,34 +361,65 @@ impl PostSolve<'_> {
             totals.outside_work += 0.5 * force.dot(&doubled_image_velocity);
             totals.normal_moments += force.component_mul(&branch);
         }
-        if !bodies[antagonist].driven {
+        if !driven[antagonist] {
             // The impulse on the antagonist acts at its own position, not at the position of the image.
             totals.angular_momentum_change += contact.image.cross(&force);
         }
+        if driven[candidate] || driven[antagonist] {
+            let moment = if contact_problem.has_friction_offsets() {
+                moment + contact_problem.friction_couple(k, r)
+            } else {
+                moment
+            };
+            self.accumulate_driven(contact, arms, &force, &moment, totals);
+        }
+        force.dot(&branch)
+    }
+
+    /// Sum of the angular velocities of a body at the step's start and end, rad/s; 0 if contacts push it at its centre.
+    fn doubled_mean_spin(&self, body: usize) -> Vec3 {
+        let pushed_at_centre = self.q_c.is_pushed_at_centre(BodyId::new(body));
+        if pushed_at_centre { Vec3::zeros() } else { self.velocities.w[body] + self.q_c.w[body] }
+    }
+
+    /// Adds the work and the impulses of the driven bodies of a contact with these arms (m), impulse `force` (N s) and `moment`
+    /// (N m s) on the candidate, world frame, to the totals.
+    fn accumulate_driven(
+        &self,
+        contact: &Contact,
+        arms: &[Vec3; 2],
+        force: &Vec3,
+        moment: &Vec3,
+        totals: &mut ContactTotals,
+    ) {
+        let &PostSolve { scene, state, q_c, driven, velocities: Velocities { v, .. }, .. } = self;
+        let (candidate, antagonist) = (contact.candidate.index(), contact.antagonist.index());
+        // Elastic bonds of faces do not act at the contact point.
+        let has_moved_point = contact.area > 0.0 && state.laws[contact.law].bond_stiffness().is_some();
+        let offset = if has_moved_point { arms[0] - contact_arms(contact, &q_c.x)[0] } else { Vec3::zeros() };
         let sides = [(candidate, antagonist, 1.0), (antagonist, candidate, -1.0)].into_iter().zip(arms);
-        for ((body, other, sign), arm) in sides.filter(|((body, ..), _)| bodies[*body].driven) {
+        for ((body, other, sign), arm) in sides.filter(|((body, ..), _)| driven[*body]) {
             // The impulse of a driven body on the other one: minus the impulse on the driven body.
             let force = force * -sign;
-            if walls[body] {
-                let mut doubled_mean_velocity = (v[body] + state.v[body]) + doubled_mean_spin(body).cross(&arm);
+            if scene.walls[body] {
+                let mut doubled_mean_velocity = (v[body] + state.v[body]) + self.doubled_mean_spin(body).cross(arm);
                 for surfaces in [self.start_surfaces, self.velocities.surfaces] {
-                    doubled_mean_velocity += surface_velocity(BodyId::new(body), &arm, &contact.normal, surfaces);
+                    doubled_mean_velocity += surface_velocity(BodyId::new(body), arm, &contact.normal, surfaces);
                 }
                 totals.outside_work +=
-                    0.5 * (force.dot(&doubled_mean_velocity) - sign * moment.dot(&doubled_mean_spin(body)));
+                    0.5 * (force.dot(&doubled_mean_velocity) - sign * moment.dot(&self.doubled_mean_spin(body)));
             } else {
                 // The reactions of its imposed components balance the same components of the impulse on it.
-                let (driven_body, couple) = (&bodies[body], arm.cross(&force) - moment * sign);
+                let (driven_body, couple) = (&scene.bodies[body], arm.cross(&force) - moment * sign);
                 let couple = driven_body.imposed_rotation_part(&q_c.q[body], &couple);
                 totals.outside_work += 0.5
                     * (driven_body.imposed_part(&force).dot(&(v[body] + state.v[body]))
-                        + couple.dot(&doubled_mean_spin(body)));
+                        + couple.dot(&self.doubled_mean_spin(body)));
             }
-            if !bodies[other].driven {
+            if !driven[other] {
                 totals.driven_impulse += force;
                 totals.angular_momentum_change += (contact.point + offset).cross(&force) - moment * sign;
             }
         }
-        force.dot(&branch)
     }
 }

@@ -92,7 +92,7 @@ pub fn pushed_bodies(
     }
     let span = q_c.reach_time(scene);
     let motion = StepMotion { scene, q_c, span, velocities };
-    let is_pushable = |body: &BodyId| q_c.orientation_kept.contains(body) && !q_c.pushed_at_centre.contains(body);
+    let is_pushable = |body: &BodyId| q_c.orientation_kept.contains(body) && !q_c.is_pushed_at_centre(*body);
     for contact in contacts {
         let bodies = [contact.candidate, contact.antagonist];
         if !bodies.iter().any(is_pushable) || approach(q_c, span, contact, velocities) <= 0.0 {

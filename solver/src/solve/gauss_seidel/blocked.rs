@@ -175,8 +175,9 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
             let slot = slot.load(Ordering::Relaxed);
             if slot != NO_SLOT {
                 let (group, lane) = ((slot >> u32::BITS) as usize, slot as u32 as usize);
-                let batch: &[[f64; BATCH_LANES]; 3] = &groups[group][lane / BATCH_LANES];
-                *impulse = Vec3::from(batch.map(|column| column[lane % BATCH_LANES]));
+                let [x, y, z]: &[[f64; BATCH_LANES]; 3] = &groups[group][lane / BATCH_LANES];
+                let lane = lane % BATCH_LANES;
+                *impulse = Vec3::new(x[lane], y[lane], z[lane]);
             }
         };
         impulses.par_iter_mut().zip(&self.slots).with_min_len(PAR_MIN_LEN).for_each(copy);
