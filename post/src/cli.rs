@@ -14,7 +14,7 @@ use clap::{CommandFactory, Parser};
 use crate::commands::series::process_case;
 use crate::commands::{accuracy_study, compare, impact, movie, report, state, study, track, watch};
 use crate::options::{
-    ImpactFlags, MeasurementFlags, SeriesOptions, SlopeReach, ThreadCount, parse_finite, parse_interval,
+    ImpactFlags, MeasurementFlags, SeriesOptions, SlopeReach, ThreadCount, parse_finite, parse_interval, parse_positive,
 };
 use crate::snapshots::lock_case;
 
@@ -120,6 +120,10 @@ enum Command {
         /// Time up to which snapshots enter the means, s; default: the end of the run
         #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         until: Option<f64>,
+        /// Half the width of the 95 % confidence interval of a mean over seeds, relative to the mean, for which means.csv gives
+        /// the number of runs that are needed
+        #[arg(long, value_name = "X", default_value_t = 0.01, value_parser = parse_positive)]
+        error: f64,
     },
     /// Plots error against run time, from runs of one scene that are compared with the most accurate of them.
     ///
@@ -220,13 +224,17 @@ impl Command {
                 print_line(format_args!("cd-post: {} in {}", count_text(count, "figure"), output.display()));
                 Ok(notes)
             }
-            Command::Study { dirs, output, groups, by, parameters, from, until } => {
+            Command::Study { dirs, output, groups, by, parameters, from, until, error } => {
                 let parameters = parameters.as_deref();
-                let selected = study::StudyOptions { groups, grouping: by, parameters, from: *from, to: *until };
-                let ([runs, figures], notes) = study::write(dirs, &selected, output)?;
-                let [runs, figures] = [count_text(runs, "run"), count_text(figures, "figure")];
+                let (from, to) = (*from, *until);
+                let selected = study::StudyOptions { groups, grouping: by, parameters, from, to, error: *error };
+                let summary = study::write(dirs, &selected, output)?;
+                let [runs, figures] = [count_text(summary.runs, "run"), count_text(summary.figures, "figure")];
                 print_line(format_args!("cd-post: {runs}, {figures} in {}", output.display()));
-                Ok(notes)
+                if let Some(line) = &summary.replicates {
+                    print_line(format_args!("cd-post: {line}"));
+                }
+                Ok(summary.notes)
             }
             Command::AccuracyStudy { dirs, output, groups, values, from, early, title } => {
                 let selected = accuracy_study::AccuracyStudyOptions { groups, values, from: *from, early: *early };

@@ -46,7 +46,7 @@ pub fn parse_finite(text: &str) -> Result<f64, FlagNumberError> {
 }
 
 /// Reads a positive number of the command line.
-fn parse_positive(text: &str) -> Result<f64, FlagNumberError> {
+pub fn parse_positive(text: &str) -> Result<f64, FlagNumberError> {
     parse_finite(text).ok().filter(|number| *number > 0.0).ok_or(FlagNumberError::NotPositive)
 }
 

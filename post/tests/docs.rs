@@ -50,6 +50,18 @@ fn columns_of_a_study() {
 }
 
 #[test]
+fn columns_of_means_and_differences() {
+    use cd_post::commands::replicates::{DIFFERENCE_COLUMNS, MEAN_COLUMNS};
+    for (heading, columns) in [("### means.csv", &MEAN_COLUMNS[..]), ("### differences.csv", &DIFFERENCE_COLUMNS)] {
+        let documented: Vec<[String; 3]> =
+            table("runs.md", heading).into_iter().map(|row| [row[0].clone(), row[1].clone(), row[2].clone()]).collect();
+        let written: Vec<[String; 3]> =
+            columns.iter().map(|&(name, unit, help)| [name, unit, help].map(str::to_string)).collect();
+        assert_eq!(documented, written);
+    }
+}
+
+#[test]
 fn columns_of_an_accuracy_study() {
     let documented: Vec<[String; 3]> = table("runs.md", "## Error against run time")
         .into_iter()

@@ -6,6 +6,7 @@
 //! | [`state`] | one snapshot in depth |
 //! | [`compare`] | one figure and table for each observable, over several runs |
 //! | [`study`] | means of many runs against the number of grains |
+//! | [`replicates`] | means over the seeds of a study, with their errors |
 //! | [`accuracy_study`] | error against cost of runs of one scene |
 //! | [`track`] | one body in a bed of grains |
 //! | [`impact`] | momentum, ejecta and crater of an impact |
@@ -17,6 +18,7 @@ pub mod accuracy_study;
 pub mod compare;
 pub mod impact;
 pub mod movie;
+pub mod replicates;
 pub mod report;
 pub mod series;
 pub mod state;

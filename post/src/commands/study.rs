@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::names::number_text;
+use cd_formats::names::{count_text, number_text};
 use cd_formats::ron_text::known_names;
 use cd_formats::snapshot::Snapshot;
 
+use crate::commands::replicates::{Replicate, ReplicateTables};
 use crate::derive::{Row, SeriesValue};
 use crate::math::FittedLine;
 use crate::snapshots::list_snapshots;
@@ -61,7 +62,15 @@ pub struct StudyOptions<'a> {
     pub from: Option<f64>,
     /// End of these snapshots, s.
     pub to: Option<f64>,
+    /// Half the width of the 95 % confidence interval of a mean that is asked for, over the mean.
+    pub error: f64,
 }
+
+/// Parameter of a study that numbers the replicates.
+const SEED: &str = "seed";
+
+/// Quantities of which the summary says how many replicates they need.
+const SUMMARY_QUANTITIES: [&str; 3] = ["Z", "nu", "pressure"];
 
 /// Cases, with the values of their parameters as in the table of a study.
 #[derive(Debug, Default, PartialEq)]
@@ -224,12 +233,24 @@ impl StudyRun {
     }
 }
 
+/// What [`write`] has written.
+pub struct StudySummary {
+    /// Number of runs.
+    pub runs: usize,
+    /// Number of figures.
+    pub figures: usize,
+    /// Line about the means over replicates, if there are any.
+    pub replicates: Option<String>,
+    /// Messages for the user.
+    pub notes: Vec<String>,
+}
+
 /// Measures each case from its series.csv, steps.csv, TIMER.csv and last snapshot, and writes the table of the runs, the
 /// table of the fitted lines, and the figures. `paths`: case folders, and tables of `cd-pre study` for all of their cases.
 ///
-/// Returns the numbers of runs and of figures, and messages for the user. Errors: another number of groups than of cases, names
+/// Errors: another number of groups than of cases, names
 /// that are repeated or blank, and the faults of the cases' files.
-pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result<([usize; 2], Vec<String>), Faults> {
+pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result<StudySummary, Faults> {
     let study = StudyCases::new(paths, options.parameters)?;
     let cases = &study.folders;
     let groups = study.groups_by(options.grouping)?;
@@ -264,6 +285,11 @@ pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result
     let StudyPlots { figures, fits, .. } = StudyPlots::new(&runs, &group_names);
     atomic::write(&output.join("runs.csv"), table_text(&runs, &study.column_names()).as_bytes())?;
     atomic::write(&output.join("fits.csv"), fits.as_bytes())?;
+    let replicates = replicate_tables(&study, &runs, options);
+    if let Some(tables) = &replicates {
+        atomic::write(&output.join("means.csv"), tables.means.as_bytes())?;
+        atomic::write(&output.join("differences.csv"), tables.differences.as_bytes())?;
+    }
     for (name, figure) in &figures {
         atomic::write(&output.join(format!("{name}.svg")), figure.to_svg().as_bytes())?;
     }
@@ -271,7 +297,56 @@ pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result
     let mut notes: Vec<String> = figures.iter().filter_map(|(_, figure)| figure.repeated_style_warning()).collect();
     notes.sort();
     notes.dedup();
-    Ok(([runs.len(), figures.len()], notes))
+    let summary = replicates.map(|tables| needed_text(&tables, options.error));
+    Ok(StudySummary { runs: runs.len(), figures: figures.len(), replicates: summary, notes })
+}
+
+/// Columns of runs.csv with the values of runs.
+fn quantity_names() -> Vec<&'static str> {
+    Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| *name).collect()
+}
+
+/// Means and differences of the sets of parameters, if the study has seeds or its runs have groups; `None` if no set has two
+/// runs.
+fn replicate_tables(study: &StudyCases, runs: &[StudyRun], options: &StudyOptions) -> Option<ReplicateTables> {
+    let has_groups = !options.groups.is_empty();
+    if !study.names.iter().any(|name| name == SEED) && !has_groups {
+        return None;
+    }
+    let columns = study.column_names();
+    let replicate = |run: &'_ StudyRun| -> (Vec<(String, String)>, String) {
+        let all = || columns.iter().zip(&study.names).zip(&run.parameters);
+        let group = has_groups.then(|| ("group".to_string(), run.group.clone()));
+        let others =
+            all().filter(|((_, name), _)| *name != SEED).map(|((column, _), value)| (column.clone(), value.clone()));
+        let seed = all().find(|((_, name), _)| *name == SEED).map_or(String::new(), |(_, seed)| seed.clone());
+        (group.into_iter().chain(others).collect(), seed)
+    };
+    let texts: Vec<_> = runs.iter().map(replicate).collect();
+    let replicates: Vec<Replicate> = texts
+        .iter()
+        .zip(runs)
+        .map(|((parameters, seed), run)| Replicate {
+            parameters: parameters.iter().map(|(name, value)| (name.as_str(), value.as_str())).collect(),
+            seed,
+            values: &run.values,
+        })
+        .collect();
+    ReplicateTables::new(&replicates, &quantity_names(), options.error)
+}
+
+/// Line of the summary: how many replicates the means of [`SUMMARY_QUANTITIES`] need.
+fn needed_text(tables: &ReplicateTables, error: f64) -> String {
+    let names = quantity_names();
+    let needed = |name: &str| {
+        let needed = tables.needed[names.iter().position(|known| *known == name)?];
+        let number = needed.map_or("more than can be run".to_string(), |needed| needed.to_string());
+        (needed != Some(0)).then(|| format!("{name} {number}"))
+    };
+    let needed: Vec<String> = SUMMARY_QUANTITIES.into_iter().filter_map(needed).collect();
+    let sets = count_text(tables.sets, "parameter set");
+    let percent = number_text(100.0 * error);
+    format!("means of {sets}; replicates of each for 95 % within {percent} % of the mean: {}", needed.join(", "))
 }
 
 /// Values of a run.
