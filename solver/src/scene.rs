@@ -921,6 +921,11 @@ impl Scene {
         FieldModel::from_fields(&options.fields, &self.field_shapes, options.gravity_constant, time, response)
     }
 
+    /// Mass of all primaries, kg: one with a response is the only one.
+    pub fn primary_mass(&self) -> f64 {
+        self.field_shapes.primary_masses(&self.options.fields).into_iter().sum()
+    }
+
     /// Response of the primary at the start, if its field has one: none yet, to the mass of all bodies that it attracts.
     pub fn initial_response(&self) -> Option<PrimaryResponse> {
         self.options.fields.iter().find(|field| field.has_response())?;
@@ -1031,9 +1036,9 @@ impl Scene {
                 ExternalField::Oblate { mass, .. } => format!("oblate mass of {mass:e} kg {motion}"),
                 ExternalField::Polyhedron { surface, density, rate, .. } => {
                     let motion = match (field.orbit(), *rate == [0.0; 3]) {
-                        (None, false) => "that turns",
-                        (Some(_), false) => "that turns on an orbit",
-                        (_, true) => motion,
+                        (None, false) => "that turns".into(),
+                        (Some(_), false) => format!("that turns {motion}"),
+                        (_, true) => motion.to_string(),
                     };
                     format!("attraction of {surface}, {density} kg/m^3, {motion}")
                 }
