@@ -467,6 +467,8 @@ pub struct Scene {
     pub field_shapes: FieldShapes,
     /// Step and time of the state in DATBOX.
     pub start: StepTime,
+    /// Whether the run begins with the motion with which the last step of another run ended, and continues that run.
+    pub continues_run: bool,
     /// Step and time from which steps of `dt` are counted: start of the run, unless `dt` has changed at a resume.
     pub counted_from: StepTime,
     /// Events of the options ordered by time; repeated ones occur once per repetition.

@@ -44,6 +44,74 @@ fn a_run_that_continues_in_another_folder_equals_the_unbroken_one() {
     assert!(origin(&anew).iter().all(|(body, number)| body == number));
 }
 
+/// Rocks that have fallen into a box: the friction of a face acts at points that move along it as the face spins, so that the
+/// velocities of the contacts in the file are not those of the bodies, although these are the same.
+#[test]
+fn rocks_that_stick_in_faces_continue_bit_for_bit() {
+    let scene = r#"(
+        seed: 1,
+        gravity: (0.0, 0.0, -9.81),
+        materials: [(name: "ROCKx", density: 2000.0)],
+        laws: [(name: "iqsc0", kind: IQS_DS_CLB(dynamic_friction: 0.3, static_friction: 0.6))],
+        contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "WALLx"), law: "iqsc0")],
+        grains: [(
+            material: "ROCKx",
+            colour: "BLUEx",
+            number: 6,
+            sizes: Single(0.3),
+            shape: Random(vertices: (8, 10)),
+            placement: RandomSequential(envelope: Box(lengths: (1.5, 1.5, 4.0))),
+            spin: (0.0, 0.0, 2.0),
+        )],
+        walls: [Box(material: "ROCKx", colour: "WALLx", lengths: (2.0, 2.0, 6.0), half_thickness: 0.5)],
+        compute: (dt: 0.01, steps: 100, output_every: 10),
+    )"#;
+    let unbroken = Case::from_scene(scene).solved(&[]);
+    for (keep_time, last) in [(true, 100), (false, 10)] {
+        let changes = format!("(bodies: [(snapshot: 90)], keep_time: {keep_time})");
+        let case = next_case(&unbroken, &changes).solved(&["--steps", "10"]);
+        assert_eq!(bits(&case.snapshot(last)), bits(&unbroken.snapshot(100)), "{keep_time}");
+    }
+    // Bodies that have got other velocities begin a run anew.
+    let continues = |changes: &str| {
+        let case = next_case(&unbroken, changes);
+        Snapshot::read(&case.datbox(snapshot::START_FILE)).unwrap().meta.continues_run
+    };
+    assert!(continues("(bodies: [(snapshot: 90)])"));
+    for changes in [
+        "(bodies: [(snapshot: 90, velocity: (0.0, 0.0, 1.0))])",
+        "(bodies: [(snapshot: 90, walls: false)])",
+        "(bodies: [(snapshot: 90)], contacts: [(between: (\"BLUEx\", \"BLUEx\"), law: \"iqsc0\")])",
+        "(bodies: [(snapshot: 90)], compute: (dt: 0.01, theta: 0.6))",
+        "(bodies: [(snapshot: 90)], materials: [(name: \"ROCKx\", density: 4000.0)])",
+        "(bodies: [(snapshot: 0)])",
+    ] {
+        assert!(!continues(changes), "{changes}");
+    }
+}
+
+/// A mass on an orbit that a run without `keep_time` sends along its path again.
+#[test]
+fn orbits_that_begin_again_are_reported() {
+    let field =
+        |mass: &str| format!("fields: [PointMass(mass: {mass}, orbit: Elements(periapsis: 1.0e3, eccentricity: 2.0))]");
+    let run = Case::from_scene(&spheres("[(0.0, 0.0, 0.0)]", &field("1.0e9"))).solved(&["--steps", "6"]);
+    let summary = |changes: &str| {
+        let case = Case::empty();
+        let file = case.path().join("changes.ron");
+        fs::write(&file, changes).unwrap();
+        cd_pre::from_outbox::write_datbox(run.path(), Some(&file), &[], case.path()).unwrap()
+    };
+    let note =
+        "fields: the orbits begin at time 0 again, not at the 1.5 s of the snapshot; keep_time: true continues them\n";
+    assert!(summary("()").contains(note), "{}", summary("()"));
+    // The run continues, begins with the first snapshot, or has another orbit.
+    let other = format!("(compute: (dt: 0.25, {}))", field("2.0e9"));
+    for changes in ["(keep_time: true)", "(bodies: [(snapshot: 0)])", other.as_str()] {
+        assert!(!summary(changes).contains("orbits begin"), "{changes}");
+    }
+}
+
 #[test]
 fn an_end_before_the_state_is_rejected() {
     let run = Case::from_scene(&cloud(4, 0.1, 1, "dt: 8.0, steps: 2")).solved(&[]);
