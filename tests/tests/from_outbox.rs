@@ -1174,6 +1174,56 @@ fn forces_that_follow_from_a_bulk_strength_are_printed() {
     assert!(summary.contains(&line), "{summary}\n{line}");
 }
 
+/// The packing of a snapshot, as cd-post has measured it, takes the place of `nu` and `z`.
+#[test]
+fn a_bulk_strength_follows_from_the_measured_packing() {
+    let run = Case::from_scene(&cloud(40, 0.4, 1, "dt: 8.0, steps: 200, output_every: 100")).solved(&[]);
+    let case = Case::empty();
+    let changes = case.path().join("changes.ron");
+    let text = |packing: &str| {
+        format!(
+            r#"(laws: [(
+                name: "iqsc0",
+                bulk_strength: (tension: 50.0{packing}),
+                kind: IQS_COH_DS_CLB(cohesive_stress: 0.0, full_range: 0.01, range: 0.05, dynamic_friction: 0.4,
+                    static_friction: 0.5),
+            )])"#
+        )
+    };
+    let attempt = |packing: &str| {
+        fs::write(&changes, text(packing)).unwrap();
+        let written = cd_pre::from_outbox::write_datbox(run.path(), Some(&changes), &[], case.path());
+        written.map_err(|faults| faults.to_string())
+    };
+    let advice = format!("run cd-post {} --no-vtk --no-plots first", run.path().display());
+    let fault = attempt("").unwrap_err();
+    assert!(fault.contains("bulk_strength: no nu or z, and no table") && fault.contains(&advice), "{fault}");
+    let series = run.series();
+    let [nu, z] = ["nu", "Z"].map(|name| *series[name].last().unwrap());
+    let stress = |summary: &str| -> f64 {
+        let (_, after) = summary.split_once("cohesive_stress ").unwrap();
+        after.split_once(" Pa").unwrap().0.parse().unwrap()
+    };
+    // Five decimals of c = 16 σ/(ν Z).
+    let summary = attempt("").unwrap();
+    assert!((stress(&summary) - 16.0 * 50.0 / (nu * z)).abs() < 1e-5, "{summary}");
+    let line = format!(
+        "law iqsc0: the packing has nu {nu:.4} and z {z:.4}, see {}/POSTPRO/series.csv\n",
+        run.path().display()
+    );
+    assert!(summary.contains(&line), "{summary}\n{line}");
+    // Given values come first.
+    assert!((stress(&attempt(", z: 4.0").unwrap()) - 16.0 * 50.0 / (nu * 4.0)).abs() < 1e-5);
+    assert!((stress(&attempt(", nu: 0.5, z: 4.0").unwrap()) - 400.0).abs() < 1e-5);
+    // A table of another run with the same steps: the contacts have done other work.
+    let table = run.path().join("POSTPRO/series.csv");
+    let work = format!("{:?}", series["E_contacts"].last().unwrap());
+    let text_of_other = fs::read_to_string(&table).unwrap().replace(&work, "-1.0");
+    fs::write(&table, text_of_other).unwrap();
+    let fault = attempt("").unwrap_err();
+    assert!(fault.contains("without the snapshot of step 200") && fault.contains(&advice), "{fault}");
+}
+
 /// Times are products k `dt` of the step from the start of the first run, also in the runs that continue it: with `dt` =
 /// 1e-3 s they differ in the last bits from sums, and so would a wall that follows a function of time.
 #[test]

@@ -5,6 +5,7 @@
 //! | [`mod@changes`] | contents of the file of changes |
 //! | [`digits`] | numbers with more digits than DATBOX can hold |
 //! | `overlaps` | overlaps of bodies of different origin |
+//! | `packing` | measured packing for strengths of the bulk |
 //! | [`options`] | options of a run, as recorded in its snapshot |
 //! | [`source`] | a case with one of its snapshots; selection and motion of its bodies |
 //! | [`tables`] | merged materials, laws and visibility of several cases |
@@ -15,6 +16,7 @@ pub mod changes;
 pub mod digits;
 pub mod options;
 mod overlaps;
+mod packing;
 pub mod source;
 pub mod tables;
 
@@ -71,6 +73,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let folder = file.parent().unwrap_or(Path::new(""));
     let sources = read_sources(&request, case, folder, dir, &mut report);
     reject_faults(&mut report)?;
+    let packing_lines = packing::complete_bulk_strengths(&mut request.changes.laws, &sources[0], &mut report);
+    reject_faults(&mut report)?;
     request.changes.laws.iter_mut().for_each(Law::apply_bulk_strength);
     let parts = select_parts(&request.changes, &sources, &mut report);
     reject_faults(&mut report)?;
@@ -124,6 +128,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     summary += &digits::lost_digits(&records.0[..selected_count], &tables, &driven);
     summary += &group_lines(&new.scene, &new.population);
     let radii = parts.iter().flat_map(SourcePart::contact_radii).chain(contact_radii(&new.population));
+    summary += &packing_lines;
     summary += &pair_law_lines(&request.changes.laws, radii);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     summary += &format!("{}; wrote {}: {}\n", count_text(records.0.len(), "body"), datbox.display(), names.join(" "));
