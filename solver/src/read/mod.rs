@@ -156,6 +156,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     scene.warnings.extend(changed_files);
     scene.warnings.extend(origin_change_warning(case));
     scene.warnings.extend(behaviour::pass_through_warning(&scene));
+    scene.warnings.extend(behaviour::tidal_torque_warning(&scene));
     scene.warnings.extend(former_option_names(&datbox));
     scene.events = event_schedule(&scene.options.events, scene.end_time());
     let dt = scene.options.dt.min(state.h);
