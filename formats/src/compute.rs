@@ -170,6 +170,9 @@ pub enum ExternalField {
         /// Orbit of the centre of mass.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         orbit: Option<OrbitSpec>,
+        /// Whether the centre of mass is attracted by the bodies in turn.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        response: bool,
     },
     /// Frame that rotates (rad/s) about a point (m): centrifugal and Coriolis force.
     RotatingFrame { rate: [f64; 3], centre: [f64; 3] },
@@ -204,7 +207,7 @@ impl ExternalField {
                 let sound = is_positive(*mass) && is_positive(*radius) && j2.is_finite() && is_positive(squared_length);
                 if sound { path_fault(*mass, position, orbit) } else { Some(expected) }
             }
-            ExternalField::Polyhedron { surface, scale, density, position, rate, orbit } => {
+            ExternalField::Polyhedron { surface, scale, density, position, rate, orbit, response: _ } => {
                 let sound = is_positive(*scale)
                     && is_positive(*density)
                     && are_finite(&[position, rate])
@@ -229,16 +232,10 @@ impl ExternalField {
     /// Whether the mass of the field is attracted by the bodies in turn.
     pub fn has_response(&self) -> bool {
         match self {
-            ExternalField::PointMass { response, .. } | ExternalField::Oblate { response, .. } => *response,
-            ExternalField::Polyhedron { .. } | ExternalField::RotatingFrame { .. } => false,
-        }
-    }
-
-    /// Mass of the field, kg; 0 if it is not given by a mass.
-    pub fn mass(&self) -> f64 {
-        match self {
-            ExternalField::PointMass { mass, .. } | ExternalField::Oblate { mass, .. } => *mass,
-            ExternalField::Polyhedron { .. } | ExternalField::RotatingFrame { .. } => 0.0,
+            ExternalField::PointMass { response, .. }
+            | ExternalField::Oblate { response, .. }
+            | ExternalField::Polyhedron { response, .. } => *response,
+            ExternalField::RotatingFrame { .. } => false,
         }
     }
 

@@ -46,6 +46,8 @@ pub enum FieldModel {
         /// Point that falls in the attraction of the body, as of a point mass, and with which these axes fall, m; `None` of a
         /// body that is not on an orbit.
         falling_point: Option<Vec3>,
+        /// Displacement of the body from its orbit by its response to the bodies, part of `position`, m.
+        displacement: Vec3,
     },
     /// Axes that rotate about a point.
     RotatingAxes {
@@ -120,6 +122,7 @@ impl FieldModel {
                         position: if falling_point.is_some() { centre } else { (*position).into() },
                         rotation: turns.then(|| UnitQuaternion::from_scaled_axis(Vec3::from(*rate) * time)),
                         falling_point,
+                        displacement: deviation(response).0,
                     };
                 }
                 ExternalField::RotatingFrame { rate, centre } => {
@@ -180,7 +183,7 @@ impl FieldModel {
     /// [`acceleration_and_potential`](Self::acceleration_and_potential) at each of the points `x`, the same numbers in less time
     /// for polyhedra.
     pub fn accelerations_and_potentials(&self, x: &[Vec3]) -> Vec<(Vec3, f64)> {
-        let FieldModel::Polyhedron { strength, shape, position, rotation, falling_point } = self else {
+        let FieldModel::Polyhedron { strength, shape, position, rotation, falling_point, displacement } = self else {
             return x.iter().map(|x| self.acceleration_and_potential(x)).collect();
         };
         let to_shape = |x: &Vec3| {
@@ -194,8 +197,12 @@ impl FieldModel {
             let to_world = |vector: Vec3| rotation.map_or(vector, |rotation| rotation * vector) * *strength;
             *attraction = match falling_point {
                 Some(falling_point) => {
-                    tide(strength * shape.volume(), &(falling_point - position), &(x - falling_point))
-                        + to_world(shape.attraction_of_shape(point, attraction))
+                    let orbit_position = position - displacement;
+                    tide(
+                        strength * shape.volume(),
+                        &(falling_point - orbit_position),
+                        &(x - displacement - falling_point),
+                    ) + to_world(shape.attraction_of_shape(point, attraction))
                 }
                 None => to_world(*attraction),
             };
@@ -253,6 +260,17 @@ impl FieldShapes {
         }
         faults.into_result(FieldShapes(shapes))
     }
+
+    /// Mass of the primary of each of the fields of these shapes, kg; 0 of turning axes.
+    pub fn primary_masses(&self, fields: &[ExternalField]) -> Vec<f64> {
+        let mut shapes = self.0.iter();
+        let mass_of = |field: &ExternalField| match field {
+            ExternalField::PointMass { mass, .. } | ExternalField::Oblate { mass, .. } => *mass,
+            ExternalField::Polyhedron { density, .. } => density * shapes.next().map_or(0.0, |shape| shape.volume()),
+            ExternalField::RotatingFrame { .. } => 0.0,
+        };
+        fields.iter().map(mass_of).collect()
+    }
 }
 
 /// Attraction at `r` + `d` less that at `r` from a mass with G M = `strength` (m^3/s^2), m/s^2, without cancellation. With q =
@@ -287,22 +305,17 @@ pub fn primary_motions(
     let velocity: Vec3 = response.map_or([0.0; 3], |response| response.velocity).into();
     // Motion of the origin, then of the last primary on an orbit.
     let (mut position_before, mut velocity_before) = (Vec3::zeros(), Vec3::zeros());
-    let mut shapes = shapes.0.iter();
-    let motion_of = |field: &ExternalField| {
-        let (mass, position, orbit) = match field {
-            ExternalField::PointMass { mass, position, orbit, .. }
-            | ExternalField::Oblate { mass, position, orbit, .. } => (*mass, *position, orbit),
-            ExternalField::Polyhedron { density, orbit, .. } => {
-                (density * shapes.next().map_or(0.0, |shape| shape.volume()), None, orbit)
-            }
-            ExternalField::RotatingFrame { .. } => return None,
+    let motion_of = |(field, mass): (&ExternalField, f64)| {
+        let position = match field {
+            ExternalField::PointMass { position, .. } | ExternalField::Oblate { position, .. } => *position,
+            ExternalField::Polyhedron { .. } | ExternalField::RotatingFrame { .. } => None,
         };
-        let Some(orbit) = orbit else { return position.map(|position| (position.into(), Vec3::zeros())) };
+        let Some(orbit) = field.orbit() else { return position.map(|position| (position.into(), Vec3::zeros())) };
         let (r, v) = orbit.to_orbit(gravity_constant * (mass + bodies_mass)).position_and_velocity(time);
         (position_before, velocity_before) = (position_before - r, velocity_before - v);
         Some((position_before + displacement, velocity_before + velocity))
     };
-    fields.iter().map(motion_of).collect()
+    fields.iter().zip(shapes.primary_masses(fields)).map(motion_of).collect()
 }
 
 #[cfg(test)]

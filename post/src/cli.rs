@@ -14,7 +14,8 @@ use clap::{CommandFactory, Parser};
 use crate::commands::series::process_case;
 use crate::commands::{accuracy_study, compare, impact, movie, report, state, study, track, watch};
 use crate::options::{
-    ImpactFlags, MeasurementFlags, SeriesOptions, SlopeReach, ThreadCount, parse_finite, parse_interval, parse_positive,
+    AxesFlag, ImpactFlags, MeasurementFlags, SeriesOptions, SlopeReach, ThreadCount, parse_finite, parse_interval,
+    parse_positive,
 };
 use crate::snapshots::lock_case;
 
@@ -67,6 +68,8 @@ enum Command {
         mean: u32,
         #[command(flatten)]
         slope: SlopeReach,
+        #[command(flatten)]
+        axes: AxesFlag,
         #[command(flatten)]
         threads: ThreadCount,
     },
@@ -164,6 +167,8 @@ enum Command {
         #[arg(long, value_name = "N")]
         body: u64,
         #[command(flatten)]
+        axes: AxesFlag,
+        #[command(flatten)]
         threads: ThreadCount,
     },
     /// Measures an impact: momentum enhancement, ejecta with their speeds and angles, diameter and depth of the crater.
@@ -206,10 +211,10 @@ impl Command {
             notes
         };
         match self {
-            Command::State { dir, snapshot, mean, slope, threads: _ } => {
-                state::write(dir, *snapshot, *mean, slope.slope_reach).map(print_path)
+            Command::State { dir, snapshot, mean, slope, axes, threads: _ } => {
+                state::write(dir, *snapshot, *mean, slope.slope_reach, axes.axes).map(print_path)
             }
-            Command::Track { dir, body, threads: _ } => track::write(dir, *body).map(print_path),
+            Command::Track { dir, body, axes, threads: _ } => track::write(dir, *body, axes.axes).map(print_path),
             Command::Impact { dir, flags, threads: _ } => impact::write(dir, &flags.impact_options()).map(print_path),
             Command::Report(PageOptions { dir, every, measures, threads: _ }) => {
                 report::write(dir, *every, measures, None).map(print_path)

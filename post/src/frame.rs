@@ -17,6 +17,7 @@ use cd_formats::snapshot::{
 };
 use nalgebra::{Quaternion, UnitQuaternion};
 
+use crate::axes::{AxesOrigin, OutputAxes};
 use crate::math::{Mat3, Vec3};
 use crate::shapes::{ShapeCache, SolidShape};
 
@@ -40,6 +41,8 @@ pub struct Frame {
     pub interval: SnapshotInterval,
     /// Shapes of the attracting polyhedra among the fields of the options.
     pub field_shapes: FieldShapes,
+    /// Origin of the axes in which positions and velocities are written; everything in the frame is in those of the computation.
+    pub origin: AxesOrigin,
 }
 
 /// Sums over the contacts since the snapshot before.
@@ -271,6 +274,13 @@ impl Frame {
         Ok(Frame { field_shapes, ..Frame::with_solids(snapshot, solids, laws) })
     }
 
+    /// Calls [`Frame::read`], for positions and velocities that are written in `axes`. Errors: its errors, and those of
+    /// [`OutputAxes::origin`].
+    pub fn read_for_axes(path: &Path, shapes: &ShapeCache, axes: OutputAxes) -> Result<Frame, Faults> {
+        let frame = Frame::read(path, shapes)?;
+        Ok(Frame { origin: axes.origin(&frame.meta, &frame.field_shapes)?, ..frame })
+    }
+
     /// Splits a valid snapshot, without the bodies that are not in the run; `solids` has the polyhedron of each body, None
     /// for the other bodies, and `laws` the laws of the snapshot.
     pub fn with_solids(snapshot: Snapshot, mut solids: Vec<Option<Arc<SolidShape>>>, laws: Vec<LawModel>) -> Frame {
@@ -377,8 +387,8 @@ impl Frame {
             length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
             touched_pairs: touched_pairs.collect(),
         };
-        let field_shapes = FieldShapes::default();
-        Frame { meta, laws, grains, walls, absent, departed, contacts, interval, field_shapes }
+        let (field_shapes, origin) = (FieldShapes::default(), AxesOrigin::default());
+        Frame { meta, laws, grains, walls, absent, departed, contacts, interval, field_shapes, origin }
     }
 
     /// Periodic cell of the scene.

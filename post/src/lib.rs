@@ -42,11 +42,13 @@
 //! | [`commands`] | the commands, one module each |
 //! | [`mod@snapshots`] | lists of snapshots |
 //! | [`frame`], [`shapes`] | a snapshot, and the shapes of its polyhedra |
+//! | [`axes`] | axes of written positions and velocities |
 //! | [`tables`] | tables of runs |
 //! | [`math`] | vectors, fitted lines, medians |
 //! | [`mod@derive`] | observables of a frame |
 //! | [`mod@write`] | figures, pictures and ParaView files |
 
+pub mod axes;
 pub mod cli;
 pub mod commands;
 pub mod derive;

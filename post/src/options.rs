@@ -6,6 +6,7 @@ use std::str::FromStr;
 
 use clap::builder::RangedU64ValueParser;
 
+use crate::axes::OutputAxes;
 use crate::derive::MeasurementOptions;
 use crate::derive::energy::PairSummation;
 use crate::derive::free_surface::DEFAULT_SLOPE_REACH;
@@ -148,6 +149,15 @@ impl ImpactFlags {
     }
 }
 
+/// Axes in which positions and velocities are written.
+#[derive(Debug, Clone, Copy, Default, clap::Args)]
+pub struct AxesFlag {
+    /// Axes of written positions and velocities in a run with orbits: those of the computation, which fall freely
+    /// (computed), axes at rest (inertial), or axes about the mass of field N (primary:N)
+    #[arg(long = "frame", value_name = "AXES", default_value_t = OutputAxes::Computed)]
+    pub axes: OutputAxes,
+}
+
 /// Threads of the commands that compute from the snapshots of one case.
 #[derive(Debug, Clone, Copy, Default, clap::Args)]
 pub struct ThreadCount {
@@ -192,6 +202,8 @@ pub struct SeriesOptions {
     #[command(flatten)]
     pub measures: MeasurementFlags,
     #[command(flatten)]
+    pub axes: AxesFlag,
+    #[command(flatten)]
     pub threads: ThreadCount,
 }
 
@@ -201,7 +213,8 @@ impl Default for SeriesOptions {
         let dir = PathBuf::new();
         let (every, no_plots, no_vtk, direct_gravity) = (1, false, false, false);
         let (vtk_format, measures, threads) = (VtkFormat::Vtp, MeasurementFlags::default(), ThreadCount::default());
-        SeriesOptions { dir, every, no_plots, no_vtk, vtk_format, piece_cells: None, direct_gravity, measures, threads }
+        let (piece_cells, axes) = (None, AxesFlag::default());
+        SeriesOptions { dir, every, no_plots, no_vtk, vtk_format, piece_cells, direct_gravity, measures, axes, threads }
     }
 }
 

@@ -11,6 +11,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use cd_formats::compute::ExternalField;
+use cd_formats::orbit::OrbitSpec;
 use cd_formats::snapshot;
 use nalgebra::Vector3;
 use samples::Scene;
@@ -1270,4 +1271,151 @@ fn a_file_that_may_not_grow_is_rejected() {
     assert!(output.status.code() == Some(2) && said.contains(": cannot be written: "), "{said}");
     let parts = ["POSTPRO", "DISPLAY"].map(|folder| names(&case.path().join(folder)));
     assert!(parts.iter().flatten().all(|name| !name.ends_with(".part")), "{parts:?}");
+}
+
+/// G M (m^3/s^2) with G = 1, semi-major axis (m) and eccentricity of the hyperbola of the tests of axes.
+const HYPERBOLA: [f64; 3] = [4.0e14, 1.1e7, 4.2];
+
+/// Case with a snapshot of a grain in the origin and one at (3, -2, 1) m that moves with (0.1, 0.2, 0) m/s, while the origin
+/// passes a mass on a hyperbola, which is the planet of a `star` or alone.
+///
+/// Returns the case, and position and velocity of the origin relative to the mass at the anomaly F, in closed form:
+/// x = a (e - cosh F), y = a sqrt(e^2 - 1) sinh F at the time sqrt(a^3 / G M) (e sinh F - F).
+fn passing_grains(anomaly: f64, star: bool) -> (tempfile::TempDir, [Vector3<f64>; 2]) {
+    let [mu, a, e] = HYPERBOLA;
+    let mean_motion = (mu / a.powi(3)).sqrt();
+    let (sinh, cosh) = (anomaly.sinh(), anomaly.cosh());
+    let (minor, rate) = (a * (e * e - 1.0).sqrt(), mean_motion / (e * cosh - 1.0));
+    let position = Vector3::new(a * (e - cosh), minor * sinh, 0.0);
+    let velocity = Vector3::new(-a * sinh, minor * cosh, 0.0) * rate;
+    let orbit = |semi_major_axis: f64, eccentricity: f64| {
+        Some(OrbitSpec::Elements {
+            periapsis: None,
+            semi_major_axis: Some(semi_major_axis),
+            eccentricity: Some(eccentricity),
+            v_infinity: None,
+            inclination: 0.0,
+            node: 0.0,
+            argument: 0.0,
+            periapsis_time: 0.0,
+        })
+    };
+    let point_mass =
+        |mass: f64, orbit: Option<OrbitSpec>| ExternalField::PointMass { mass, position: None, orbit, response: false };
+    let mut scene = Scene::default();
+    scene.grain([0.0; 3], 1.0);
+    let other = scene.grain([3.0, -2.0, 1.0], 1.0);
+    scene.snapshot.bodies.body_v[other] = [0.1, 0.2, 0.0];
+    let meta = &mut scene.snapshot.meta;
+    (meta.time, meta.h, meta.parameters.gravity_constant) = ((e * sinh - anomaly) / mean_motion, 1.0, 1.0);
+    meta.parameters.fields = vec![point_mass(mu, orbit(-a, e))];
+    if star {
+        meta.parameters.fields.push(point_mass(1.3e20, orbit(1.5e11, 0.0)));
+    }
+    let case = tempfile::tempdir().unwrap();
+    scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 0)).unwrap();
+    (case, [position, velocity])
+}
+
+#[test]
+fn grains_on_a_hyperbola_are_seen_from_its_focus() {
+    for anomaly in [-2.0, 0.0, 0.7, 3.0] {
+        let (case, [position, velocity]) = passing_grains(anomaly, false);
+        let output = cd_post(&["--no-plots", "--frame", "primary:1"], case.path());
+        assert_eq!((output.status.code(), output.stderr.as_slice()), (Some(0), &[][..]));
+        let text = fs::read_to_string(case.path().join("DISPLAY/grains-000000.vtp")).unwrap();
+        let arrays = vtp::arrays(&text).unwrap();
+        // Kepler's equation with the time rounded to 2^-53, and a few roundings.
+        let near = |name: &str, first: usize, expected: &Vector3<f64>| {
+            let found = Vector3::from_column_slice(&arrays[name][first..first + 3]);
+            assert!((found - expected).norm() < 4e-15 * expected.norm(), "{anomaly} {name}: {found} {expected}");
+        };
+        near("points", 0, &position);
+        near("velocity", 0, &velocity);
+        near("points", 3, &(position + Vector3::new(3.0, -2.0, 1.0)));
+        near("velocity", 3, &(velocity + Vector3::new(0.1, 0.2, 0.0)));
+        // The grains keep their distance but for the rounding of their positions.
+        let distance: Vec<f64> = (0..3).map(|k| arrays["points"][3 + k] - arrays["points"][k]).collect();
+        let rounding = position.amax() * f64::EPSILON;
+        assert!(distance.iter().zip([3.0, -2.0, 1.0]).all(|(found, expected)| (found - expected).abs() <= rounding));
+        let value = |table: &str, name: &str| column(&case.path().join("POSTPRO").join(table), name)[0];
+        let centre = position + Vector3::new(1.5, -1.0, 0.5);
+        assert!((value("series.csv", "com_x") - centre.x).abs() < 4e-15 * centre.norm());
+        let momentum = (velocity + Vector3::new(0.05, 0.1, 0.0)) * value("series.csv", "mass");
+        assert!((value("series.csv", "P_y") - momentum.y).abs() < 4e-15 * momentum.norm());
+        // The mass is at rest in the origin of its axes; `distance` is that from the grains.
+        assert!(["x", "y", "z", "v_x", "v_y", "v_z"].iter().all(|name| value("primaries.csv", name) == 0.0));
+        assert!((value("primaries.csv", "distance") / position.norm() - 1.0).abs() < 4e-15);
+        // A mass that nothing attracts is at rest.
+        let tables = || {
+            ["POSTPRO/series.csv", "POSTPRO/primaries.csv", "DISPLAY/grains-000000.vtp"]
+                .map(|name| fs::read(case.path().join(name)).unwrap())
+        };
+        let about_mass = tables();
+        cd_post(&["--no-plots", "--frame", "inertial"], case.path());
+        assert_eq!(tables(), about_mass);
+    }
+}
+
+#[test]
+fn tables_of_a_body_and_of_fragments_are_about_the_mass() {
+    let (case, [position, velocity]) = passing_grains(0.7, false);
+    let value = |table: &str, name: &str| column(&case.path().join("POSTPRO").join(table), name)[0];
+    cd_post(&["track", "--body", "2", "--frame", "primary:1"], case.path());
+    let near = |found: f64, expected: f64, scale: f64| assert!((found - expected).abs() < 4e-15 * scale, "{found}");
+    near(value("track-2/track.csv", "y"), position.y - 2.0, position.norm());
+    near(value("track-2/track.csv", "v_x"), velocity.x + 0.1, velocity.norm());
+    cd_post(&["state", "--frame", "primary:1"], case.path());
+    near(value("state-000000/fragments.csv", "x"), position.x, position.norm());
+    near(value("state-000000/fragments.csv", "v_y"), velocity.y, velocity.norm());
+    // A point of the surface of the first grain, 1 m across.
+    let surface = value("state-000000/surface.csv", "y");
+    assert!((surface - position.y).abs() < 1.0 + 1e-6, "{surface}");
+}
+
+#[test]
+fn axes_of_the_computation_are_the_default() {
+    let (case, _) = passing_grains(0.7, true);
+    let written = |flags: &[&str]| {
+        assert_eq!(cd_post(flags, case.path()).status.code(), Some(0));
+        ["POSTPRO/series.csv", "POSTPRO/primaries.csv", "DISPLAY/grains-000000.vtp"]
+            .map(|name| fs::read(case.path().join(name)).unwrap())
+    };
+    let [series, primaries, grains] = written(&[]);
+    assert_eq!(written(&["--frame", "computed"]), [series.clone(), primaries, grains]);
+    let value = |name: &str| column(&case.path().join("POSTPRO/series.csv"), name)[0];
+    assert_eq!([value("com_x"), value("com_y"), value("com_z")], [1.5, -1.0, 0.5]);
+    // The planet of a star moves in axes at rest, and these are those about the star.
+    let [inertial, about_star, about_planet] =
+        ["inertial", "primary:2", "primary:1"].map(|axes| written(&["--frame", axes]));
+    assert!(inertial == about_star && about_star != about_planet);
+    let primaries = case.path().join("POSTPRO/primaries.csv");
+    written(&["--frame", "inertial"]);
+    // A circle about the star with G (M + m) = 1.3e20: sqrt(G M / r); relative to this the mass of the planet is not counted.
+    let planet_speed =
+        ["v_x", "v_y", "v_z"].map(|name| column(&primaries, name)[0]).iter().map(|v| v * v).sum::<f64>().sqrt();
+    assert!((planet_speed / (1.3e20_f64 / 1.5e11).sqrt() - 1.0).abs() < 1e-14, "{planet_speed}");
+}
+
+#[test]
+fn axes_without_a_primary_are_rejected() {
+    let (case, _) = passing_grains(0.7, true);
+    let message = |flags: &[&str], case: &Path| {
+        let output = cd_post(flags, case);
+        assert_eq!(output.status.code(), Some(2));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert_eq!(
+        message(&["--frame", "primary:3"], case.path()),
+        "cd-post: options: --frame: primary:3; expected computed, inertial or primary:1 or primary:2\n"
+    );
+    let text = message(&["--frame", "primary:0"], case.path());
+    assert!(text.contains("expected computed, inertial or primary:N"), "{text}");
+    for axes in ["inertial", "primary:1"] {
+        let found = message(&["--frame", axes], self::case(&[0]).path());
+        assert_eq!(
+            found,
+            format!("cd-post: options: --frame: {axes}; expected computed, as no field of the run has an orbit\n")
+        );
+    }
 }

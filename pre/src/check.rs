@@ -72,6 +72,7 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
     report.require(!scene.laws.is_empty(), "laws", "an empty list", "at least one");
     for (k, law) in scene.laws.iter().enumerate() {
         check_law(report, &format!("laws.{k}"), law);
+        check_given_packing(report, &format!("laws.{k}.bulk_strength"), law);
     }
     report.require(!scene.grains.is_empty(), "grains", "an empty list", "at least one group of grains");
     for (k, grains) in scene.grains.iter().enumerate() {
@@ -277,9 +278,12 @@ fn check_bulk_strength(report: &mut FaultReport, path: &str, law: &Law) {
     let field_path = |name: &str| format!("{path}.bulk_strength.{name}");
     let holds = bulk.tension >= 0.0 && fits_files(bulk.tension);
     require_in_files(report, holds, &field_path("tension"), bulk.tension, "a stress >= 0 Pa");
-    let holds = bulk.nu > 0.0 && bulk.nu <= 1.0;
-    report.require_number(holds, &field_path("nu"), bulk.nu, "a solid fraction > 0 and <= 1");
-    check_positive(report, &field_path("z"), bulk.z, "a coordination number > 0");
+    if let Some(nu) = bulk.nu {
+        report.require_number(nu > 0.0 && nu <= 1.0, &field_path("nu"), nu, "a solid fraction > 0 and <= 1");
+    }
+    if let Some(z) = bulk.z {
+        check_positive(report, &field_path("z"), z, "a coordination number > 0");
+    }
     match (pair.strength, bulk.diameter) {
         (PairStrength::VanDerWaals { .. }, None) => {
             report.add_fault(&format!("{path}.bulk_strength"), "no diameter", "diameter: the strength depends on it");
@@ -299,6 +303,14 @@ fn check_bulk_strength(report: &mut FaultReport, path: &str, law: &Law) {
         let path = format!("{path}.kind.{}", parameter.name());
         let found = format!("{} together with a bulk_strength", report.number_text(&path, *value));
         report.add_fault(&path, found, "0: it follows from bulk_strength");
+    }
+}
+
+/// Checks that the strength of the bulk of a law in a scene, at `path`, has its packing, which nobody has measured.
+fn check_given_packing(report: &mut FaultReport, path: &str, law: &Law) {
+    if law.bulk_strength.is_some_and(|bulk| bulk.nu.is_none() || bulk.z.is_none()) {
+        let expected = "both in a scene: cd-pre from-outbox alone takes them from the snapshot with which a run begins";
+        report.add_fault(path, "no nu or z", expected);
     }
 }
 

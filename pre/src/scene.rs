@@ -61,10 +61,12 @@ pub struct Law {
 pub struct BulkStrength {
     /// Pa
     pub tension: f64,
-    /// Solid fraction.
-    pub nu: f64,
-    /// Coordination number.
-    pub z: f64,
+    /// Solid fraction; left out, that of the snapshot from which the next run begins.
+    #[serde(default)]
+    pub nu: Option<f64>,
+    /// Coordination number; left out, that of the snapshot from which the next run begins.
+    #[serde(default)]
+    pub z: Option<f64>,
     /// Diameter of the grains, m; only where the strength depends on it, under van der Waals forces.
     #[serde(default)]
     pub diameter: Option<f64>,
@@ -669,11 +671,12 @@ impl Default for TimeFunction {
 }
 
 impl Law {
-    /// Replaces the cohesive stress or Hamaker constant by the value from the bulk strength, if there is one. Both are checked.
+    /// Replaces the cohesive stress or Hamaker constant by the value from the bulk strength, if there is one with its packing. Both
+    /// are checked.
     pub fn apply_bulk_strength(&mut self) {
         let (Some(bulk), Some(pair)) = (self.bulk_strength, self.kind.pair_cohesion()) else { return };
-        let diameter = bulk.diameter.unwrap_or(1.0);
-        let packing = SpherePacking { solid_fraction: bulk.nu, coordination: bulk.z, diameter };
+        let (Some(solid_fraction), Some(coordination)) = (bulk.nu, bulk.z) else { return };
+        let packing = SpherePacking { solid_fraction, coordination, diameter: bulk.diameter.unwrap_or(1.0) };
         let strength_of_unit = pair.with_strength_parameter(1.0).bulk_strength(packing);
         if let Some(kind) = self.kind.with_pair_value(bulk.tension / strength_of_unit) {
             self.kind = kind;

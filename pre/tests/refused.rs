@@ -56,6 +56,11 @@ fn strengths_of_the_bulk_are_those_of_pairs_and_no_second_value() {
         (law("tension: 1, nu: 1.6, z: 5", "0"), "nu: 1.6; expected a solid fraction > 0 and <= 1"),
         (law("tension: 1, nu: 0.6, z: 0", "0"), "z: 0; expected a coordination number > 0"),
         (
+            law("tension: 1, nu: 0.6", "0"),
+            "bulk_strength: no nu or z; expected both in a scene: cd-pre from-outbox alone takes them from the snapshot \
+             with which a run begins",
+        ),
+        (
             law("tension: 1, nu: 0.6, z: 4, diameter: 1", "0"),
             "diameter: 1; expected no diameter: the strength does not depend on it",
         ),

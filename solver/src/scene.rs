@@ -467,6 +467,8 @@ pub struct Scene {
     pub field_shapes: FieldShapes,
     /// Step and time of the state in DATBOX.
     pub start: StepTime,
+    /// Whether the run begins with the motion with which the last step of another run ended, and continues that run.
+    pub continues_run: bool,
     /// Step and time from which steps of `dt` are counted: start of the run, unless `dt` has changed at a resume.
     pub counted_from: StepTime,
     /// Events of the options ordered by time; repeated ones occur once per repetition.
@@ -921,6 +923,11 @@ impl Scene {
         FieldModel::from_fields(&options.fields, &self.field_shapes, options.gravity_constant, time, response)
     }
 
+    /// Mass of all primaries, kg: one with a response is the only one.
+    pub fn primary_mass(&self) -> f64 {
+        self.field_shapes.primary_masses(&self.options.fields).into_iter().sum()
+    }
+
     /// Response of the primary at the start, if its field has one: none yet, to the mass of all bodies that it attracts.
     pub fn initial_response(&self) -> Option<PrimaryResponse> {
         self.options.fields.iter().find(|field| field.has_response())?;
@@ -1031,9 +1038,9 @@ impl Scene {
                 ExternalField::Oblate { mass, .. } => format!("oblate mass of {mass:e} kg {motion}"),
                 ExternalField::Polyhedron { surface, density, rate, .. } => {
                     let motion = match (field.orbit(), *rate == [0.0; 3]) {
-                        (None, false) => "that turns",
-                        (Some(_), false) => "that turns on an orbit",
-                        (_, true) => motion,
+                        (None, false) => "that turns".into(),
+                        (Some(_), false) => format!("that turns {motion}"),
+                        (_, true) => motion.to_string(),
                     };
                     format!("attraction of {surface}, {density} kg/m^3, {motion}")
                 }

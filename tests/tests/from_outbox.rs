@@ -44,6 +44,74 @@ fn a_run_that_continues_in_another_folder_equals_the_unbroken_one() {
     assert!(origin(&anew).iter().all(|(body, number)| body == number));
 }
 
+/// Rocks that have fallen into a box: the friction of a face acts at points that move along it as the face spins, so that the
+/// velocities of the contacts in the file are not those of the bodies, although these are the same.
+#[test]
+fn rocks_that_stick_in_faces_continue_bit_for_bit() {
+    let scene = r#"(
+        seed: 1,
+        gravity: (0.0, 0.0, -9.81),
+        materials: [(name: "ROCKx", density: 2000.0)],
+        laws: [(name: "iqsc0", kind: IQS_DS_CLB(dynamic_friction: 0.3, static_friction: 0.6))],
+        contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "WALLx"), law: "iqsc0")],
+        grains: [(
+            material: "ROCKx",
+            colour: "BLUEx",
+            number: 6,
+            sizes: Single(0.3),
+            shape: Random(vertices: (8, 10)),
+            placement: RandomSequential(envelope: Box(lengths: (1.5, 1.5, 4.0))),
+            spin: (0.0, 0.0, 2.0),
+        )],
+        walls: [Box(material: "ROCKx", colour: "WALLx", lengths: (2.0, 2.0, 6.0), half_thickness: 0.5)],
+        compute: (dt: 0.01, steps: 100, output_every: 10),
+    )"#;
+    let unbroken = Case::from_scene(scene).solved(&[]);
+    for (keep_time, last) in [(true, 100), (false, 10)] {
+        let changes = format!("(bodies: [(snapshot: 90)], keep_time: {keep_time})");
+        let case = next_case(&unbroken, &changes).solved(&["--steps", "10"]);
+        assert_eq!(bits(&case.snapshot(last)), bits(&unbroken.snapshot(100)), "{keep_time}");
+    }
+    // Bodies that have got other velocities begin a run anew.
+    let continues = |changes: &str| {
+        let case = next_case(&unbroken, changes);
+        Snapshot::read(&case.datbox(snapshot::START_FILE)).unwrap().meta.continues_run
+    };
+    assert!(continues("(bodies: [(snapshot: 90)])"));
+    for changes in [
+        "(bodies: [(snapshot: 90, velocity: (0.0, 0.0, 1.0))])",
+        "(bodies: [(snapshot: 90, walls: false)])",
+        "(bodies: [(snapshot: 90)], contacts: [(between: (\"BLUEx\", \"BLUEx\"), law: \"iqsc0\")])",
+        "(bodies: [(snapshot: 90)], compute: (dt: 0.01, theta: 0.6))",
+        "(bodies: [(snapshot: 90)], materials: [(name: \"ROCKx\", density: 4000.0)])",
+        "(bodies: [(snapshot: 0)])",
+    ] {
+        assert!(!continues(changes), "{changes}");
+    }
+}
+
+/// A mass on an orbit that a run without `keep_time` sends along its path again.
+#[test]
+fn orbits_that_begin_again_are_reported() {
+    let field =
+        |mass: &str| format!("fields: [PointMass(mass: {mass}, orbit: Elements(periapsis: 1.0e3, eccentricity: 2.0))]");
+    let run = Case::from_scene(&spheres("[(0.0, 0.0, 0.0)]", &field("1.0e9"))).solved(&["--steps", "6"]);
+    let summary = |changes: &str| {
+        let case = Case::empty();
+        let file = case.path().join("changes.ron");
+        fs::write(&file, changes).unwrap();
+        cd_pre::from_outbox::write_datbox(run.path(), Some(&file), &[], case.path()).unwrap()
+    };
+    let note =
+        "fields: the orbits begin at time 0 again, not at the 1.5 s of the snapshot; keep_time: true continues them\n";
+    assert!(summary("()").contains(note), "{}", summary("()"));
+    // The run continues, begins with the first snapshot, or has another orbit.
+    let other = format!("(compute: (dt: 0.25, {}))", field("2.0e9"));
+    for changes in ["(keep_time: true)", "(bodies: [(snapshot: 0)])", other.as_str()] {
+        assert!(!summary(changes).contains("orbits begin"), "{changes}");
+    }
+}
+
 #[test]
 fn an_end_before_the_state_is_rejected() {
     let run = Case::from_scene(&cloud(4, 0.1, 1, "dt: 8.0, steps: 2")).solved(&[]);
@@ -1104,6 +1172,56 @@ fn forces_that_follow_from_a_bulk_strength_are_printed() {
         "law iqsc0: two equal grains attract each other with {force:.5} N, cohesive_stress 320.00000 Pa for a tensile strength of 50 Pa\n"
     );
     assert!(summary.contains(&line), "{summary}\n{line}");
+}
+
+/// The packing of a snapshot, as cd-post has measured it, takes the place of `nu` and `z`.
+#[test]
+fn a_bulk_strength_follows_from_the_measured_packing() {
+    let run = Case::from_scene(&cloud(40, 0.4, 1, "dt: 8.0, steps: 200, output_every: 100")).solved(&[]);
+    let case = Case::empty();
+    let changes = case.path().join("changes.ron");
+    let text = |packing: &str| {
+        format!(
+            r#"(laws: [(
+                name: "iqsc0",
+                bulk_strength: (tension: 50.0{packing}),
+                kind: IQS_COH_DS_CLB(cohesive_stress: 0.0, full_range: 0.01, range: 0.05, dynamic_friction: 0.4,
+                    static_friction: 0.5),
+            )])"#
+        )
+    };
+    let attempt = |packing: &str| {
+        fs::write(&changes, text(packing)).unwrap();
+        let written = cd_pre::from_outbox::write_datbox(run.path(), Some(&changes), &[], case.path());
+        written.map_err(|faults| faults.to_string())
+    };
+    let advice = format!("run cd-post {} --no-vtk --no-plots first", run.path().display());
+    let fault = attempt("").unwrap_err();
+    assert!(fault.contains("bulk_strength: no nu or z, and no table") && fault.contains(&advice), "{fault}");
+    let series = run.series();
+    let [nu, z] = ["nu", "Z"].map(|name| *series[name].last().unwrap());
+    let stress = |summary: &str| -> f64 {
+        let (_, after) = summary.split_once("cohesive_stress ").unwrap();
+        after.split_once(" Pa").unwrap().0.parse().unwrap()
+    };
+    // Five decimals of c = 16 σ/(ν Z).
+    let summary = attempt("").unwrap();
+    assert!((stress(&summary) - 16.0 * 50.0 / (nu * z)).abs() < 1e-5, "{summary}");
+    let line = format!(
+        "law iqsc0: the packing has nu {nu:.4} and z {z:.4}, see {}/POSTPRO/series.csv\n",
+        run.path().display()
+    );
+    assert!(summary.contains(&line), "{summary}\n{line}");
+    // Given values come first.
+    assert!((stress(&attempt(", z: 4.0").unwrap()) - 16.0 * 50.0 / (nu * 4.0)).abs() < 1e-5);
+    assert!((stress(&attempt(", nu: 0.5, z: 4.0").unwrap()) - 400.0).abs() < 1e-5);
+    // A table of another run with the same steps: the contacts have done other work.
+    let table = run.path().join("POSTPRO/series.csv");
+    let work = format!("{:?}", series["E_contacts"].last().unwrap());
+    let text_of_other = fs::read_to_string(&table).unwrap().replace(&work, "-1.0");
+    fs::write(&table, text_of_other).unwrap();
+    let fault = attempt("").unwrap_err();
+    assert!(fault.contains("without the snapshot of step 200") && fault.contains(&advice), "{fault}");
 }
 
 /// Times are products k `dt` of the step from the start of the first run, also in the runs that continue it: with `dt` =

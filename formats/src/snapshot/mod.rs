@@ -160,6 +160,9 @@ pub struct SnapshotMeta {
     /// Whether bodies have entered after the last step.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub bodies_entered: bool,
+    /// Whether all bodies have the motion with which the last step of another run ended; only in START.npz.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub continues_run: bool,
     /// Options of the run as in COMPUTE.RON, flags included; see [`crate::compute::Compute::result_options`]. Empty in
     /// snapshots of versions without this field.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -401,6 +404,7 @@ impl Default for SnapshotMeta {
             primary_response: None,
             cell: None,
             bodies_entered: false,
+            continues_run: false,
             options: BTreeMap::new(),
             parts: Vec::new(),
         }

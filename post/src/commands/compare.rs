@@ -28,13 +28,15 @@ struct TableKind {
     columns: &'static [Column],
     /// Columns drawn by default.
     drawn: Vec<String>,
+    /// Name of the probe that has written the table, with which the titles begin.
+    probe: Option<String>,
 }
 
 impl TableKind {
     /// Returns the kind for the name of the table's file.
     fn from_path(table: &Path) -> Option<TableKind> {
         let table_kind = |columns, names: &[&str]| {
-            Some(TableKind { columns, drawn: names.iter().map(|name| name.to_string()).collect() })
+            Some(TableKind { columns, drawn: names.iter().map(|name| name.to_string()).collect(), probe: None })
         };
         match table.file_name()?.to_str()? {
             "series.csv" => {
@@ -61,7 +63,10 @@ impl TableKind {
             "mobilisation.csv" => table_kind(&state::forces::MOBILISATION_COLUMNS, &["P"]),
             "ejecta.csv" => table_kind(&state::ejecta::EJECTA_COLUMNS, &["mass_share_faster"]),
             "slopes.csv" => table_kind(&state::surfaces::SLOPE_COLUMNS, &["slope"]),
-            name if is_probe_file(name) => table_kind(&PROBE_COLUMNS, &[]),
+            name if is_probe_file(name) => {
+                let probe = table.file_stem()?.to_str()?.strip_prefix("probe-").map(str::to_string);
+                Some(TableKind { probe, ..table_kind(&PROBE_COLUMNS, &[])? })
+            }
             _ => None,
         }
     }
@@ -232,8 +237,13 @@ fn comparison_figure(runs: &[SeriesRun], kind: &TableKind, name: &str, x_column:
         let help = kind.find_column(name).map_or("", |(_, _, help)| help);
         help.split(", ").next().filter(|short| !short.is_empty()).unwrap_or(name).to_string()
     };
-    let mut letters = label(name).chars().collect::<Vec<_>>().into_iter();
-    let title = letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect());
+    let title = match &kind.probe {
+        Some(probe) => format!("{probe}: {}", label(name)),
+        None => {
+            let mut letters = label(name).chars().collect::<Vec<_>>().into_iter();
+            letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+        }
+    };
     let curves = runs.iter().zip(&points).map(|(run, points)| Curve::line(&run.name, points.clone())).collect();
     let x = FigureAxis { quantity: label(x_column), logarithmic: false, ..axis(x_column) };
     let figure = Figure { title, x, y: axis(name), curves };
@@ -290,6 +300,20 @@ mod tests {
         let kind = TableKind::from_path(Path::new("series.csv")).unwrap();
         let (_, table) = comparison_figure(&runs, &kind, "Z", "largest_spin");
         assert_eq!(table, "largest_spin,up and down,up\n0.0,5.5,3.0\n1.0,4.0,\n2.0,,1.0\n");
+    }
+
+    #[test]
+    fn titles_name_the_probe_and_its_quantity() {
+        let columns = [("time".into(), vec![0.0, 1.0]), ("z".into(), vec![0.1, 0.2]), ("step".into(), vec![0.0, 4.0])];
+        let run = SeriesRun { name: "earth".into(), columns: columns.into() };
+        let kind = TableKind::from_path(Path::new("probe-boulder.csv")).unwrap();
+        let figure = |x_column: &str| comparison_figure(std::slice::from_ref(&run), &kind, "z", x_column).0;
+        let in_time = figure("time");
+        assert_eq!(in_time.title, "boulder: centre of mass along z");
+        assert_eq!((in_time.x.quantity.as_str(), in_time.x.unit.as_str()), ("time", "s"));
+        assert_eq!(figure("step").x.quantity, "step");
+        // Every column of a probe has a meaning, with which its figure is titled.
+        assert!(PROBE_COLUMNS.iter().all(|(_, _, help)| !help.is_empty()));
     }
 
     #[test]

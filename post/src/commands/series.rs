@@ -6,9 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use cd_formats::atomic;
-use cd_formats::compute::ExternalField;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::field::{PrimaryResponse, primary_motions};
+use cd_formats::field::primary_motions;
 use cd_formats::messages::print_line;
 use cd_formats::names::count_text;
 use rayon::prelude::*;
@@ -17,6 +16,7 @@ use vtkio::model::PolyDataPiece;
 use crate::derive::Row;
 use crate::derive::fragments::{Fragment, find_fragments};
 use crate::frame::Frame;
+use crate::math::Vec3;
 use crate::options::{SeriesOptions, VtkFormat};
 use crate::shapes::ShapeCache;
 use crate::snapshots::{is_evenly_chosen, progress_bar, select_snapshots};
@@ -36,15 +36,14 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
         let (found, expected) = ("is given with --vtk-format vtkhdf", "expected one of the two");
         return Err(Fault::new("options".as_ref(), None, "--piece-cells", found, expected).into());
     }
-    let responses = Mutex::new(BTreeMap::new());
+    let primaries = Mutex::new(BTreeMap::new());
     let keep = |k: usize, count: usize, frame: Frame| {
-        if let Some(response) = frame.meta.primary_response {
-            responses.lock().expect("no thread panics with it").insert(k, response);
-        }
+        primaries.lock().expect("no thread panics with it").insert(k, primary_rows(&frame));
         is_evenly_chosen(k, count, PICTURE_COUNT).then_some(frame)
     };
     let (rows, frames) = measure_series(options, keep)?;
-    let responses = responses.into_inner().expect("no thread panics with it");
+    let primaries: Vec<PrimaryRow> =
+        primaries.into_inner().expect("no thread panics with it").into_values().flatten().collect();
     let last = frames.last().expect("the last snapshot is taken");
     let postpro = options.dir.join("POSTPRO");
     atomic::write(&postpro.join("series.csv"), write::series::series_text(&rows).as_bytes())?;
@@ -54,7 +53,8 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
         options.dir.join("OUTBOX").display()
     ));
     print_line(format_args!("  series   {}", postpro.join("series.csv").display()));
-    if let Some(text) = primaries_text(&rows, last, &responses) {
+    if !primaries.is_empty() {
+        let text = csv_with_counts(&PRIMARY_COLUMNS.map(|column| column.0), &["primary"], primaries);
         let path = postpro.join("primaries.csv");
         atomic::write(&path, text.as_bytes())?;
         print_line(format_args!("  orbits   {}", path.display()));
@@ -93,34 +93,32 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
 pub const PRIMARY_COLUMNS: [Column; 9] = [
     ("time", "s", ""),
     ("primary", "1", "position in the option `fields`, from 1"),
-    ("x", "m", "position of the primary in the axes of the snapshots"),
+    ("x", "m", "position of the primary"),
     ("y", "m", ""),
     ("z", "m", ""),
     ("v_x", "m/s", "velocity of the primary"),
     ("v_y", "m/s", ""),
     ("v_z", "m/s", ""),
-    ("distance", "m", "distance from the origin"),
+    ("distance", "m", "distance from the origin of the computation"),
 ];
 
-/// Table of the motion of the primaries on orbits at the times of the rows; `None` if no field has an orbit. `responses`: those
-/// of a primary at the snapshot of each row.
-fn primaries_text(rows: &[Row], last: &Frame, responses: &BTreeMap<usize, PrimaryResponse>) -> Option<String> {
-    let parameters = &last.meta.parameters;
-    parameters.fields.iter().find_map(ExternalField::orbit)?;
-    let lines_of = |(k, row): (usize, &Row)| {
-        let time = row.time;
-        let (fields, response) = (&parameters.fields, responses.get(&k));
-        let motions = primary_motions(fields, &last.field_shapes, parameters.gravity_constant, time, response);
-        (1..).zip(motions).filter_map(move |(k, motion)| {
-            let (x, v) = motion?;
-            Some([time, f64::from(k), x.x, x.y, x.z, v.x, v.y, v.z, x.norm()])
-        })
+/// Row of primaries.csv.
+type PrimaryRow = [f64; PRIMARY_COLUMNS.len()];
+
+/// Rows of the motion of the primaries on orbits at the time of a frame; none if no field has an orbit.
+fn primary_rows(frame: &Frame) -> Vec<PrimaryRow> {
+    let (meta, parameters, origin) = (&frame.meta, &frame.meta.parameters, frame.origin);
+    if parameters.fields.iter().all(|field| field.orbit().is_none()) {
+        return Vec::new();
+    }
+    let (fields, response) = (&parameters.fields, meta.primary_response.as_ref());
+    let motions = primary_motions(fields, &frame.field_shapes, parameters.gravity_constant, meta.time, response);
+    let row = |(number, motion): (u32, Option<(Vec3, Vec3)>)| {
+        let (x, v) = motion?;
+        let (written, v, distance) = (origin.written_position(x), origin.written_velocity(v), x.norm());
+        Some([meta.time, f64::from(number), written.x, written.y, written.z, v.x, v.y, v.z, distance])
     };
-    Some(csv_with_counts(
-        &PRIMARY_COLUMNS.map(|column| column.0),
-        &["primary"],
-        rows.iter().enumerate().flat_map(lines_of),
-    ))
+    (1..).zip(motions).filter_map(row).collect()
 }
 
 /// Note about snapshots in which the user's region has no volume.
@@ -160,7 +158,7 @@ pub fn measure_series<T: Send>(
             .par_iter()
             .enumerate()
             .map(|(k, (_, path))| {
-                let frame = Frame::read(path, &shapes)?;
+                let frame = Frame::read_for_axes(path, &shapes, options.axes.axes)?;
                 let fragments = find_fragments(&frame);
                 let row = Row::with_fragments(&frame, &fragments, &measurement);
                 let pieces = if options.no_vtk { vec![] } else { display_pieces(options, &frame, &fragments)? };

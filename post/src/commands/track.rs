@@ -8,6 +8,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldModel;
 use cd_formats::geometry::periodic_cell::PeriodicCell;
 
+use crate::axes::{AxesOrigin, OutputAxes};
 use crate::derive::energy::{external_fields, self_gravity_constant};
 use crate::derive::fragments::{Fragment, find_fragments};
 use crate::derive::surface::ball_attraction;
@@ -63,6 +64,8 @@ const POINTS_PER_RING: usize = 48;
 /// The body in one frame.
 struct TrackedBody {
     time: f64,
+    /// Origin of the axes in which position and velocity are written.
+    origin: AxesOrigin,
     x: Vec3,
     /// Velocity; None if all of the motion is imposed.
     v: Option<Vec3>,
@@ -82,8 +85,8 @@ struct TrackedBody {
 /// the folder and notes for the user.
 ///
 /// `body`: the number of the body in BODIES.DAT, free or with imposed motion. Errors: no such body in all snapshots, no
-/// snapshot, or faults of one.
-pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
+/// snapshot, or those of [`Frame::read_for_axes`].
+pub fn write(dir: &Path, body: u64, axes: OutputAxes) -> Result<(PathBuf, Vec<String>), Faults> {
     let mut states: Vec<TrackedBody> = Vec::new();
     let (mut first, mut last) = (None, None);
     let mut up = Vec3::z();
@@ -104,14 +107,14 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
         })
     };
     for (k, (step, path)) in paths.iter().enumerate() {
-        let frame = Frame::read(path, &shapes)?;
+        let frame = Frame::read_for_axes(path, &shapes, axes)?;
         match (gravity, against_gravity(&frame)) {
             (None, Some(direction)) => {
                 gravity = Some((*step, direction));
                 up = direction;
                 // The lowest points of earlier rows were computed for another direction.
                 for (k, (_, path)) in paths[..k].iter().enumerate() {
-                    states[k] = tracked_body(&Frame::read(path, &shapes)?, &up)?;
+                    states[k] = tracked_body(&Frame::read_for_axes(path, &shapes, axes)?, &up)?;
                 }
             }
             (Some((_, direction)), Some(other)) if (other - direction).norm() > SAME_DIRECTION => {
@@ -238,7 +241,8 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
     let free_fall = tracked.grain_id().and_then(|grain| free_fall(frame, grain));
     let record_start = frame.meta.time - frame.interval.length;
     let touched_since = frame.interval.touched_pairs.iter().any(|pair| pair.bodies.contains(&tracked));
-    Some(TrackedBody { time: frame.meta.time, x, v, reach, force, contacts, record_start, touched_since, free_fall })
+    let (time, origin) = (frame.meta.time, frame.origin);
+    Some(TrackedBody { time, origin, x, v, reach, force, contacts, record_start, touched_since, free_fall })
 }
 
 /// Row of track.csv.
@@ -257,11 +261,11 @@ struct TrackRow {
 impl TrackRow {
     /// Row of a body; `level`: height of the surface along `up`, m.
     fn new(tracked: &TrackedBody, up: &Vec3, level: f64) -> TrackRow {
-        let &TrackedBody { time, x, force, contacts, .. } = tracked;
+        let &TrackedBody { time, origin, x, force, contacts, .. } = tracked;
         TrackRow {
             time,
-            x,
-            v: tracked.v.unwrap_or(Vec3::repeat(f64::NAN)),
+            x: origin.written_position(x),
+            v: tracked.v.map_or(Vec3::repeat(f64::NAN), |v| origin.written_velocity(v)),
             depth: level - (x.dot(up) - tracked.reach),
             force,
             upward_force: force.dot(up),

@@ -293,6 +293,8 @@ impl Row {
         let e_uniform = energy::uniform_gravity_energy(grains, Vec3::from(frame.meta.parameters.uniform_gravity));
         let e_fields = energy::field_energy(grains, &energy::external_fields(frame));
         let ledger = &frame.meta.ledger;
+        let com = frame.origin.written_position(aggregate.x);
+        let momentum = aggregate.momentum - frame.origin.v * aggregate.mass;
         let [lengths, shears, log_strains, shear_strains] = frame
             .meta
             .cell
@@ -334,12 +336,12 @@ impl Row {
             Ec_rigid_mean: aggregate.rigid_energy() / count,
             E_uniform: e_uniform,
             E_fields: e_fields,
-            com_x: aggregate.x.x,
-            com_y: aggregate.x.y,
-            com_z: aggregate.x.z,
-            P_x: aggregate.momentum.x,
-            P_y: aggregate.momentum.y,
-            P_z: aggregate.momentum.z,
+            com_x: com.x,
+            com_y: com.y,
+            com_z: com.z,
+            P_x: momentum.x,
+            P_y: momentum.y,
+            P_z: momentum.z,
             Z_constraints: coordination.z_constraints,
             share_face: coordination.shares.face,
             share_edge: coordination.shares.edge,

@@ -95,7 +95,7 @@ pub fn display_piece(frame: &Frame, fragments: &[Fragment], kind: &str) -> Optio
 fn grains_piece(frame: &Frame, fragments: &[Fragment]) -> PolyDataPiece {
     let rows: Vec<usize> = (0..frame.grains.len()).collect();
     PolyDataPiece {
-        points: flat_components(frame.grains.iter().map(|g| g.x)).into(),
+        points: written_points(frame, frame.grains.iter().map(|g| g.x)),
         verts: vertex_numbers(rows.iter().map(|&k| [k as u64])),
         data: Attributes { point: grain_arrays(frame, fragments, &rows), cell: vec![] },
         ..Default::default()
@@ -114,7 +114,7 @@ fn polyhedra_piece(frame: &Frame, fragments: &[Fragment]) -> PolyDataPiece {
         rows.resize(faces.len(), row);
     }
     PolyDataPiece {
-        points: flat_components(points.into_iter()).into(),
+        points: written_points(frame, points.into_iter()),
         polys: vertex_numbers(faces.into_iter()),
         data: Attributes { point: vec![], cell: grain_arrays(frame, fragments, &rows) },
         ..Default::default()
@@ -140,7 +140,7 @@ fn grain_arrays(frame: &Frame, fragments: &[Fragment], rows: &[usize]) -> Vec<At
     vec![
         scalar_attribute("radius", numbers(&|g| g.radius)),
         scalar_attribute("id", grains.iter().map(|g| g.id).collect::<Vec<u64>>()),
-        vector_attribute("velocity", grains.iter().map(|g| g.v)),
+        vector_attribute("velocity", grains.iter().map(|g| frame.origin.written_velocity(g.v))),
         vector_attribute("spin", grains.iter().map(|g| g.w)),
         scalar_attribute("contacts", counts_of_rows(&contacts)),
         tensor_attribute("stress", &stresses),
@@ -212,7 +212,7 @@ fn contacts_piece(frame: &Frame) -> PolyDataPiece {
         scalar_attribute("antagonist", all.iter().map(|c| id(c.antagonist)).collect::<Vec<u64>>()),
     ];
     PolyDataPiece {
-        points: flat_components(points.into_iter()).into(),
+        points: written_points(frame, points.into_iter()),
         lines: vertex_numbers(lines.into_iter()),
         data: Attributes { point: vec![], cell },
         ..Default::default()
@@ -336,7 +336,7 @@ fn walls_piece(frame: &Frame) -> PolyDataPiece {
         }
     }
     PolyDataPiece {
-        points: flat_components(points.into_iter()).into(),
+        points: written_points(frame, points.into_iter()),
         verts: vertex_numbers(balls.into_iter()),
         polys: vertex_numbers(faces.into_iter()),
         data: Attributes { point: vec![scalar_attribute("radius", radii)], cell: cell_data },
@@ -390,6 +390,11 @@ pub(crate) fn vector_attribute(name: &str, values: impl Iterator<Item = Vec3>) -
 fn tensor_attribute(name: &str, values: &[Mat3]) -> Attribute {
     let rows: Vec<f64> = values.iter().flat_map(|m| m.transpose().as_slice().to_vec()).collect();
     Attribute::DataArray(DataArray::tensors(name).with_data(IOBuffer::from(rows)))
+}
+
+/// Coordinates of points in the axes in which the frame is written.
+fn written_points(frame: &Frame, points: impl Iterator<Item = Vec3>) -> IOBuffer {
+    flat_components(points.map(|x| frame.origin.written_position(x))).into()
 }
 
 /// Components of vectors one after the other.

@@ -5,6 +5,7 @@
 //! | [`mod@changes`] | contents of the file of changes |
 //! | [`digits`] | numbers with more digits than DATBOX can hold |
 //! | `overlaps` | overlaps of bodies of different origin |
+//! | `packing` | measured packing for strengths of the bulk |
 //! | [`options`] | options of a run, as recorded in its snapshot |
 //! | [`source`] | a case with one of its snapshots; selection and motion of its bodies |
 //! | [`tables`] | merged materials, laws and visibility of several cases |
@@ -15,6 +16,7 @@ pub mod changes;
 pub mod digits;
 pub mod options;
 mod overlaps;
+mod packing;
 pub mod source;
 pub mod tables;
 
@@ -23,7 +25,7 @@ use std::path::Path;
 
 use cd_formats::atomic;
 use cd_formats::bodies::Bodies;
-use cd_formats::compute::{Compute, ROTATION_ABOUT_PERIOD};
+use cd_formats::compute::{Compute, ExternalField, ROTATION_ABOUT_PERIOD};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
@@ -34,7 +36,7 @@ use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
 use cd_formats::settings::{apply_settings, check_paths_once};
 use cd_formats::sinks_and_sources::set_random_orders;
-use cd_formats::snapshot::{self, DRIVEN_ALL, Ledger, START_FILE, Snapshot, SnapshotMeta};
+use cd_formats::snapshot::{self, BodyArrays, DRIVEN_ALL, Ledger, START_FILE, Snapshot, SnapshotMeta};
 use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::check::check_vector;
@@ -71,6 +73,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let folder = file.parent().unwrap_or(Path::new(""));
     let sources = read_sources(&request, case, folder, dir, &mut report);
     reject_faults(&mut report)?;
+    let packing_lines = packing::complete_bulk_strengths(&mut request.changes.laws, &sources[0], &mut report);
+    reject_faults(&mut report)?;
     request.changes.laws.iter_mut().for_each(Law::apply_bulk_strength);
     let parts = select_parts(&request.changes, &sources, &mut report);
     reject_faults(&mut report)?;
@@ -96,7 +100,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
 
     let datbox = dir.join("DATBOX");
     overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
-    let content = DatboxContent { records: &records, tables: &tables, driven: &driven, options: &options };
+    let keeps_steps = request.changes.contacts.is_empty() && options.theta == sources[0].options.theta;
+    let content = DatboxContent { records: &records, tables: &tables, driven: &driven, options: &options, keeps_steps };
     let mut files = datbox_files(request.changes.keep_time, &parts, &new, content);
     files.extend(surface_files.into_iter().chain(mesh_files).map(|(name, text)| (name, text.into_bytes())));
     let body_path = |body: usize| scene_path(&parts, &new.population, body);
@@ -118,14 +123,30 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     print_warnings(&report.warnings);
     let mut summary: String = parts.iter().map(part_summary).collect();
     summary += &sources[0].run_notes(Some(&options).filter(|_| request.changes.compute.is_none()));
+    summary += &orbit_note(request.changes.keep_time, &sources[0], &options);
     let selected_count: usize = parts.iter().map(|part| part.source_bodies.len()).sum();
     summary += &digits::lost_digits(&records.0[..selected_count], &tables, &driven);
     summary += &group_lines(&new.scene, &new.population);
     let radii = parts.iter().flat_map(SourcePart::contact_radii).chain(contact_radii(&new.population));
+    summary += &packing_lines;
     summary += &pair_law_lines(&request.changes.laws, radii);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     summary += &format!("{}; wrote {}: {}\n", count_text(records.0.len(), "body"), datbox.display(), names.join(" "));
     Ok(summary)
+}
+
+/// Line that masses on orbits of the case are at their positions of time 0 again, if the next run has them and begins there;
+/// empty if not.
+fn orbit_note(keep_time: bool, source: &SourceCase, options: &Compute) -> String {
+    let (time, fields) = (source.snapshot.meta.time, &source.options.fields);
+    let continues = |field: &ExternalField| field.orbit().is_some() && fields.contains(field);
+    if keep_time || time == 0.0 || !options.fields.iter().any(continues) {
+        return String::new();
+    }
+    format!(
+        "fields: the orbits begin at time 0 again, not at the {} s of the snapshot; keep_time: true continues them\n",
+        rounded_number(time)
+    )
 }
 
 /// Errors with the faults found so far, if there are any.
@@ -410,11 +431,21 @@ struct DatboxContent<'a> {
     tables: &'a BehaviourTables,
     driven: &'a DrvDof,
     options: &'a Compute,
+    /// Whether steps are those of the source: with its `theta`, and between bodies that touched each other there.
+    keeps_steps: bool,
+}
+
+/// Whether bodies have the positions, orientations and velocities of others, in all bits.
+fn has_motion_of(bodies: &BodyArrays, others: &BodyArrays) -> bool {
+    bodies.body_x == others.body_x
+        && bodies.body_q == others.body_q
+        && bodies.body_v == others.body_v
+        && bodies.body_w_world == others.body_w_world
 }
 
 /// Files of DATBOX. `keep_time`: whether step and time continue from the first part.
 fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content: DatboxContent) -> Vec<File> {
-    let DatboxContent { records, tables, driven, options } = content;
+    let DatboxContent { records, tables, driven, options, keeps_steps } = content;
     let mut start = Snapshot { meta: parts[0].source.snapshot.meta.clone(), ..Snapshot::default() };
     start.meta.counted_from = keep_time.then_some(parts[0].source.counted_from);
     if !keep_time {
@@ -432,7 +463,8 @@ fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content:
     let source = parts[0].source;
     let source_count = source.snapshot.bodies.body_x.len();
     let is_whole = parts[0].source_bodies.len() == source_count && records.0.len() == source_count;
-    if !(keep_time && is_whole && source.has_masses_of_run && options.fields == source.options.fields) {
+    let keeps_bodies = is_whole && source.has_masses_of_run;
+    if !(keep_time && keeps_bodies && options.fields == source.options.fields) {
         start.meta.primary_response = None;
     }
     let mut origin = String::from("body,case,step,number\n");
@@ -451,6 +483,8 @@ fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content:
         origin += &format!("{},,,\n", body + 1);
         bodies.push(BodyDof { body, ..state });
     }
+    start.meta.continues_run =
+        keeps_bodies && keeps_steps && !source.is_first && has_motion_of(&start.bodies, &source.snapshot.bodies);
     let dof = Dof { step: start.meta.step, time: start.meta.time, bodies };
     let mut files: Vec<File> = [
         ("BODIES.DAT", records.to_long_text()),

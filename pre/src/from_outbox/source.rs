@@ -53,6 +53,8 @@ pub struct SourceCase {
     pub counted_from: (u64, f64),
     /// Whether all bodies have the masses that they had in the run.
     pub has_masses_of_run: bool,
+    /// Whether the snapshot is the first of the run, before its first step.
+    pub is_first: bool,
     /// Facts of the run that are not in the files, by name, in words.
     notes: Vec<(&'static str, String)>,
 }
@@ -214,6 +216,7 @@ impl SourceCase {
             snapshot,
             counted_from,
             has_masses_of_run,
+            is_first,
             notes,
         })
     }

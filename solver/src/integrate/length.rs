@@ -93,7 +93,7 @@ pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
     let period_in = |field: FieldModel| match field {
         FieldModel::RotatingAxes { rate, .. } => TAU / rate.norm(),
         FieldModel::Primary { strength, centre, .. } => TAU * (nearest_to(&centre).powi(3) / strength).sqrt(),
-        FieldModel::Polyhedron { strength, shape, position, rotation, falling_point } => {
+        FieldModel::Polyhedron { strength, shape, position, rotation, falling_point, .. } => {
             let from_position = rotation.map_or(shape.centre(), |rotation| rotation * shape.centre());
             let centre = if falling_point.is_some() { position } else { position + from_position };
             // Inside of the body the attraction is at most about that at the surface of the ball of equal volume.

@@ -14,7 +14,6 @@ pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_spin, shortest_o
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
-use cd_formats::compute::ExternalField;
 use cd_formats::deforming_cell::CellState;
 use cd_formats::geometry::periodic_cell::PeriodicCell;
 use rayon::prelude::*;
@@ -322,7 +321,7 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
 /// Advances the primary that responds to the bodies, to which it has given the `impulse` (N s), as a body of its mass.
 pub fn advance_response(scene: &Scene, state: &mut State, q_c: &ContactConfiguration, impulse: &Vec3) {
     let Some(response) = &mut state.primary_response else { return };
-    let mass: f64 = scene.options.fields.iter().filter(|field| field.has_response()).map(ExternalField::mass).sum();
+    let mass = scene.primary_mass();
     let theta = if q_c.implicit { 1.0 } else { scene.options.theta };
     let mut contact_response = response.free_motion((1.0 - theta) * q_c.h);
     contact_response.velocity.iter_mut().zip(impulse.iter()).for_each(|(v, impulse)| *v -= impulse / mass);

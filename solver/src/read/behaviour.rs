@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use cd_formats::bodies::Bodies;
-use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent_events};
+use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, MAX_EVENTS, too_frequent_events};
 use cd_formats::deforming_cell::CellState;
 use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
@@ -497,6 +497,23 @@ pub fn pass_through_warning(scene: &Scene) -> Option<String> {
     Some(format!(
         "bodies that may pass through each other, as no row of TACT_BEHAV.DAT concerns them, attract {option}: their energy may change"
     ))
+}
+
+/// Difference of the moments of inertia of a body over the largest above which a tide turns it: well above their rounding in
+/// files, and with a torque of a thousandth of that on a rod.
+const MIN_INERTIA_SPREAD: f64 = 1e-3;
+
+/// Warning about a lone body that the tide of a primary would turn: fields act at the centres of bodies. Bodies of unequal
+/// moments that touch others are not reported: an aggregate of them is turned, and contacts turn a body on the ground.
+pub fn tidal_torque_warning(scene: &Scene) -> Option<String> {
+    let [body] = &scene.bodies[..] else { return None };
+    let attracts = |field: &ExternalField| !matches!(field, ExternalField::RotatingFrame { .. });
+    let [low, high] = [f64::min, f64::max].map(|extreme| body.inertia.into_iter().reduce(extreme).unwrap_or_default());
+    let has_axes = high - low > MIN_INERTIA_SPREAD * high;
+    let is_turned = !body.driven && has_axes && scene.options.fields.iter().any(attracts);
+    is_turned.then(|| {
+        "fields act at the centre of body 1, the only one: their tide does not turn it; an aggregate of grains is turned".into()
+    })
 }
 
 /// Note about contactors of free bodies that no row lets touch others.

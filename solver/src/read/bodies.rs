@@ -94,6 +94,7 @@ pub fn scene_without_laws(
         options,
         field_shapes: FieldShapes::default(),
         start: StepTime { step: dof.step, time: dof.time },
+        continues_run: false,
         counted_from: StepTime { step: dof.step, time: dof.time },
         materials: bulk.materials.iter().map(|m| MaterialName { name: m.name.clone(), density: m.density }).collect(),
         colours,

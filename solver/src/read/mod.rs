@@ -133,9 +133,10 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let start = datbox.join(START_FILE);
     let has_start = path_exists(&start) && faults.0.is_empty();
     if has_start {
-        let counted_before = faults.gather_result(resume::restore_start(&start, &scene, &mut state)).flatten();
+        let origin = faults.gather_result(resume::restore_start(&start, &scene, &mut state)).unwrap_or_default();
         scene.start = StepTime { step: state.step, time: state.time };
-        scene.counted_from = resume::counted_from(&scene, &state, counted_before);
+        scene.continues_run = origin.continues_run;
+        scene.counted_from = resume::counted_from(&scene, &state, origin.counted_from);
     }
     if let Some(cell) = state.cell {
         // Velocities in the files are those about the affine field.
@@ -155,6 +156,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     scene.warnings.extend(changed_files);
     scene.warnings.extend(origin_change_warning(case));
     scene.warnings.extend(behaviour::pass_through_warning(&scene));
+    scene.warnings.extend(behaviour::tidal_torque_warning(&scene));
     scene.warnings.extend(former_option_names(&datbox));
     scene.events = event_schedule(&scene.options.events, scene.end_time());
     let dt = scene.options.dt.min(state.h);

@@ -334,17 +334,25 @@ const FILE_ROUNDING: f64 = 1e-6;
 /// Largest difference of axes, rad; their drift between writings is smaller.
 const MAX_AXES_ROTATION: f64 = 1e-5;
 
+/// Relation of a run to the one whose state it starts from.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct StartOrigin {
+    /// Step and time (s) from which that run counted, if it is continued in time.
+    pub counted_from: Option<(u64, f64)>,
+    /// See [`SnapshotMeta::continues_run`](cd_formats::snapshot::SnapshotMeta::continues_run).
+    pub continues_run: bool,
+}
+
 /// Restores time, motion and contacts of `DATBOX/START.npz` into `state`, which is initialised from the text files. Body
 /// k has the row with `body_id` k; a body without a row keeps its state.
 ///
 /// The law of a contact is that of TACT_BEHAV.DAT for its two bodies; without one the contact is dropped. Rejects bodies
 /// that are not in DATBOX, and positions, axes and velocities other than those of the text files, which have then been
-/// edited. Velocities imposed by DRV_DOF.DAT are not compared. Returns the step and time (s) from which the run counted
-/// whose state this is, if it continues that run in time.
-pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<Option<(u64, f64)>, Faults> {
+/// edited. Velocities imposed by DRV_DOF.DAT are not compared.
+pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<StartOrigin, Faults> {
     let snapshot = Snapshot::read(path)?;
     check_start(path, &snapshot, scene, state)?;
-    let counted_before = snapshot.meta.counted_from;
+    let origin = StartOrigin { counted_from: snapshot.meta.counted_from, continues_run: snapshot.meta.continues_run };
     let bodies_of_rows: Vec<BodyId> = snapshot.bodies.body_id.iter().map(|&id| BodyId(id as u32 - 1)).collect();
     let mut restored = state.clone();
     let inertia = snapshot.bodies.body_inertia.clone();
@@ -390,7 +398,7 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<Op
         state.pair_attractions.clear();
     }
     state.bonding = BondingMode::No;
-    Ok(counted_before)
+    Ok(origin)
 }
 
 /// Checks that the bodies of START.npz are those of DATBOX, each once, with the motion of the text files.

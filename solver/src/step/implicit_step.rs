@@ -25,7 +25,12 @@ const FILE_RESIDUAL: f64 = 2e-4;
 
 /// Whether velocities differ from those at the end of the last step and are not bounded by it.
 pub fn velocities_are_unbounded(scene: &Scene, state: &State, applied: &AppliedEvents) -> bool {
-    state.step == scene.start.step || applied.velocities_changed || state.bodies_entered
+    is_start(scene, state) || applied.velocities_changed || state.bodies_entered
+}
+
+/// Whether the next step is the first of a run that does not continue another one.
+fn is_start(scene: &Scene, state: &State) -> bool {
+    state.step == scene.start.step && !scene.continues_run
 }
 
 /// Whether velocities differ from those at the end of the last step, or no last step is known.
@@ -33,7 +38,7 @@ pub fn velocities_have_changed(scene: &Scene, state: &State, applied: &AppliedEv
     let continues_file = || {
         FileStep::new(scene, state).is_some_and(|file| state.contacts.iter().all(|old| file.has_all_velocities(old)))
     };
-    let is_new = || state.step == scene.start.step && !continues_file();
+    let is_new = || is_start(scene, state) && !continues_file();
     applied.velocities_changed || state.bodies_entered || is_new()
 }
 
@@ -71,7 +76,7 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
         let find_old = || state.contacts.binary_search_by_key(&contact.key(), |old| old.contact.key());
         let is_bounded = || match find_old() {
             _ if longer => false,
-            Ok(k) if state.step > scene.start.step => u >= state.contacts[k].velocity.x - SPEED_DIGITS * u.abs(),
+            Ok(k) if !is_start(scene, state) => u >= state.contacts[k].velocity.x - SPEED_DIGITS * u.abs(),
             _ => file.as_ref().is_some_and(|file| file.bounds(contact)),
         };
         -time_before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !is_bounded()
@@ -110,7 +115,7 @@ impl<'a> FileStep<'a> {
         let first = contacts.partition_point(|old| pair(&old.contact) < pair(contact));
         let of_pair = contacts[first..].iter().take_while(|old| pair(&old.contact) == pair(contact));
         let is_of_file = |old: &&SolvedContact| {
-            self.state.step == self.scene.start.step || old.contact.features.candidate == UNKNOWN_FEATURE
+            is_start(self.scene, self.state) || old.contact.features.candidate == UNKNOWN_FEATURE
         };
         let mut of_file = of_pair.filter(is_of_file).peekable();
         of_file.peek().is_some() && of_file.all(|old| self.has_velocity(old))

@@ -89,6 +89,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
         primary_response: state.primary_response,
         cell: state.cell,
         bodies_entered: state.bodies_entered,
+        continues_run: false,
         options: options.result_options(),
         parts: Vec::new(),
     }

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use cd_formats::compute::{Adaptive, EventAction};
+use cd_formats::compute::{Adaptive, EventAction, ExternalField};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 use cd_formats::origin::SceneOrigin;
 use cd_formats::snapshot;
@@ -233,6 +233,32 @@ fn pairs_that_are_meant_to_have_no_law_are_no_news() {
     let text = fs::read_to_string(&file).unwrap();
     fs::write(&file, text + &TactBehav::no_law_comment("GRAIN", "GRAIN")).unwrap();
     assert!(!message(&case));
+}
+
+#[test]
+fn a_lone_body_that_a_tide_would_turn_is_reported() {
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let is_reported = |half: [f64; 3], others: usize, has_mass: bool| {
+        let mut case = Case::new();
+        case.block(half, [0.0; 3], axes);
+        for k in 0..others {
+            case.block(half, [10.0 * (k + 1) as f64, 0.0, 0.0], axes);
+        }
+        let position = Some([100.0, 0.0, 0.0]);
+        let mass = ExternalField::PointMass { mass: 1.0, position, orbit: None, response: false };
+        let turning = ExternalField::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] };
+        case.options.fields = vec![if has_mass { mass } else { turning }];
+        case.options.steps = Some(1);
+        case.write();
+        let (code, _, text) = output_of(&case, &[]);
+        assert_eq!(code, 0, "{text}");
+        text.contains("cd-solve: warning: fields act at the centre of body 1, the only one")
+    };
+    assert!(is_reported([0.5, 0.4, 0.3], 0, true));
+    // A cube has no torque, turning axes turn bodies, and of several bodies each is part of the shape.
+    assert!(!is_reported([0.5; 3], 0, true));
+    assert!(!is_reported([0.5, 0.4, 0.3], 0, false));
+    assert!(!is_reported([0.5, 0.4, 0.3], 1, true));
 }
 
 #[test]

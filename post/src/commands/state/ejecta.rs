@@ -55,12 +55,11 @@ pub fn ejecta_files(frame: &Frame, fragments: &[Fragment], added_bodies: &HashSe
     ];
     let row = |(k, (fragment, orbit)): (usize, (&Fragment, Option<crate::derive::orbits::Orbit>))| {
         let sums = &fragment.sums;
-        let (v, w, [a, b, c]) = (sums.velocity(), sums.spin(), sums.semi_axes());
+        let (x, v) = (frame.origin.written_position(sums.x), frame.origin.written_velocity(sums.velocity()));
+        let (w, [a, b, c]) = (sums.spin(), sums.semi_axes());
         let mut row = vec![k as f64, fragment.grains.len() as f64, sums.mass];
         row.extend(
-            (0..3)
-                .map(|axis| if cell.periods[axis].is_some() { f64::NAN } else { sums.x[axis] })
-                .chain(v.iter().copied()),
+            (0..3).map(|axis| if cell.periods[axis].is_some() { f64::NAN } else { x[axis] }).chain(v.iter().copied()),
         );
         // In a periodic scene arms would depend on the position of the border.
         let arms = [a, b, c, w.x, w.y, w.z, std::f64::consts::TAU / w.norm(), orbit.map_or(f64::NAN, |o| o.distance)];

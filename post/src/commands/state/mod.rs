@@ -13,6 +13,7 @@ pub mod forces;
 pub mod profiles;
 pub mod surfaces;
 
+use crate::axes::OutputAxes;
 use crate::commands::state::ejecta::ejecta_files;
 use crate::commands::state::file::StateFile;
 use crate::commands::state::forces::{fabric_table, force_files};
@@ -55,12 +56,13 @@ const STATE_FILES: [&str; 22] = [
 
 /// Reads a snapshot, the last without `step`; writes `POSTPRO/state-NNNNNN/` and returns its path and messages for the
 /// user. Layers of a bed are means over `mean` snapshots up to that one. Errors: no snapshot of this step, fewer than `mean`
-/// up to it, or faults of one.
+/// up to it, those of [`Frame::read_for_axes`].
 pub fn write(
     dir: &Path,
     step: Option<u64>,
     mean: u32,
     slope_reach: Option<f64>,
+    axes: OutputAxes,
 ) -> Result<(PathBuf, Vec<String>), Faults> {
     let outbox = dir.join("OUTBOX");
     let snapshots = list_snapshots(&outbox)?;
@@ -80,7 +82,7 @@ pub fn write(
         Fault::new(&outbox, None, "--mean", found, format!("expected at most {}", position + 1))
     })?;
     let shapes = ShapeCache::default();
-    let frame = Frame::read(path, &shapes)?;
+    let frame = Frame::read_for_axes(path, &shapes, axes)?;
     let folder = dir.join("POSTPRO").join(format!("state-{step:06}"));
     if frame.grains.is_empty() {
         remove_stale_files(&folder, &[])?;
@@ -160,7 +162,7 @@ pub fn state_files(frame: &Frame, added_bodies: &HashSet<u64>, slope_reach: Opti
     }
     match FreeSurface::from_frame(frame, &fragments, slope_reach.unwrap_or(free_surface::DEFAULT_SLOPE_REACH)) {
         // Under self-gravity verticals have no common direction.
-        Some(surface) if self_gravity_constant(frame).is_none() => files.extend(free_surface_files(&surface)),
+        Some(surface) if self_gravity_constant(frame).is_none() => files.extend(free_surface_files(frame, &surface)),
         _ if !frame.cell().is_periodic() => {
             files.extend(surface_files(frame, &fragments[0], slope_reach.unwrap_or(plane_fit::DEFAULT_FIT_REACH)));
         }

@@ -41,7 +41,7 @@ pub fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec
         ["latitude", "longitude", "x", "y", "z", "height", "g_x", "g_y", "g_z", "slope", "area", "slope_error"];
     let row = |f: &SurfaceFacet| {
         let mut row = vec![f.latitude.to_degrees(), f.longitude.to_degrees()];
-        row.extend(f.x.iter());
+        row.extend(frame.origin.written_position(f.x).iter());
         row.push(f.height);
         row.extend(f.gravity.iter());
         row.extend([f.slope.to_degrees(), f.area, f.error.to_degrees()]);
@@ -50,7 +50,7 @@ pub fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec
     let heights: Vec<f64> = facets.iter().map(|f| f.height).collect();
     let slopes: Vec<f64> = facets.iter().map(|f| f.slope.to_degrees()).collect();
     let sheet = MapSheet::from_directions(grid);
-    let x: Vec<Vec3> = facets.iter().map(|f| f.x).collect();
+    let x: Vec<Vec3> = facets.iter().map(|f| frame.origin.written_position(f.x)).collect();
     let gravity: Vec<Vec3> = facets.iter().map(|f| f.gravity).collect();
     let counts = [grid.longitudes, grid.latitudes];
     let noise = noise_text(rms_noise(&facets));
@@ -73,12 +73,12 @@ pub fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec
 }
 
 /// Height and slope of a heap or bed along vertical lines.
-pub fn free_surface_files(surface: &FreeSurface) -> Vec<StateFile> {
+pub fn free_surface_files(frame: &Frame, surface: &FreeSurface) -> Vec<StateFile> {
     let columns = &surface.columns;
     let heights: Vec<f64> = columns.iter().map(|c| c.height).collect();
     let slopes: Vec<f64> = columns.iter().map(|c| c.slope.to_degrees()).collect();
-    let x: Vec<Vec3> = columns.iter().map(|c| c.x).collect();
-    let known = columns.iter().filter(|c| c.height.is_finite());
+    let x: Vec<Vec3> = columns.iter().map(|c| frame.origin.written_position(c.x)).collect();
+    let known = columns.iter().zip(&x).filter(|(c, _)| c.height.is_finite());
     let sheet = MapSheet::from_above(surface);
     let noise = noise_text(surface.noise);
     let mut files = slope_files(&format!("Slopes against gravity{noise}"), &surface.slope_quantiles(&slope_shares()));
@@ -87,7 +87,7 @@ pub fn free_surface_files(surface: &FreeSurface) -> Vec<StateFile> {
             "surface.csv",
             csv_table(
                 &SURFACE_COLUMNS,
-                known.map(|c| [c.x.x, c.x.y, c.x.z, c.height, c.slope.to_degrees(), c.error.to_degrees()]),
+                known.map(|(c, x)| [x.x, x.y, x.z, c.height, c.slope.to_degrees(), c.error.to_degrees()]),
             ),
         ),
         ("surface.vtp", surface_vtp(surface.counts, [false; 2], &x, &heights, &slopes, None)),
