@@ -104,7 +104,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     scene.notes.splice(0..0, notices);
     let contactors = ContactorTable::new(&bodies, &scene);
     behaviour::set_laws_and_visibility(&datbox, &tact, &contactors, &mut scene, &mut faults);
-    links::set_links(&datbox, &bodies, &tact, &mut scene, &mut faults);
+    links::set_links(&datbox, &bodies, &tact, &driven, &mut scene, &mut faults);
     let (source, text) = faults.gather_result(events_text(&datbox, flags)).unwrap_or_default();
     let mut event_report = FaultReport::new(&source, &text);
     behaviour::check_events(&scene, &mut event_report);
