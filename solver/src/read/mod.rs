@@ -132,13 +132,15 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     }
     let start = datbox.join(START_FILE);
     let has_start = path_exists(&start) && faults.0.is_empty();
+    let cell_of_options = state.cell.take();
     if has_start {
         let counted_before = faults.gather_result(resume::restore_start(&start, &scene, &mut state)).flatten();
         scene.start = StepTime { step: state.step, time: state.time };
         scene.counted_from = resume::counted_from(&scene, &state, counted_before);
     }
-    if let Some(cell) = state.cell {
-        // Velocities in the files are those about the affine field.
+    if let (None, Some(cell)) = (state.cell, cell_of_options) {
+        state.cell = Some(cell);
+        // Velocities in files without a cell are those about the affine field.
         scene.free.iter().map(|i| i.index()).for_each(|i| state.v[i] += cell.gradient() * state.x[i]);
     }
     behaviour::check_event_counts(&scene, &mut event_report);
