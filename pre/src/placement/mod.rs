@@ -427,6 +427,11 @@ fn random_sequential(
         is_clear: &|k, position| is_clear(&grains[k], position),
     };
     let kind_of_tries = if sequence.shape.is_some() { " by its shape" } else { "" };
+    let are_balls = |grain: &SampledGrain| !matches!(grain.shape, OrientedShape::Sphere | OrientedShape::Polyhedron(_));
+    let expected = match grains.iter().any(are_balls) {
+        true => EXPECTED_DENSE,
+        false => "fewer or smaller grains, or a larger envelope (a smaller solid fraction)",
+    };
     let centres = sequential::place_one_by_one(region, &sequence, random).map_err(|PositionShortage { count }| PlacementError {
         found: format!(
             "{count} of {} grains (largest first) could be placed in {region} before {} tries found no free position \
@@ -434,12 +439,16 @@ fn random_sequential(
             grains.len(),
             sequential::MAX_ATTEMPTS
         ),
-        expected: "fewer or smaller grains, or a larger envelope (a smaller solid fraction)",
+        expected,
     })?;
     let order = z_order(region, &centres);
     *grains = order.iter().map(|&k| grains[k].clone()).collect();
     Ok(order.into_iter().map(|k| centres[k]).collect())
 }
+
+/// Expected value instead of clumps, capsules or cylinders that do not fit one after the other.
+const EXPECTED_DENSE: &str = "DensePacking, which packs them by their shapes, not by the balls around them; or fewer or \
+                              smaller grains, or a larger envelope";
 
 /// Those of the bodies that enter the box around the region, or its images within the reach of a grain.
 fn bodies_within(cell: &PackingCell, bodies: Vec<FixedBody>, grains: &[SampledGrain]) -> Vec<FixedBody> {
