@@ -348,10 +348,10 @@ fn image_shifts(options: &Compute, grains: &[Grain]) -> Vec<Vector3<f64>> {
 
 /// Advice for grains that overlap a wall around which their placement does not place them; `None` if it does.
 fn wall_advice(placement: &GrainPlacement, shape: &ShapeRecord) -> Option<&'static str> {
-    let is_avoided = matches!(shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { hollow: false, .. });
-    (matches!(placement, GrainPlacement::DensePacking { .. }) && !is_avoided).then_some(
-        "an envelope that does not reach into the wall: DensePacking places grains around plates, solid cylinders and other \
-         grains only",
+    let is_hollow = matches!(shape, ShapeRecord::Cylinder { hollow: true, .. });
+    (matches!(placement, GrainPlacement::DensePacking { .. }) && is_hollow).then_some(
+        "an envelope within the hollow cylinder, such as a Cylinder: DensePacking places grains around all walls but \
+         hollow cylinders",
     )
 }
 

@@ -149,6 +149,12 @@ impl WallBody {
         }
     }
 
+    /// Triangles of a surface in its own axes, m; none of other walls.
+    pub fn triangles(&self) -> Vec<[Vector3<f64>; 3]> {
+        let ShapeRecord::Mesh { surface: Some(mesh), .. } = &self.shape else { return Vec::new() };
+        (0..mesh.triangles().len() as u32).map(|triangle| mesh.corners(triangle)).collect()
+    }
+
     /// Penetration of a sphere into the wall, m, see [`ball_overlap`].
     pub fn ball_overlap(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
         ball_overlap(&self.shape, &(self.axes * (centre - self.centre)), radius)

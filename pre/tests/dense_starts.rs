@@ -64,6 +64,10 @@ fn rocks_whose_balls_do_not_fit_are_placed_by_their_shapes() {
     let faults = read(Path::new(""), &box_of(2.1)).unwrap_err();
     assert!(faults.contains("of 40 grains (largest first) could be placed in a box"), "{faults}");
     assert!(faults.contains("tries found no free position for the next by its shape; expected"), "{faults}");
+    let capsules = "number: 40, shape: Capsule(half_length: 1, radius: 0.5), placement: RandomSequential(envelope: \
+                    Box(lengths: (5, 5, 5))), centre: (0, 0, 4)";
+    let faults = read(Path::new(""), &scene(capsules, "")).unwrap_err();
+    assert!(faults.contains("found no free position for the next; expected DensePacking, which packs"), "{faults}");
 }
 
 /// A cube in the middle, a sphere next to it and an inclined plate through the envelope; the positions are checked for overlaps

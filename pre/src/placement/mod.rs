@@ -478,12 +478,15 @@ fn dense_packing(
     let region = cell.region;
     let EnvelopePose { rotation, centre } = pose;
     let to_region_axes = rotation.transpose();
-    let obstacles = obstacles.map_or(Vec::new(), |obstacles| {
+    let fixed_bodies = obstacles.as_ref().map_or(Vec::new(), |obstacles| {
         let bodies = obstacles.to_fixed_bodies(&centre, &to_region_axes, region.half_extents().norm(), &cell.periods);
         bodies_within(cell, bodies, grains)
     });
+    let is_free = |point: &Vector3<f64>| {
+        obstacles.as_ref().is_none_or(|obstacles| !obstacles.is_in_solid(&(rotation * point + centre)))
+    };
     let are_spheres = grains.iter().all(|grain| grain.shape == OrientedShape::Sphere);
-    let packed = if are_spheres && obstacles.is_empty() {
+    let packed = if are_spheres && fixed_bodies.is_empty() {
         dense::pack_spheres(cell, &padded_radii, random).map(|centres| (centres, Vec::new()))
     } else {
         let hulls = |grain: &SampledGrain| {
@@ -498,9 +501,10 @@ fn dense_packing(
             hulls: grains.iter().map(hulls).collect(),
             sizes: grains.iter().map(|grain| grain.radius).collect(),
             can_turn: can_turn && !are_spheres,
-            obstacles,
+            obstacles: fixed_bodies,
         };
-        dense::pack_shapes(cell, &padded_radii, &shapes, random).map(|packed| (packed.centres, packed.rotations))
+        dense::pack_shapes(cell, &padded_radii, &shapes, &is_free, random)
+            .map(|packed| (packed.centres, packed.rotations))
     };
     let (centres, rotations) = packed.map_err(|error| {
         let volume: f64 = grains.iter().map(SampledGrain::volume).sum();
