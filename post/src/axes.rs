@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
-use cd_formats::error::Fault;
+use cd_formats::error::{Fault, Faults};
 use cd_formats::field::{FieldShapes, PrimaryResponse, primary_motions};
 use cd_formats::snapshot::SnapshotMeta;
 
@@ -88,7 +88,7 @@ impl OutputAxes {
     /// axes Σ m_i x_i + M x of the mass is Σ m_i x_i + M d of the computation, with its deviation d, whose rate is constant.
     ///
     /// Errors: fields without orbits, or a number that is not that of a field with an orbit.
-    pub fn origin(self, meta: &SnapshotMeta, shapes: &FieldShapes) -> Result<AxesOrigin, Fault> {
+    pub fn origin(self, meta: &SnapshotMeta, shapes: &FieldShapes) -> Result<AxesOrigin, Faults> {
         if self == OutputAxes::Computed {
             return Ok(AxesOrigin::default());
         }
@@ -96,7 +96,9 @@ impl OutputAxes {
         let orbiting: Vec<usize> =
             (1..).zip(fields).filter(|(_, field)| field.orbit().is_some()).map(|(number, _)| number).collect();
         let fault = |expected: String| {
-            Err(Fault::new(Path::new("options"), None, "--frame", self.to_string(), format!("expected {expected}")))
+            let fault =
+                Fault::new(Path::new("options"), None, "--frame", self.to_string(), format!("expected {expected}"));
+            Err(fault.into())
         };
         let Some(&last) = orbiting.last() else {
             return fault("computed, as no field of the run has an orbit".into());

@@ -82,6 +82,17 @@ impl SolidShape {
         self.faces.push((0..CYLINDER_SIDES).map(|k| lower_vertex(k) + 1).collect());
     }
 
+    /// Adds a plate; `to_body` maps its points to the body's frame.
+    fn add_plate(&mut self, half_lengths: &[f64; 3], to_body: impl Fn(Vec3) -> Vec3) {
+        let first = self.vertices.len() as u32;
+        // Bit k of the index of a corner: the end along axis k.
+        let corner =
+            |index: u32| Vec3::from_fn(|k, _| if index >> k & 1 == 1 { half_lengths[k] } else { -half_lengths[k] });
+        self.vertices.extend((0..8).map(|index| to_body(corner(index))));
+        let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        self.faces.extend(faces.map(|face| face.map(|index| first + index).to_vec()));
+    }
+
     /// Adds a capsule about the third axis, as a polyhedron with its vertices on the capsule; `to_body` maps its points to
     /// the body's frame.
     fn add_capsule(&mut self, half_length: f64, radius: f64, to_body: impl Fn(Vec3) -> Vec3) {
@@ -254,8 +265,8 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
         | ShapeRecord::Polyhedron { .. }
         | ShapeRecord::OffsetSphere { .. }
         | ShapeRecord::Mesh { .. } => true,
-        ShapeRecord::Sphere { .. } => !is_single,
-        ShapeRecord::Plane { .. } | ShapeRecord::Point { .. } => false,
+        ShapeRecord::Sphere { .. } | ShapeRecord::Plane { .. } => !is_single,
+        ShapeRecord::Point { .. } => false,
     };
     if !body.contactors.iter().any(|contactor| is_solid(&contactor.shape)) {
         return Ok(None);
@@ -305,7 +316,8 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
                 solid.vertices.extend(surface.iter().flat_map(|mesh| mesh.vertices()));
                 solid.faces.extend(surface.iter().flat_map(|mesh| mesh.triangles()).map(|corners| corners.to_vec()));
             }
-            ShapeRecord::Plane { .. } | ShapeRecord::Point { .. } => {}
+            ShapeRecord::Plane { half_lengths } => solid.add_plate(half_lengths, to_body(contactor)),
+            ShapeRecord::Point { .. } => {}
         }
     }
     Ok(Some(solid))

@@ -99,6 +99,9 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
     if scene.compute.cell.is_some() {
         check_bodies_of_cell(scene, report);
     }
+    if !scene.compute.impacts.is_simultaneous() {
+        check_bodies_of_impacts(&scene.grains, &scene.walls, report);
+    }
     check_rotating_frame(report, &scene.compute, partly_driven_paths(&scene.grains, &scene.walls));
     let is_used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
     let laws: Vec<(&str, LawModel)> =
@@ -114,6 +117,20 @@ fn check_bodies_of_cell(scene: &Scene, report: &mut FaultReport) {
     for (k, grains) in scene.grains.iter().enumerate() {
         let is_driven = grains.driven.is_some() || grains.driven_spin.is_some();
         report.require(!is_driven, &format!("grains.{k}"), "imposed motion", expected);
+    }
+}
+
+/// Reports bodies other than free spheres and bodies whose whole motion is imposed, in a scene with impacts in order.
+pub(crate) fn check_bodies_of_impacts(grains: &[Grains], walls: &[SceneWall], report: &mut FaultReport) {
+    let found = "neither free spheres nor bodies whose whole motion is imposed, with impacts: in_order";
+    let expected = "impacts: simultaneous: the order of impacts is computed for spheres";
+    for (k, grains) in grains.iter().enumerate() {
+        let are_free_spheres = grains.are_spheres() && grains.imposed_components().iter().all(Option::is_none);
+        report.require(are_free_spheres || grains.is_imposed(), &format!("grains.{k}"), found, expected);
+    }
+    for (k, wall) in walls.iter().enumerate() {
+        let found = "a wall that moves by forces, with impacts: in_order";
+        report.require(!wall.is_pushed(), &format!("walls.{k}"), found, expected);
     }
 }
 
@@ -136,7 +153,11 @@ pub(crate) fn partly_driven_paths<'a>(
     let driven_grains = (0..).zip(grains).filter(move |(_, grains)| is_partly_driven(grains));
     let pushed_walls = (0..).zip(walls).filter(move |(_, wall)| wall.is_pushed());
     let motion_field = |grains: &Grains| if grains.driven.is_some() { "driven" } else { "driven_spin" };
-    let load_field = |wall: &SceneWall| if wall.has_force() { "force" } else { "moment" };
+    let load_field = |wall: &SceneWall| match wall.hinge_moment() {
+        Some(_) => "revolution",
+        None if wall.has_force() => "force",
+        None => "moment",
+    };
     driven_grains
         .map(move |(k, grains)| format!("grains.{k}.{}", motion_field(grains)))
         .chain(pushed_walls.map(move |(k, wall)| format!("walls.{k}.{}", load_field(wall))))
@@ -725,24 +746,27 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             spin,
             moment,
             pressure,
+            strain_rate,
             revolution,
             surface_spin,
             ends,
         } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "axis", axis);
-            let is_still = *spin == TimeFunction::default() && velocity.iter().all(is_zero) && !wall.is_pushed();
+            let is_still = is_zero(spin) && velocity.iter().all(is_zero) && strain_rate.is_none() && !wall.has_load();
             check_revolution(report, path, revolution.as_deref(), is_still);
+            check_cylinder_hinge(report, path, wall);
             check_evolution(report, &format!("{path}.surface_spin"), surface_spin, "rad/s");
             let is_free = |k: usize| is_zero(&velocity[k]) && force[k].is_none() && revolution.is_none();
             check_along_axis(report, &format!("{path}.pressure"), pressure.as_deref(), ("Pa", axis), is_free);
-            let is_solid = pressure.is_none() || !hollow;
-            report.require(
-                is_solid,
-                &format!("{path}.pressure"),
-                "of a hollow cylinder",
-                "a solid one: the pressure acts on its end",
-            );
+            let is_free = |k: usize| is_free(k) && pressure.is_none();
+            check_along_axis(report, &format!("{path}.strain_rate"), strain_rate.as_deref(), ("1/s", axis), is_free);
+            let servos = [("pressure", pressure, "the pressure"), ("strain_rate", strain_rate, "the strain rate")];
+            for (name, servo, noun) in servos {
+                let expected = format!("a solid one: {noun} is that of its end");
+                let is_solid = servo.is_none() || !hollow;
+                report.require(is_solid, &format!("{path}.{name}"), "of a hollow cylinder", &expected);
+            }
             if let Some(ends) = ends {
                 let end_path = format!("{path}.ends");
                 check_evolution(report, &format!("{end_path}.spin"), &ends.spin, "rad/s");
@@ -762,7 +786,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_evolution(report, &format!("{path}.spin"), spin, "rad/s");
             moment.iter().for_each(|moment| check_evolution(report, &format!("{path}.moment"), moment, "N m"));
             let found = format!("{}, and a moment about the axis", report.shown_text(&format!("{path}.spin")));
-            let is_one_given = moment.is_none() || *spin == TimeFunction::default();
+            let is_one_given = moment.is_none() || is_zero(spin);
             report.require(is_one_given, &format!("{path}.spin"), found, "one of the two");
         }
         SceneWall::Plate {
@@ -783,7 +807,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
         } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "normal", normal);
-            let is_still = velocity.iter().chain(spin).all(is_zero) && strain_rate.is_none() && !wall.is_pushed();
+            let is_still = velocity.iter().chain(spin).all(is_zero) && strain_rate.is_none() && !wall.has_load();
             check_revolution(report, path, revolution.as_deref(), is_still);
             check_evolutions(report, &format!("{path}.surface_velocity"), surface_velocity.iter(), "m/s");
             let tilts = !spin[..2].iter().all(is_zero) || moment[..2].iter().any(Option::is_some);
@@ -831,6 +855,9 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
         } => {
             let is_still = velocity.iter().chain(spin).all(is_zero);
             check_revolution(report, path, revolution.as_deref(), is_still);
+            let is_hinged = revolution.as_ref().is_some_and(|revolution| revolution.moment.is_some());
+            let expected = "a rate: the motion of a surface is imposed";
+            report.require(!is_hinged, &format!("{path}.revolution.moment"), "of a Mesh", expected);
             check_evolutions(report, &format!("{path}.surface_velocity"), surface_velocity.iter(), "m/s");
             check_positive(report, &format!("{path}.scale"), *scale, "a factor > 0");
             check_vector(report, &format!("{path}.position"), position, "m");
@@ -848,12 +875,27 @@ fn is_zero(function: &TimeFunction) -> bool {
 
 /// Checks a rotation about an axis; `is_still`: whether nothing else moves the wall.
 fn check_revolution(report: &mut FaultReport, path: &str, revolution: Option<&Revolution>, is_still: bool) {
-    let Some(Revolution { axis, point, rate }) = revolution else { return };
+    let Some(Revolution { axis, point, rate, moment }) = revolution else { return };
     let path = format!("{path}.revolution");
     check_direction(report, &path, "axis", axis);
     check_vector(report, &format!("{path}.point"), point, "m");
-    check_evolution(report, &format!("{path}.rate"), rate, "rad/s");
+    rate.iter().for_each(|rate| check_evolution(report, &format!("{path}.rate"), rate, "rad/s"));
+    moment.iter().for_each(|moment| check_evolution(report, &format!("{path}.moment"), moment, "N m"));
+    let found = if rate.is_some() { "a rate and a moment" } else { "neither a rate nor a moment" };
+    report.require(rate.is_some() != moment.is_some(), &path, found, "one of the two");
     report.require(is_still, &path, "a wall that also moves otherwise", "no other velocity, spin, force or moment");
+}
+
+/// Checks a cylinder that turns freely about an axis elsewhere.
+fn check_cylinder_hinge(report: &mut FaultReport, path: &str, wall: &SceneWall) {
+    let SceneWall::Cylinder { hollow, surface_spin, .. } = wall else { return };
+    if wall.hinge_moment().is_none() {
+        return;
+    }
+    let path = format!("{path}.revolution.moment");
+    report.require(!hollow, &path, "of a hollow cylinder", "a solid one, or a rate");
+    let expected = "a rate, or no surface_spin: a wall that turns freely has other axes";
+    report.require(is_zero(surface_spin), &path, "of a cylinder with a surface_spin", expected);
 }
 
 /// Component of a normal across the fixed axis of a servo up to which it is along that: rounding of directions written
@@ -1085,8 +1127,24 @@ impl SceneWall {
         }
     }
 
+    /// Moment about the axis about which the wall turns freely, if it has a revolution under a moment.
+    pub fn hinge_moment(&self) -> Option<&TimeFunction> {
+        let (SceneWall::Plate { revolution, .. }
+        | SceneWall::Cylinder { revolution, .. }
+        | SceneWall::Mesh { revolution, .. }) = self
+        else {
+            return None;
+        };
+        revolution.as_ref()?.moment.as_ref()
+    }
+
     /// Whether a force or moment acts on the wall, so that not all of its motion is imposed.
     pub fn is_pushed(&self) -> bool {
+        self.has_load() || self.hinge_moment().is_some()
+    }
+
+    /// Whether a force or moment other than that of a revolution acts on the wall.
+    fn has_load(&self) -> bool {
         let has_moment = match self {
             SceneWall::Plate { moment, .. } => moment.iter().any(Option::is_some),
             SceneWall::Cylinder { moment, .. } => moment.is_some(),

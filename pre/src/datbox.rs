@@ -94,6 +94,7 @@ fn scene_with_warnings(source: &Path, text: &str, settings: &[String]) -> Result
     scene.laws.iter_mut().for_each(Law::apply_bulk_strength);
     set_random_orders(&mut scene.compute.sources, scene.seed);
     let population = population::populate(&scene, source.parent().unwrap_or(Path::new("")), &mut report);
+    population::check_strain_rates(&population.walls, &mut report);
     let warnings = std::mem::take(&mut report.warnings);
     report.faults.into_result((scene, population, warnings))
 }

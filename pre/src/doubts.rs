@@ -62,8 +62,9 @@ pub fn report_doubts(
                 ("force", force.iter().map(Option::as_ref).collect()),
                 ("moment", moment.iter().map(Option::as_ref).collect()),
             ],
-            SceneWall::Cylinder { velocity, force, spin, moment, pressure, surface_spin, .. } => vec![
+            SceneWall::Cylinder { velocity, force, spin, moment, pressure, strain_rate, surface_spin, .. } => vec![
                 ("pressure", vec![pressure.as_deref()]),
+                ("strain_rate", vec![strain_rate.as_deref()]),
                 ("surface_spin", vec![Some(surface_spin)]),
                 ("velocity", velocity.iter().map(Some).collect()),
                 ("spin", vec![Some(spin)]),

@@ -151,7 +151,7 @@ impl<'a> Obstacles<'a> {
 
     /// Bodies at rest, with their images, whose bounding balls overlap the ball of `radius`, m, about `centre`, m: about
     /// this centre along the axes into which `rotation` turns the fixed ones. A body has one image along an axis of
-    /// `periods`. Hollow cylinders and surfaces are left out.
+    /// `periods`. A surface is a body for each triangle. Hollow cylinders are left out.
     pub(crate) fn to_fixed_bodies(
         &self,
         centre: &Vector3<f64>,
@@ -175,6 +175,14 @@ impl<'a> Obstacles<'a> {
         }
         for wall in self.walls {
             let axes = wall.axes * rotation.transpose();
+            for triangle in wall.triangles() {
+                let middle = triangle.iter().sum::<Vector3<f64>>() / 3.0;
+                let points: Vec<Vector3<f64>> = triangle.iter().map(|point| axes.tr_mul(&(point - middle))).collect();
+                let reach = points.iter().map(|point| point.norm()).fold(0.0, f64::max);
+                let position = wall.centre + wall.axes.tr_mul(&middle);
+                let shifts = nearest_images(self.options, &(centre - position));
+                add_images(&position, reach, &[RoundedHull::new(points, 0.0)], &shifts);
+            }
             let hull = match wall.shape {
                 ShapeRecord::Plane { half_lengths } => RoundedHull::from_box(&axes, &half_lengths.into()),
                 ShapeRecord::Cylinder { half_height, radius, hollow: false } => {
@@ -183,9 +191,18 @@ impl<'a> Obstacles<'a> {
                 _ => continue,
             };
             let reach = hull.points.iter().map(|point| point.norm()).fold(0.0, f64::max);
-            add_images(&wall.centre, reach, &[hull], &nearest_images(self.options, &(centre - wall.centre)));
+            let shifts = nearest_images(self.options, &(centre - wall.centre));
+            add_images(&wall.centre, reach, &[hull], &shifts);
         }
         bodies
+    }
+
+    /// Whether a point, m, is behind a surface that is solid there.
+    pub(crate) fn is_in_solid(&self, point: &Vector3<f64>) -> bool {
+        self.walls.iter().filter(|wall| matches!(wall.shape, ShapeRecord::Mesh { .. })).any(|wall| {
+            let shifts = nearest_images(self.options, &(point - wall.centre));
+            shifts.iter().any(|shift| wall.ball_overlap(&(point - shift), 0.0) > 0.0)
+        })
     }
 
     /// Search for overlaps of grains whose bounding balls have the radius `largest`, m, at most.

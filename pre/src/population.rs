@@ -5,6 +5,7 @@ use std::path::Path;
 
 use cd_formats::bodies::ShapeRecord;
 use cd_formats::compute::{Compute, PERIOD_NAMES};
+use cd_formats::geometry::plates::opposite_extent;
 use cd_formats::names::{number_text, rounded_number};
 use cd_formats::report::FaultReport;
 use nalgebra::Vector3;
@@ -21,6 +22,7 @@ use crate::shapes::read::report_file_faults;
 use crate::shapes::{GrainSampler, SampledGrain, ShapeError};
 use crate::sizes::MAX_BODIES;
 use crate::sphere::sphere_volume;
+use crate::walls::WallBody;
 use crate::{check, motion, orbits, walls, write};
 
 /// Largest number of overlaps that are reported one by one.
@@ -171,6 +173,37 @@ fn check_inclined_plates(scene: &Scene, population: &Population, report: &mut Fa
     }
 }
 
+/// Checks that walls of a scene with a strain rate have a plate opposite to them, whose motion along the axis is imposed.
+pub fn check_strain_rates(walls: &[WallBody], report: &mut FaultReport) {
+    for (k, wall) in walls.iter().enumerate() {
+        let Some((axis, _)) = wall.servos.strain_rate else { continue };
+        let distance_along = |other: &WallBody, sign: f64| {
+            let ShapeRecord::Plane { half_lengths } = other.shape else { return None };
+            let direction = Vector3::from_fn(|row, _| if row == axis { sign } else { 0.0 });
+            opposite_extent(&wall.centre, &direction, (&other.centre, &other.axes, &half_lengths.into()))
+        };
+        let candidate = |(other, plate): (usize, &WallBody)| {
+            // A wall that turns freely is no plate of its own.
+            let is_other = other != k && plate.servos.hinge_axes.is_none();
+            let distance = [1.0, -1.0].into_iter().find_map(|sign| distance_along(plate, sign)).filter(|_| is_other)?;
+            Some((other, distance))
+        };
+        let opposite = walls.iter().enumerate().filter_map(candidate).min_by(|a, b| a.1.total_cmp(&b.1));
+        let path = format!("walls.{}.strain_rate", wall.wall);
+        let Some((opposite, _)) = opposite else {
+            let expected = "a second plate across the line along its normal or axis from its centre";
+            report.add_fault(&path, "without a plate opposite to the wall", expected);
+            continue;
+        };
+        let WallBody { wall: number, loads, servos, .. } = &walls[opposite];
+        let has_servo = |servo: &Option<(usize, TimeFunction)>| servo.as_ref().is_some_and(|(along, _)| *along == axis);
+        let is_imposed = loads[axis].is_none() && !has_servo(&servos.pressure);
+        let is_plain = is_imposed && servos.strain_rate.is_none() && servos.pivot.is_none();
+        let found = format!("relative to wall {}, whose velocity along the axis is not imposed", number + 1);
+        report.require(is_plain, &path, found, "a plate opposite to it at rest or with a velocity");
+    }
+}
+
 /// Placed grains of a group with their masses, velocities and angular velocities.
 fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: PlacedGrains) -> Vec<Grain> {
     let density = scene.materials.iter().find(|m| m.name == grains.material).map_or(1.0, |m| m.density);
@@ -209,17 +242,15 @@ fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed
     placed.grains.into_iter().enumerate().map(grain).collect()
 }
 
-/// Checks that the balls around grains, of centre and radius, m, of a periodic scene fit within a period, so that no grain
-/// overlaps another's image.
+/// Checks that the balls around grains, of centre and radius, m, of a periodic scene fit within a period along `axis` 0 to 2, so
+/// that no grain overlaps another's image.
 pub(crate) fn check_balls_extent(
     options: &Compute,
-    balls: impl Iterator<Item = (Vector3<f64>, f64)> + Clone,
+    axis: usize,
+    balls: impl Iterator<Item = (Vector3<f64>, f64)>,
     report: &mut FaultReport,
 ) {
-    for axis in 0..3 {
-        let extent = extent_along(axis, balls.clone());
-        report_extent(options, axis, extent, "the balls around the grains extend", report);
-    }
+    report_extent(options, axis, extent_along(axis, balls), "the balls around the grains extend", report);
 }
 
 /// Checks that each grain of a periodic scene is within a period along `axis` 0 to 2, and so are the centres of all: then a
@@ -317,10 +348,10 @@ fn image_shifts(options: &Compute, grains: &[Grain]) -> Vec<Vector3<f64>> {
 
 /// Advice for grains that overlap a wall around which their placement does not place them; `None` if it does.
 fn wall_advice(placement: &GrainPlacement, shape: &ShapeRecord) -> Option<&'static str> {
-    let is_avoided = matches!(shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { hollow: false, .. });
-    (matches!(placement, GrainPlacement::DensePacking { .. }) && !is_avoided).then_some(
-        "an envelope that does not reach into the wall: DensePacking places grains around plates, solid cylinders and other \
-         grains only",
+    let is_hollow = matches!(shape, ShapeRecord::Cylinder { hollow: true, .. });
+    (matches!(placement, GrainPlacement::DensePacking { .. }) && is_hollow).then_some(
+        "an envelope within the hollow cylinder, such as a Cylinder: DensePacking places grains around all walls but \
+         hollow cylinders",
     )
 }
 

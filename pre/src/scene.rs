@@ -553,6 +553,9 @@ pub enum SceneWall {
         /// Pressure, Pa, on the end of a solid cylinder, in the direction of the axis, along which it moves freely.
         #[serde(default)]
         pressure: Option<Box<TimeFunction>>,
+        /// Rate, 1/s, of the logarithm of the distance from the end of a solid cylinder to the plate opposite to it.
+        #[serde(default)]
+        strain_rate: Option<Box<TimeFunction>>,
         /// Rotation about an axis anywhere in space, in place of `velocity` and `spin`.
         #[serde(default)]
         revolution: Option<Box<Revolution>>,
@@ -596,7 +599,7 @@ pub enum SceneWall {
     },
 }
 
-/// Rotation of a wall about an axis anywhere in space.
+/// Rotation of a wall about an axis anywhere in space, imposed by `rate` or free under a `moment`; one of the two is given.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Revolution {
@@ -606,7 +609,11 @@ pub struct Revolution {
     #[serde(default)]
     pub point: [f64; 3],
     /// Angular velocity, rad/s.
-    pub rate: TimeFunction,
+    #[serde(default)]
+    pub rate: Option<TimeFunction>,
+    /// Moment about the axis, N m, under which, its weight and contacts a plate or solid cylinder turns freely.
+    #[serde(default)]
+    pub moment: Option<TimeFunction>,
 }
 
 /// The two ends of a hollow cylinder.

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use cd_formats::bodies::{Contactor, ShapeRecord};
+use cd_formats::bodies::{Body, Contactor, LocalFrame, ShapeRecord};
 use cd_formats::drv_dof::{Evolution as FileFunction, table_text};
 use cd_formats::report::FaultReport;
 use cd_formats::surface::MassProperties;
@@ -41,10 +41,13 @@ pub struct WallBody {
 pub struct WallServos {
     /// Fixed axis along which a pressure (Pa) acts, and the pressure, > 0 in the positive direction.
     pub pressure: Option<(usize, TimeFunction)>,
-    /// Fixed axis along which a strain rate (1/s) moves a plate.
+    /// Fixed axis along which a strain rate (1/s) moves a plate or cylinder.
     pub strain_rate: Option<(usize, TimeFunction)>,
     /// Point about which the wall turns, m.
     pub pivot: Option<[f64; 3]>,
+    /// Axes (rows) of the body of a wall that turns freely, the third along the axis, through the pivot, about which it does so;
+    /// [`WallBody::motion`] and [`WallBody::loads`] are about these.
+    pub hinge_axes: Option<Matrix3<f64>>,
     /// Velocity of the surface, components as of [`WallBody::motion`].
     pub surface: [Option<TimeFunction>; 6],
 }
@@ -72,23 +75,60 @@ impl WallServos {
         let surface = [Some(x), Some(y), Some(z), None, None, None].map(|component| component.cloned());
         if is_still { self } else { WallServos { surface, ..self } }
     }
-
-    /// The servos with a rotation, if there is one, whose angular velocities about the own axes (rows of `axes`) replace those
-    /// of `motion`.
-    fn with_revolution(
-        self,
-        axes: &Matrix3<f64>,
-        revolution: Option<&Revolution>,
-        motion: &mut [TimeFunction; 6],
-    ) -> WallServos {
-        let Some(Revolution { axis, point, rate }) = revolution else { return self };
-        let own = axes * Vector3::from(*axis).normalize();
-        (0..3).for_each(|k| motion[3 + k] = rate.scaled_by(own[k]));
-        WallServos { pivot: Some(*point), ..self }
-    }
 }
 
 impl WallBody {
+    /// The wall with a rotation, if there is one: its angular velocities or, of a wall that turns freely, its moment replace those
+    /// about its own axes.
+    fn with_revolution(mut self, revolution: Option<&Revolution>) -> WallBody {
+        let Some(Revolution { axis, point, rate, moment }) = revolution else { return self };
+        let (axis, point) = (Vector3::from(*axis).normalize(), Vector3::from(*point));
+        if let Some(moment) = moment {
+            // The point of the axis next to the centre.
+            let foot = round_point(&(point + axis * axis.dot(&(self.centre - point))));
+            self.servos.pivot = Some(foot.into());
+            self.servos.hinge_axes = Some(axes_about(&axis, None));
+            self.loads[5] = Some(moment.clone());
+        } else if let Some(rate) = rate {
+            let own = self.axes * axis;
+            (0..3).for_each(|k| self.motion[3 + k] = rate.scaled_by(own[k]));
+            self.servos.pivot = Some(point.into());
+        }
+        self
+    }
+
+    /// Axes (rows) of its body, in which its motion is given: its own, but of a wall that turns freely about a pivot.
+    pub fn body_axes(&self) -> &Matrix3<f64> {
+        self.servos.hinge_axes.as_ref().unwrap_or(&self.axes)
+    }
+
+    /// Record of BODIES.DAT, with inertia at density 1. A wall that turns freely about a pivot has its position there, with the
+    /// inertia about it.
+    pub fn record(&self) -> Body {
+        let mut contactors = vec![self.contactor()];
+        let mut properties = self.mass_properties();
+        let mut position = self.centre;
+        if let (Some(axes), Some(pivot)) = (&self.servos.hinge_axes, self.servos.pivot) {
+            position = pivot.into();
+            let own_axes = [0, 1, 2].map(|k| (axes * self.axes.row(k).transpose()).into());
+            let frame = LocalFrame { axes: own_axes, offset: (axes * (self.centre - position)).into() };
+            contactors[0].local_frame = Some(Box::new(frame));
+            // Only polyhedra can have no mass properties.
+            properties = contactors[0].mass_properties().unwrap_or_default().moved_to([0.0; 3]);
+            // A second contactor, so that the first keeps its frame.
+            let shape = ShapeRecord::Point { offset: [0.0; 3] };
+            contactors.push(Contactor { colour: self.colour.clone(), shape, local_frame: None });
+        }
+        Body {
+            line: 0,
+            material: self.material.clone(),
+            equivalent_radius: libm::cbrt(0.75 * properties.volume / std::f64::consts::PI),
+            inertia: Some([0, 1, 2].map(|k| properties.inertia[k][k])),
+            position: position.into(),
+            contactors,
+        }
+    }
+
     /// Contactor in BODIES.DAT.
     pub fn contactor(&self) -> Contactor {
         Contactor { colour: self.colour.clone(), shape: self.shape.clone(), local_frame: None }
@@ -107,6 +147,12 @@ impl WallBody {
             ShapeRecord::Cylinder { half_height, radius, .. } => Some(libm::hypot(half_height, radius)),
             _ => None,
         }
+    }
+
+    /// Triangles of a surface in its own axes, m; none of other walls.
+    pub fn triangles(&self) -> Vec<[Vector3<f64>; 3]> {
+        let ShapeRecord::Mesh { surface: Some(mesh), .. } = &self.shape else { return Vec::new() };
+        (0..mesh.triangles().len() as u32).map(|triangle| mesh.corners(triangle)).collect()
     }
 
     /// Penetration of a sphere into the wall, m, see [`ball_overlap`].
@@ -289,10 +335,9 @@ fn mesh_body(index: usize, wall: &SceneWall, folder: &Path, report: &mut FaultRe
     };
     let rows = rotation_matrix(orientation).transpose().add_scalar(0.0); // no negative zeros
     let [[vx, vy, vz], [wx, wy, wz]] = [velocity.clone(), spin.clone()];
-    let mut motion = [vx, vy, vz, wx, wy, wz];
+    let motion = [vx, vy, vz, wx, wy, wz];
     let servos = WallServos::default().with_surface_velocity(surface_velocity);
-    let servos = servos.with_revolution(&rows, revolution.as_deref(), &mut motion);
-    Some(WallBody {
+    let body = WallBody {
         wall: index,
         material: material.clone(),
         colour: colour.clone(),
@@ -307,7 +352,8 @@ fn mesh_body(index: usize, wall: &SceneWall, folder: &Path, report: &mut FaultRe
         motion,
         loads: Default::default(),
         servos,
-    })
+    };
+    Some(body.with_revolution(revolution.as_deref()))
 }
 
 /// Number of faults of one surface that are printed one by one; a broken surface has thousands of the same kind.
@@ -336,11 +382,10 @@ fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
             let ([vx, vy, vz], [wx, wy, wz]) = (velocity.clone(), spin.clone());
             let ([fx, fy, fz], [mx, my, mz]) = (*force.clone(), *moment.clone());
             let axes = axes_about(&(*normal).into(), first_axis.map(Vector3::from));
-            let mut motion = [vx, vy, vz, wx, wy, wz];
+            let motion = [vx, vy, vz, wx, wy, wz];
             let servos = WallServos::normal_servos(&axes, pressure.as_deref(), strain_rate.as_deref())
-                .with_surface_velocity(surface_velocity)
-                .with_revolution(&axes, revolution.as_deref(), &mut motion);
-            vec![WallBody {
+                .with_surface_velocity(surface_velocity);
+            let body = WallBody {
                 wall: index,
                 material: material.clone(),
                 colour: colour.clone(),
@@ -350,7 +395,8 @@ fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
                 motion,
                 loads: [fx, fy, fz, mx, my, mz],
                 servos,
-            }]
+            };
+            vec![body.with_revolution(revolution.as_deref())]
         }
         SceneWall::Cylinder {
             material,
@@ -365,6 +411,7 @@ fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
             spin,
             moment,
             pressure,
+            strain_rate,
             revolution,
             surface_spin,
             ends: _,
@@ -372,14 +419,10 @@ fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
             let [vx, vy, vz] = velocity.clone();
             let [fx, fy, fz] = *force.clone();
             let axes = axes_about(&(*axis).into(), None);
-            let mut motion = [vx, vy, vz, TimeFunction::default(), TimeFunction::default(), spin.clone()];
-            let mut servos = WallServos::normal_servos(&axes, pressure.as_deref(), None).with_revolution(
-                &axes,
-                revolution.as_deref(),
-                &mut motion,
-            );
+            let motion = [vx, vy, vz, TimeFunction::default(), TimeFunction::default(), spin.clone()];
+            let mut servos = WallServos::normal_servos(&axes, pressure.as_deref(), strain_rate.as_deref());
             servos.surface[5] = Some(surface_spin.clone()).filter(|spin| *spin != TimeFunction::default());
-            vec![WallBody {
+            let body = WallBody {
                 wall: index,
                 material: material.clone(),
                 colour: colour.clone(),
@@ -393,7 +436,8 @@ fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
                 motion,
                 loads: [fx, fy, fz, None, None, moment.clone()],
                 servos,
-            }]
+            };
+            vec![body.with_revolution(revolution.as_deref())]
         }
         SceneWall::Box { material, colour, centre, lengths, orientation, half_thickness, lid, velocity } => {
             let rotation = rotation_matrix(orientation);
@@ -561,6 +605,7 @@ mod tests {
             spin: TimeFunction::Constant(0.5),
             moment: None,
             pressure: None,
+            strain_rate: None,
             revolution: None,
             surface_spin: TimeFunction::default(),
             ends: None,

@@ -4,7 +4,6 @@ use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof};
-use cd_formats::surface::MassProperties;
 use cd_formats::tact_behav::{TactBehav, VisibilityRow, VisibilitySide};
 use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::Matrix3;
@@ -70,19 +69,8 @@ pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
             contactors: shapes.into_iter().map(|shape| new_contactor(&group.colour, shape)).collect(),
         }
     };
-    let record_of_wall = |wall: &WallBody| {
-        let MassProperties { volume, inertia, .. } = wall.mass_properties();
-        Body {
-            line: 0,
-            material: wall.material.clone(),
-            equivalent_radius: libm::cbrt(0.75 * volume / std::f64::consts::PI),
-            inertia: Some([0, 1, 2].map(|k| inertia[k][k])),
-            position: wall.centre.into(),
-            contactors: vec![wall.contactor()],
-        }
-    };
     let grains = population.grains.par_iter().with_min_len(GRAINS_PER_TASK).map(record_of_grain);
-    Bodies(grains.chain(population.walls.par_iter().map(record_of_wall)).collect())
+    Bodies(grains.chain(population.walls.par_iter().map(WallBody::record)).collect())
 }
 
 /// Contactors of a polyhedron, one for each convex piece.
@@ -274,7 +262,7 @@ pub fn dof_file(population: &Population) -> Dof {
     };
     let wall = |wall: &WallBody| {
         let velocity = [0, 1, 2, 3, 4, 5].map(|k| wall.motion[k].initial_value());
-        (velocity, matrix_rows(&wall.axes))
+        (velocity, matrix_rows(wall.body_axes()))
     };
     let states = population.grains.par_iter().with_min_len(GRAINS_PER_TASK).map(grain);
     let states = states.chain(population.walls.par_iter().map(wall));

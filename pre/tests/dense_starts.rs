@@ -64,6 +64,10 @@ fn rocks_whose_balls_do_not_fit_are_placed_by_their_shapes() {
     let faults = read(Path::new(""), &box_of(2.1)).unwrap_err();
     assert!(faults.contains("of 40 grains (largest first) could be placed in a box"), "{faults}");
     assert!(faults.contains("tries found no free position for the next by its shape; expected"), "{faults}");
+    let capsules = "number: 40, shape: Capsule(half_length: 1, radius: 0.5), placement: RandomSequential(envelope: \
+                    Box(lengths: (5, 5, 5))), centre: (0, 0, 4)";
+    let faults = read(Path::new(""), &scene(capsules, "")).unwrap_err();
+    assert!(faults.contains("found no free position for the next; expected DensePacking, which packs"), "{faults}");
 }
 
 /// A cube in the middle, a sphere next to it and an inclined plate through the envelope; the positions are checked for overlaps
@@ -432,6 +436,14 @@ fn tables_dumps_and_xyz_files_give_the_same_spheres() {
     let scaled = "ITEM: TIMESTEP\n5\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n-3 1\n0 4\n-6 6\n\
                   ITEM: ATOMS id xs ys zs diameter\n1 1 0.5 0.75 1\n2 0.5 0.0625 0.5 1.5\n";
     expect_two(&from_file("dump.5", scaled.as_bytes(), ", format: Lammps)").unwrap(), false);
+    // Edges (4, 0, 0), (1, 4, 0) and (-2, -0.5, 12) at the corner (-3, 0, -6), within the bounds of LAMMPS.
+    let tilted = "ITEM: TIMESTEP\n5\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS xy xz yz pp pp pp\n-5 2 1\n-0.5 4 -2\n\
+                  -6 6 -0.5\nITEM: ATOMS id xs ys zs diameter\n\
+                  1 1.2265625 0.59375 0.75 1\n2 0.71875 0.125 0.5 1.5\n";
+    expect_two(&from_file("dump.6", tilted.as_bytes(), ", format: Lammps)").unwrap(), false);
+    let absolute =
+        dump.replace("BOX BOUNDS pp ff ff\n-1 1\n0 4\n0 6", "BOX BOUNDS xy xz yz pp ff ff\n-1 1 0.5\n0 4 0\n0 6 -1");
+    expect_two(&from_file("a.dump", absolute.as_bytes(), ")").unwrap(), true);
     let xyz = "1\nfirst frame\nA 0 0 0 1\n2\nsecond frame\nA 1 2 3 0.5 0.5 0 0\nB -1 0.25 0 0.75 0 -0.5 2\n";
     expect_two(&from_file("a.xyz", xyz.as_bytes(), ")").unwrap(), false);
     let extended = "2\nLattice=\"9 0 0 0 9 0 0 0 9\" Properties=species:S:1:radius:R:1:pos:R:3:velo:R:3:omega:R:3\n\
@@ -509,9 +521,21 @@ fn faults_of_files_of_particles_have_line_and_column() {
         ("a.dump", "ITEM: TIMESTEP\n1\n", ")", "a.dump:1: dump: no atoms; expected 'ITEM: ATOMS'"),
         (
             "a.dump",
-            "ITEM: TIMESTEP\n1\nITEM: BOX BOUNDS xy xz yz pp pp pp\n0 1 0.5\n0 1 0\n0 1 0\n",
+            "ITEM: TIMESTEP\n1\nITEM: BOX BOUNDS abc origin pp pp pp\n0 1 0 0\n0 1 0 0\n0 1 0 0\n",
             ")",
-            "a.dump:4: box bounds: '0 1 0.5'; expected the two ends of a rectangular box",
+            "a.dump:4: box bounds: '0 1 0 0'; expected the two ends of the box, and the tilt of one that is not rectangular",
+        ),
+        (
+            "a.dump",
+            "ITEM: TIMESTEP\n1\nITEM: NUMBER OF ATOMS\n1\nITEM: ATOMS id x y z radius\n1 0 0 0 1\n2 3 0 0 1\n",
+            ")",
+            "a.dump:5: atoms: 2 lines for 1 atoms; expected a line for each",
+        ),
+        (
+            "a.dump",
+            "ITEM: TIMESTEP\n1\nITEM: NUMBER OF ATOMS\n2\nITEM: ATOMS id x y z radius\n7 0 0 0 1\n7 3 0 0 1\n",
+            ")",
+            "a.dump:5: atoms: id 7 is that of two lines; expected each id once",
         ),
         ("a.dat", "", ")", "a.dat: file: an ending that names no format; expected .csv"),
         (

@@ -116,13 +116,14 @@ fn what_the_guides_show_is_accepted() {
         let (path, text) = page_of(&format!("how-to/{page}.md"));
         assert_eq!(expect_accepted(&path, &text), text.matches("```ron").count(), "{page}");
     }
-    let names = ["bed", "clumps", "pour", "pressed", "rods", "silo", "tube"];
+    let names =
+        ["bed", "belt", "cell", "clumps", "cradle", "flap", "ice", "mixer", "pour", "pressed", "rods", "silo", "tube"];
     let scenes = names.map(|name| format!("how-to/{name}.ron"));
     for scene in scenes.iter().map(String::as_str).chain(["tutorial/scene.ron"]) {
         let (path, text) = page_of(scene);
         cd_pre::read_scene(&path, &text, &[]).unwrap_or_else(|faults| panic!("{scene}\n{faults}"));
     }
-    let changes = ["flyby", "heap", "planet", "settled", "silo-open"].map(|name| format!("how-to/{name}.ron"));
+    let changes = ["flyby", "heap", "planet", "settled", "shear", "silo-open"].map(|name| format!("how-to/{name}.ron"));
     for changes in changes.iter().map(String::as_str).chain(["tutorial/changes.ron"]) {
         let (path, text) = page_of(changes);
         from_ron::<Changes>(&path, &text, "changes").unwrap_or_else(|faults| panic!("{changes}\n{faults}"));

@@ -38,6 +38,23 @@ fn laws_of_events_are_those_of_contacts_and_cohesion_is_changed_where_there_is_s
 }
 
 #[test]
+fn impacts_in_order_are_those_of_spheres() {
+    let in_order = ("compute: (dt: 1.0e-3)", "compute: (dt: 1.0e-3, impacts: in_order)");
+    let found = |changes: &[(&str, &str)]| faults_of_changed(GOOD, &[&[in_order], changes].concat());
+    let plate = "half_lengths: (9.0, 9.0, 0.5)";
+    let pressed = "half_lengths: (9.0, 9.0, 0.5), force: (None, None, Constant(1.0))";
+    let wall = found(&[(plate, pressed)]);
+    assert!(
+        wall.contains("wall 1: a wall that moves by forces, with impacts: in_order; expected impacts: simul"),
+        "{wall}"
+    );
+    let colour = "colour: \"BLUEx\",";
+    let held = found(&[(colour, "colour: \"BLUEx\", driven: (None, None, Constant(0.0)),")]);
+    let expected = "grains 1: neither free spheres nor bodies whose whole motion is imposed, with impacts: in_order";
+    assert!(held.contains(expected), "{held}");
+}
+
+#[test]
 fn strengths_of_the_bulk_are_those_of_pairs_and_no_second_value() {
     let law = |bulk: &str, stress: &str| {
         format!(

@@ -60,7 +60,15 @@ fn servos_are_rows_of_their_own_kind() {
     let below = "normal: (0.0, 0.0, -2.0), pressure: Table([(0.0, 0.0), (1.0, 5.0)])";
     assert_eq!(servo_rows(&plate(below)), [(2, Pressure, -5.0)]);
     assert_eq!(rows(&plate(below)).len(), 6);
-    assert_eq!(servo_rows(&plate("strain_rate: Constant(-0.5)")), [(2, StrainRate, -0.5)]);
+    let lid = wall("Plate", "centre: (0.0, 0.0, 50.0), half_lengths: (9.0, 9.0, 0.5)", "");
+    let lid = lid.replace(", )", ")");
+    let below_lid = |wall: &str| format!("{wall}, {lid}");
+    assert_eq!(servo_rows(&below_lid(&plate("strain_rate: Constant(-0.5)"))), [(2, StrainRate, -0.5)]);
+    let pillar =
+        wall("Cylinder", "centre: (50.0, 0.0, 0.0), half_height: 5.0, radius: 5.0", "strain_rate: Constant(2.0)");
+    let over =
+        plate("spin: (Constant(0.0), Constant(0.0), Constant(0.0))").replace("(0.0, 0.0, -11.0)", "(50.0, 0.0, -11.0)");
+    assert_eq!(servo_rows(&format!("{pillar}, {over}")), [(2, StrainRate, 2.0)]);
     let belt = "surface_velocity: (Constant(1.5), Constant(0.0), Harmonic(amplitude: 2.0, omega: 0.0))";
     let expected = [(0, SurfaceVelocity, 1.5), (1, SurfaceVelocity, 0.0), (2, SurfaceVelocity, 2.0)];
     assert_eq!(servo_rows(&plate(belt)), expected);
@@ -72,6 +80,27 @@ fn servos_are_rows_of_their_own_kind() {
     let piston = "axis: (-1.0, 0.0, 0.0), pressure: Constant(7.0)";
     let far = wall("Cylinder", "centre: (50.0, 0.0, 0.0), half_height: 5.0, radius: 5.0", piston);
     assert_eq!(servo_rows(&far), [(0, Pressure, -7.0)]);
+}
+
+/// A door that hangs on a hinge along z: its position is on the hinge, with the inertia about it.
+#[test]
+fn walls_that_turn_freely_have_their_position_on_the_axis() {
+    let turn = "revolution: (axis: (0.0, 0.0, 2.0), point: (-9.0, 0.0, 5.0), moment: Constant(3.0))";
+    let (bodies, driven, dof) = files(&scene_with_walls(&plate(turn)));
+    let rows: Vec<_> = driven.iter().map(|row| (row.component, row.kind, row.evolution.value_at(1.0))).collect();
+    use DrivenKind::{Force, Pivot, Velocity};
+    let held = [0, 1, 2, 3, 4].map(|component| (component, Velocity, 0.0));
+    let pivot = [(0, Pivot, -9.0), (1, Pivot, 0.0), (2, Pivot, -11.0)];
+    assert_eq!(rows, [&held[..], &[(5, Force, 3.0)], &pivot].concat());
+    let door = bodies.0.last().unwrap();
+    assert_eq!(door.position, [-9.0, 0.0, -11.0]);
+    let [contactor, point] = &door.contactors[..] else { panic!("{door:?}") };
+    assert_eq!(contactor.local_frame.as_ref().unwrap().offset, [9.0, 0.0, 0.0]);
+    assert_eq!(point.shape, ShapeRecord::Point { offset: [0.0; 3] });
+    let volume = 8.0 * 9.0 * 9.0 * 0.5;
+    let moment = door.inertia.unwrap()[2] / (volume * (2.0 * 81.0 / 3.0 + 81.0));
+    assert!((moment - 1.0).abs() < 1e-7, "{moment}"); // eight digits
+    assert_eq!(dof.bodies.last().unwrap().axes, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
 }
 
 #[test]
@@ -103,6 +132,7 @@ fn ends_of_a_drum_are_plates_after_all_other_walls() {
 
 #[test]
 fn servos_of_other_walls_are_rejected() {
+    let over = |fields: &str| wall("Plate", "centre: (0.0, 0.0, 50.0), half_lengths: (9.0, 9.0, 0.5)", fields);
     for (walls, expected) in [
         (
             plate("normal: (0.0, 1.0, 1.0), pressure: Constant(5.0)"),
@@ -122,6 +152,35 @@ fn servos_of_other_walls_are_rejected() {
             "revolution: a wall that also moves otherwise; expected no other velocity, spin, force or moment",
         ),
         (plate("revolution: (axis: (0, 0, 0), rate: Constant(5.0))"), "axis"),
+        (plate("revolution: (axis: (0, 0, 1))"), "revolution: neither a rate nor a moment; expected one of the two"),
+        (
+            plate("revolution: (axis: (0, 0, 1), rate: Constant(5.0), moment: Constant(0.0))"),
+            "revolution: a rate and a moment; expected one of the two",
+        ),
+        (
+            plate("moment: (None, None, Constant(1.0)), revolution: (axis: (0, 0, 1), moment: Constant(0.0))"),
+            "revolution: a wall that also moves otherwise; expected no other velocity, spin, force or moment",
+        ),
+        (
+            cylinder("hollow: true, revolution: (axis: (0, 0, 1), moment: Constant(0.0))"),
+            "of a hollow cylinder; expected a solid one, or a rate",
+        ),
+        (
+            cylinder("surface_spin: Constant(1.0), revolution: (axis: (0, 0, 1), moment: Constant(0.0))"),
+            "of a cylinder with a surface_spin; expected a rate, or no surface_spin",
+        ),
+        (
+            plate("strain_rate: Constant(5.0)"),
+            "strain_rate: without a plate opposite to the wall; expected a second plate across the line",
+        ),
+        (
+            format!("{}, {}", plate("strain_rate: Constant(5.0)"), over("force: (None, None, Constant(1.0))")),
+            "relative to wall 2, whose velocity along the axis is not imposed; expected a plate opposite to it",
+        ),
+        (
+            cylinder("hollow: true, strain_rate: Constant(5.0)"),
+            "of a hollow cylinder; expected a solid one: the strain rate",
+        ),
         (cylinder("hollow: true, pressure: Constant(5.0)"), "pressure: of a hollow cylinder; expected a solid one"),
         (
             cylinder("ends: (material: \"ROCKx\", colour: \"WALLx\")"),

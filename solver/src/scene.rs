@@ -20,7 +20,6 @@ use cd_formats::wall_mesh::WallMesh;
 
 pub use self::imposed_motion::{
     AreaSide, ImposedLoad, ImposedVelocity, PressedArea, StrainDrive, SurfaceMotion, WallArea, WallPivot,
-    opposite_extent,
 };
 use crate::features::BARE;
 use crate::geometry::Polyhedron;
@@ -975,6 +974,7 @@ impl Scene {
             (pressures, "pressure"),
             (servos(|drive| drive.strain.is_some()), "strain rate"),
             (servos(|drive| drive.pivot.is_some()), "revolution"),
+            (servos(|drive| drive.hinged_centre.is_some()), "hinge"),
             (servos(|drive| drive.surface.is_some()), "moving surface"),
             (self.links.len(), "link"),
         ];

@@ -1252,3 +1252,86 @@ fn functions_of_time_continue_bit_for_bit() {
     let other = next_case(&second, "(keep_time: true, compute: (dt: 7.0e-4, steps: 2))").solved(&[]);
     assert!((other.last_snapshot().meta.time - (0.15 + 2.0 * 7.0e-4)).abs() < 1e-15);
 }
+
+/// Balls on springs in a cell of 4 m that shears along x and closes along z, with the changes of its options in `cell`.
+fn sheared_cell(cell: &str) -> Case {
+    let scene = r#"(
+        materials: [(name: "ROCKx", density: 2000.0)],
+        laws: [(name: "elast", kind: ELASTIC_REPELL_CLB(stiffness: 1.0e4, friction: 0.3))],
+        contacts: [(between: ("BLUEx", "BLUEx"), law: "elast")],
+        grains: [(
+            material: "ROCKx",
+            colour: "BLUEx",
+            number: 40,
+            sizes: Uniform(min: 0.35, max: 0.5),
+            placement: RandomSequential(envelope: Box(lengths: (3.9, 3.9, 3.9))),
+            thermal_velocity: 0.3,
+        )],
+        compute: (
+            dt: 0.002, steps: 200, output_every: 100, xperiode: 4.0, yperiode: 4.0, zperiode: 4.0,
+            cell: (z: Rate(-0.2), CELL),
+        ),
+    )"#;
+    Case::from_scene(&scene.replace("CELL", cell)).solved(&[])
+}
+
+#[test]
+fn a_sheared_cell_continues_bit_for_bit() {
+    let unbroken = sheared_cell("shear_xz: 0.5");
+    let [middle, end] = [100, 200].map(|step| unbroken.snapshot(step));
+    assert!(middle.meta.cell.unwrap().shears[1].abs() > 0.1);
+    assert!(end.contacts.contact_impulse.iter().any(|r| r[0] > 0.0), "nothing touches");
+    let case = next_case(&unbroken, "(bodies: [(snapshot: 100)], keep_time: true)").solved(&["--steps", "100"]);
+    assert_eq!((bits(&case.snapshot(100)), bits(&case.snapshot(200))), (bits(&middle), bits(&end)));
+    assert_eq!(case.snapshot(200).meta.cell, end.meta.cell);
+    // From time 0 the strains are those since then.
+    let anew = next_case(&unbroken, "(bodies: [(snapshot: 100)])").solved(&["--steps", "100"]);
+    assert_eq!(bits(&anew.snapshot(100)), bits(&end));
+    let [strain, before, whole] = [&anew.snapshot(100), &middle, &end].map(|state| state.meta.cell.unwrap());
+    assert!((strain.shear_strains[1] - 0.1).abs() < 1e-12);
+    let log_strain = whole.log_strains()[2] - before.log_strains()[2];
+    assert!((strain.log_strains()[2] - log_strain).abs() < 1e-12);
+}
+
+/// Other rates give the bodies the velocities of the new affine field, and leave those about it.
+#[test]
+fn a_cell_continues_with_other_rates() {
+    let run = sheared_cell("shear_xz: 0.5");
+    let before = run.snapshot(200);
+    let case = next_case(&run, "(compute: (dt: 0.002, steps: 1, cell: (shear_xz: -0.25)))").solved(&[]);
+    let start = case.snapshot(0);
+    let [old, new] = [&before, &start].map(|state| state.meta.cell.unwrap());
+    assert_eq!((old.periods, old.shears), (new.periods, new.shears));
+    assert!((new.gradient()[(0, 2)] + 0.25).abs() < 1e-14);
+    for (k, x) in start.bodies.body_x.iter().enumerate() {
+        assert_eq!(*x, before.bodies.body_x[k]);
+        let [a, b] = [(&old, &before), (&new, &start)]
+            .map(|(cell, state)| cell.fluctuation(&(*x).into(), &state.bodies.body_v[k].into()));
+        assert!((a - b).norm() < 1e-13, "{a} {b}"); // some roundings of velocities of 1 m/s
+    }
+}
+
+#[test]
+fn periods_of_a_cell_are_not_lost() {
+    let run = sheared_cell("shear_xz: 0.0");
+    let length = run.snapshot(200).meta.cell.unwrap().periods[2];
+    let case = next_case(&run, "(compute: (dt: 0.002, steps: 1, cell: (shear_xz: 0.5)))");
+    let options = Compute::read(&case.datbox("COMPUTE.RON")).unwrap();
+    assert_eq!(options.periods(), [Some(4.0), Some(4.0), Some(length)]);
+    for changes in [
+        // The period is that of the start of the run.
+        "(compute: (dt: 0.002, steps: 1, xperiode: 4.0, yperiode: 4.0, zperiode: 4.0, cell: (shear_xz: 0.5)))",
+        "(compute: (dt: 0.1, steps: 1, cell: (shear_xz: 0.5)))",
+    ] {
+        expect_rejection(run.path(), changes);
+    }
+    // A cell with right angles may be left, one that is sheared may not.
+    next_case(&run, "(compute: (dt: 0.002, steps: 1, xperiode: 4.0, yperiode: 4.0))");
+    let sheared = sheared_cell("shear_xz: 0.5");
+    for changes in [
+        "(compute: (dt: 0.002, steps: 1, xperiode: 4.0, yperiode: 4.0))",
+        "(bodies: [(velocity: (1.0, 0.0, 0.0))], compute: (dt: 0.002, steps: 1, cell: ()))",
+    ] {
+        expect_rejection(sheared.path(), changes);
+    }
+}

@@ -298,7 +298,7 @@ fn convex_meshes(
 
 impl MassProperties {
     /// Mass properties of the same solid with `point`, m, as centre: inertia about that point, by Huygens' theorem.
-    fn moved_to(&self, point: [f64; 3]) -> MassProperties {
+    pub fn moved_to(&self, point: [f64; 3]) -> MassProperties {
         let d = Vector3::from(self.centre) - Vector3::from(point);
         let inertia = Matrix3::from(self.inertia)
             + (Matrix3::from_diagonal_element(d.norm_squared()) - d * d.transpose()) * self.volume;

@@ -9,6 +9,7 @@ pub mod mass;
 pub mod mesh;
 pub mod obj;
 pub mod periodic_cell;
+pub mod plates;
 pub mod polyhedron_gravity;
 pub mod principal;
 pub mod rotation;

@@ -89,6 +89,16 @@ pub enum WallSelector {
     Colour(String),
 }
 
+impl Selection {
+    /// Whether the bodies keep their positions and their motion.
+    pub fn keeps_motion(&self) -> bool {
+        self.remove_motion == MotionRemoval::Nothing
+            && self.rotate.angle == 0.0
+            && self.centre.is_none()
+            && [self.velocity, self.spin] == [[0.0; 3]; 2]
+    }
+}
+
 /// Filter of the free bodies of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub enum BodyFilter {

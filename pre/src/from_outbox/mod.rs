@@ -25,7 +25,8 @@ use std::path::Path;
 
 use cd_formats::atomic;
 use cd_formats::bodies::Bodies;
-use cd_formats::compute::{Compute, ExternalField, ROTATION_ABOUT_PERIOD};
+use cd_formats::compute::{Compute, ExternalField, PERIOD_NAMES, ROTATION_ABOUT_PERIOD};
+use cd_formats::deforming_cell::CellState;
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
@@ -71,14 +72,16 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     report.warnings = ron_file::former_name_warnings(file, &text, settings);
     check_changes(&request.changes, &mut report);
     let folder = file.parent().unwrap_or(Path::new(""));
-    let sources = read_sources(&request, case, folder, dir, &mut report);
+    let mut sources = read_sources(&request, case, folder, dir, &mut report);
     reject_faults(&mut report)?;
     let packing_lines = packing::complete_bulk_strengths(&mut request.changes.laws, &sources[0], &mut report);
     reject_faults(&mut report)?;
     request.changes.laws.iter_mut().for_each(Law::apply_bulk_strength);
+    let mut options = request.next_options(file, &sources[0], &mut report)?;
+    let cell = request.continue_cells(&options, &mut sources, &mut report);
+    reject_faults(&mut report)?;
     let parts = select_parts(&request.changes, &sources, &mut report);
     reject_faults(&mut report)?;
-    let mut options = request.next_options(file, &sources[0].options, &mut report)?;
     set_random_orders(&mut options.sources, request.changes.seed);
     // The options of the changes name files in the folder of the changes; the options of the case name files in its DATBOX.
     let surfaces = match request.changes.compute {
@@ -100,8 +103,11 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
 
     let datbox = dir.join("DATBOX");
     overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
-    let keeps_steps = request.changes.contacts.is_empty() && options.theta == sources[0].options.theta;
-    let content = DatboxContent { records: &records, tables: &tables, driven: &driven, options: &options, keeps_steps };
+    let source_options = &sources[0].options;
+    let keeps_motion = options.theta == source_options.theta && options.cell == source_options.cell;
+    let keeps_steps = request.changes.contacts.is_empty() && keeps_motion;
+    let content =
+        DatboxContent { records: &records, tables: &tables, driven: &driven, options: &options, keeps_steps, cell };
     let mut files = datbox_files(request.changes.keep_time, &parts, &new, content);
     files.extend(surface_files.into_iter().chain(mesh_files).map(|(name, text)| (name, text.into_bytes())));
     let body_path = |body: usize| scene_path(&parts, &new.population, body);
@@ -188,8 +194,46 @@ impl ChangeRequest {
         self.changes.keep_time && self.changes.compute.is_none()
     }
 
-    /// Options of the next run: the options of the changes, or of the first case with the settings.
-    fn next_options(&self, file: &Path, case_options: &Compute, report: &mut FaultReport) -> Result<Compute, Faults> {
+    /// Options of the next run: the options of the changes, or of the first case with the settings. A deforming cell has the
+    /// lengths of that of the case, unless the options have others, which is an error.
+    fn next_options(&self, file: &Path, case: &SourceCase, report: &mut FaultReport) -> Result<Compute, Faults> {
+        let mut options = self.options_without_cell(file, &case.options, report)?;
+        if let Some(cell) = &case.cell {
+            fit_periods(&mut options, cell, report);
+        }
+        // Not checked before: its periods may have been those of the case.
+        if self.changes.compute.as_ref().is_some_and(has_open_cell) {
+            options.check_in(report, "compute.");
+        }
+        Ok(options)
+    }
+
+    /// Deforming cell of the only case, if its bodies stay as they are in a cell of the next run; the bodies of other cells leave
+    /// these.
+    fn continue_cells(
+        &self,
+        options: &Compute,
+        sources: &mut [SourceCase],
+        report: &mut FaultReport,
+    ) -> Option<CellState> {
+        let Changes { bodies, grains, walls, keep_time, .. } = &self.changes;
+        let is_whole = bodies.len() == 1 && bodies[0].keeps_motion() && grains.is_empty() && walls.is_empty();
+        if let (true, Some(control), [source]) = (is_whole, &options.cell, &mut *sources) {
+            return source.continue_cell(control, *keep_time);
+        }
+        for source in sources.iter_mut() {
+            report.faults.gather_result(source.leave_cell());
+        }
+        None
+    }
+
+    /// Options of the next run without regard to the cell of the case.
+    fn options_without_cell(
+        &self,
+        file: &Path,
+        case_options: &Compute,
+        report: &mut FaultReport,
+    ) -> Result<Compute, Faults> {
         if let Some(options) = &self.changes.compute {
             return Ok(options.clone());
         }
@@ -202,6 +246,40 @@ impl ChangeRequest {
         let options = set.compute.unwrap_or(options);
         options.check_in(report, "compute.");
         Ok(options)
+    }
+}
+
+/// Whether options have a cell that deforms without a period along some axis.
+fn has_open_cell(options: &Compute) -> bool {
+    options.cell.is_some() && options.periods().contains(&None)
+}
+
+/// Largest relative difference of a period from the length of a cell that counts as rounding of files.
+const PERIOD_ROUNDING: f64 = 1e-6;
+
+/// Gives the options the current lengths of the `cell` of the case. A deforming cell with a period of another length is an error;
+/// without a deforming cell, a period of another length, or none along all axes, causes a warning.
+fn fit_periods(options: &mut Compute, cell: &CellState, report: &mut FaultReport) {
+    let deforms = options.cell.is_some();
+    let periods = [&mut options.xperiode, &mut options.yperiode, &mut options.zperiode];
+    if !deforms && periods.iter().all(|period| period.is_none()) {
+        let advice = "write xperiode, yperiode or zperiode if grains still have images there";
+        report.add_warning("compute", "no periods, of a run with a deforming cell", advice);
+    }
+    for ((name, period), length) in PERIOD_NAMES.into_iter().zip(periods).zip(cell.periods) {
+        match *period {
+            None if deforms => *period = Some(length),
+            Some(given) if (given / length - 1.0).abs() <= PERIOD_ROUNDING => *period = Some(length),
+            Some(given) => {
+                let path = format!("compute.{name}");
+                let found = format!("{} m; the cell of the case is {} m long", number_text(given), number_text(length));
+                match deforms {
+                    true => report.add_fault(&path, found, "none, for the present length of the cell"),
+                    false => report.add_warning(&path, found, "are gaps or overlaps at the border meant?"),
+                }
+            }
+            None => {}
+        }
     }
 }
 
@@ -380,7 +458,7 @@ fn check_changes(changes: &Changes, report: &mut FaultReport) {
     for (k, law) in changes.laws.iter().enumerate() {
         crate::check::check_law(report, &format!("laws.{k}"), law);
     }
-    if let Some(compute) = &changes.compute {
+    if let Some(compute) = changes.compute.as_ref().filter(|compute| !has_open_cell(compute)) {
         compute.check_in(report, "compute.");
     }
 }
@@ -431,8 +509,10 @@ struct DatboxContent<'a> {
     tables: &'a BehaviourTables,
     driven: &'a DrvDof,
     options: &'a Compute,
-    /// Whether steps are those of the source: with its `theta`, and between bodies that touched each other there.
+    /// Whether steps are those of the source: with its `theta` and `cell`, and between bodies that touched each other there.
     keeps_steps: bool,
+    /// Deforming cell of the run that is continued, if the bodies keep it.
+    cell: Option<CellState>,
 }
 
 /// Whether bodies have the positions, orientations and velocities of others, in all bits.
@@ -445,8 +525,9 @@ fn has_motion_of(bodies: &BodyArrays, others: &BodyArrays) -> bool {
 
 /// Files of DATBOX. `keep_time`: whether step and time continue from the first part.
 fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content: DatboxContent) -> Vec<File> {
-    let DatboxContent { records, tables, driven, options, keeps_steps } = content;
+    let DatboxContent { records, tables, driven, options, keeps_steps, cell } = content;
     let mut start = Snapshot { meta: parts[0].source.snapshot.meta.clone(), ..Snapshot::default() };
+    start.meta.cell = cell;
     start.meta.counted_from = keep_time.then_some(parts[0].source.counted_from);
     if !keep_time {
         (start.meta.step, start.meta.time) = (0, 0.0);

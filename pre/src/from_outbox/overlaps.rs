@@ -246,10 +246,13 @@ impl<'a> PlacedBodies<'a> {
         let mut balls: Vec<(usize, f64)> = (0..self.records.0.len()).filter_map(ball).collect();
         balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         for (k, (part, selection)) in self.parts.iter().zip(&changes.bodies).enumerate() {
-            if selection.rotate.angle != 0.0 || part.source.options.periods() != options.periods() {
+            let is_changed = |axis: &usize| {
+                selection.rotate.angle != 0.0 || part.source.options.periods()[*axis] != options.periods()[*axis]
+            };
+            for axis in (0..3).filter(is_changed) {
                 let part_balls = balls.iter().filter(|(body, _)| self.owner[*body] == k);
                 let part_balls = part_balls.map(|&(body, radius)| (self.centres[body], radius));
-                check_balls_extent(options, part_balls, report);
+                check_balls_extent(options, axis, part_balls, report);
             }
         }
         let mut found = self.overlaps(&balls, options);

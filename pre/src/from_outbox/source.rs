@@ -7,7 +7,7 @@ use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::case::{CaseFolder, case_fault};
 use cd_formats::compute::{Compute, Event, EventAction};
-use cd_formats::deforming_cell::CellState;
+use cd_formats::deforming_cell::{CellControl, CellState};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults, RecordFault};
@@ -18,7 +18,7 @@ use cd_formats::names::{count_text, vector_text};
 use cd_formats::probe::ProbeQuantity;
 use cd_formats::snapshot::{
     self, AttractionArrays, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PRESENCE_WAITING,
-    PairArrays, START_FILE, ShapeArrays, Snapshot, SnapshotMeta, TurningArrays,
+    PairArrays, START_FILE, ShapeArrays, Snapshot, TurningArrays,
 };
 use cd_formats::surface::MassProperties;
 use cd_formats::tact_behav::TactBehav;
@@ -49,6 +49,8 @@ pub struct SourceCase {
     /// Options of the run, see [`run_options`].
     pub options: Compute,
     pub snapshot: Snapshot,
+    /// Deforming cell of the run at the snapshot, which `snapshot` is without.
+    pub cell: Option<CellState>,
     /// Step and time (s) from which the run counts its steps, each `dt` long.
     pub counted_from: (u64, f64),
     /// Whether all bodies have the masses that they had in the run.
@@ -165,7 +167,6 @@ impl SourceCase {
         faults.gather_result(computed.expect_laws(&tact_path, &tact));
         faults.gather_result(computed.expect_driven(&driven_path, &driven));
         faults.0.extend(wire_fault(&snapshot, &bodies, &tact, &tact_path));
-        faults.0.extend(sheared_cell_fault(path, &snapshot.meta));
         faults.into_result(())?;
         let shift = |(body, own): (&Body, &MassProperties)| body.centre_of_mass_offset(own).into();
         let shifts = bodies.0.iter().zip(&mass_properties).map(shift).collect();
@@ -199,10 +200,7 @@ impl SourceCase {
             notes.push(("uniform gravity", text));
             bulk.gravity = gravity;
         }
-        if let Some(cell) = snapshot.meta.cell.take() {
-            // cd-solve adds the velocities of the cell of the next run.
-            subtract_affine_velocities(&cell, &mut snapshot.bodies);
-        }
+        let cell = snapshot.meta.cell.take();
         let case = case.to_path_buf();
         let has_masses_of_run = true;
         Ok(SourceCase {
@@ -214,11 +212,52 @@ impl SourceCase {
             driven,
             options,
             snapshot,
+            cell,
             counted_from,
             has_masses_of_run,
             is_first,
             notes,
         })
+    }
+
+    /// Replaces the velocities of the bodies by those about the affine field of the deforming cell of the run, if it has one:
+    /// cd-solve adds the velocities of the cell of the next run. Errors: a cell that is sheared, as the periods of a scene have
+    /// right angles.
+    pub fn leave_cell(&mut self) -> Result<(), Faults> {
+        let Some(cell) = self.cell else { return Ok(()) };
+        if cell.shears != [0.0; 3] {
+            let path = snapshot::snapshot_path(&self.case.join("OUTBOX"), self.snapshot.meta.step);
+            let found = format!("a cell with the shears {} m", vector_text(&cell.shears));
+            let expected = "expected one with right angles, or changes that keep the cell: options with cell, all bodies of \
+                            one case with their positions and motion, and no others";
+            return Err(Fault::new(&path, None, "snapshot", found, expected).into());
+        }
+        let BodyArrays { body_x, body_v, .. } = &mut self.snapshot.bodies;
+        for (x, v) in body_x.iter().zip(body_v) {
+            *v = cell.fluctuation(&(*x).into(), &(*v).into()).into();
+        }
+        Ok(())
+    }
+
+    /// Returns the deforming cell of the run as the next run starts with it, whose option `cell` is `control`, and gives the bodies
+    /// the velocities of its affine field; `None` if the run has none. `keeps_time`: whether strains continue.
+    ///
+    /// Under the same control the cell and all velocities stay as they are.
+    pub fn continue_cell(&mut self, control: &CellControl, keeps_time: bool) -> Option<CellState> {
+        let cell = self.cell?;
+        let mut next = cell;
+        if !keeps_time {
+            (next.start_periods, next.shear_strains) = (cell.periods, [0.0; 3]);
+        }
+        if self.options.cell.as_ref() != Some(control) {
+            next = next.with_gradient(&control.velocity_gradient(&cell.mean_stress));
+            let change = next.gradient() - cell.gradient();
+            let BodyArrays { body_x, body_v, .. } = &mut self.snapshot.bodies;
+            for (x, v) in body_x.iter().zip(body_v) {
+                *v = (Vector3::from(*v) + change * Vector3::from(*x)).into();
+            }
+        }
+        Some(next)
     }
 
     /// Differences between the run and the files of its DATBOX, a line each; of options, only those whose value the
@@ -426,21 +465,6 @@ impl SourceCase {
         let largest = largest_remnant(&sizes);
         (0..count).map(|row| Some(connected.find(row)) == largest).collect()
     }
-}
-
-/// Replaces the velocities of bodies by those about the affine field of a deforming cell.
-fn subtract_affine_velocities(cell: &CellState, bodies: &mut BodyArrays) {
-    for (x, v) in bodies.body_x.iter().zip(&mut bodies.body_v) {
-        *v = cell.fluctuation(&(*x).into(), &(*v).into()).into();
-    }
-}
-
-/// Fault of a snapshot whose cell is sheared: the periods of a scene have right angles.
-fn sheared_cell_fault(path: &Path, meta: &SnapshotMeta) -> Option<Fault> {
-    let shears = meta.cell?.shears;
-    let shears_text = || format!("a cell with the shears {} m", vector_text(&shears));
-    let expected = "expected one with right angles: a snapshot of a run without shear, or before it";
-    (shears != [0.0; 3]).then(|| Fault::new(path, None, "snapshot", shears_text(), expected))
 }
 
 /// Fault of a run with wires or rods between points, which no other run can continue.

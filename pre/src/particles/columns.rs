@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::state::ParticleState;
 
@@ -59,6 +59,22 @@ impl ColumnQuantity {
         } else {
             ColumnQuantity::Unused
         }
+    }
+}
+
+/// Box of a dump.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DumpBox {
+    /// Corner at which all fractions of the box are 0, m.
+    pub corner: Vector3<f64>,
+    /// Edges as columns, m.
+    pub edges: Matrix3<f64>,
+}
+
+impl Default for DumpBox {
+    /// The unit cube.
+    fn default() -> Self {
+        DumpBox { corner: Vector3::zeros(), edges: Matrix3::identity() }
     }
 }
 
@@ -131,9 +147,17 @@ impl<'a> ParticleTable<'a> {
         self.rows.len()
     }
 
-    /// Particles of the rows, by increasing number if there is such a column. `bounds`: lower and upper ends of the box, m,
-    /// for positions that are fractions of it.
-    pub fn into_state(mut self, bounds: [[f64; 2]; 3]) -> ParticleState {
+    /// A number that two rows have, if there is one.
+    pub fn repeated_number(&self) -> Option<f64> {
+        let column = self.columns.iter().position(|column| *column == ColumnQuantity::Number)?;
+        let mut numbers: Vec<f64> = self.rows.iter().map(|row| row[column]).collect();
+        numbers.sort_by(f64::total_cmp);
+        numbers.windows(2).find(|pair| pair[0] == pair[1]).map(|pair| pair[0])
+    }
+
+    /// Particles of the rows, by increasing number if there is such a column. Positions that are fractions of a box are those of
+    /// `dump_box`.
+    pub fn into_state(mut self, dump_box: &DumpBox) -> ParticleState {
         let position = |quantity: ColumnQuantity| self.columns.iter().position(|column| *column == quantity);
         if let Some(number) = position(ColumnQuantity::Number) {
             self.rows.sort_by(|a, b| a[number].total_cmp(&b[number]));
@@ -146,8 +170,7 @@ impl<'a> ParticleTable<'a> {
             let column = position(quantity)?;
             Some(self.rows.iter().map(|row| row[column]).collect::<Vec<f64>>())
         };
-        let position_of_share =
-            |v: &Vector3<f64>| Vector3::from_fn(|k, _| bounds[k][0] + v[k] * (bounds[k][1] - bounds[k][0]));
+        let position_of_share = |share: &Vector3<f64>| dump_box.corner + dump_box.edges * share;
         let scaled =
             vectors(ColumnQuantity::ScaledPosition).map(|points| points.iter().map(position_of_share).collect());
         ParticleState {

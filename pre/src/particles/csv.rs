@@ -4,7 +4,7 @@ use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
 
-use super::columns::{ParticleTable, words_with_columns};
+use super::columns::{DumpBox, ParticleTable, words_with_columns};
 use super::state::ParticleState;
 
 /// Reads the balls of a template of LIGGGHTS, a line each: x, y, z and radius, separated by blanks; `#` begins a comment.
@@ -16,7 +16,7 @@ pub fn read_multisphere(path: &Path, text: &str, faults: &mut Faults) -> Particl
             table.add_row(number, &words, faults);
         }
     }
-    table.into_state([[0.0, 1.0]; 3])
+    table.into_state(&DumpBox::default())
 }
 
 /// Reads a table. Its first line that is not empty is the header, with or without a `#` before it; later lines that begin
@@ -38,5 +38,5 @@ pub fn read(path: &Path, text: &str, faults: &mut Faults) -> ParticleState {
     for (number, line) in lines.filter(|(_, line)| !line.trim_start().starts_with('#')) {
         table.add_row(number, &words_with_columns(line, separator), faults);
     }
-    table.into_state([[0.0, 1.0]; 3])
+    table.into_state(&DumpBox::default())
 }

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
+use nalgebra::{Matrix3, Vector3};
 
-use super::columns::{ParticleTable, words_with_columns};
+use super::columns::{DumpBox, ParticleTable, words_with_columns};
 use super::state::ParticleState;
 
 /// Reads the last time of a dump. Particles are sorted by `id`.
@@ -15,7 +16,7 @@ pub fn read(path: &Path, text: &str, faults: &mut Faults) -> ParticleState {
         faults.push(Fault::new(path, Some(1), "dump", "no time step", expected));
         return ParticleState::default();
     };
-    let mut bounds = [[0.0, 1.0]; 3];
+    let mut dump_box = DumpBox::default();
     let (mut step, mut count) = (String::new(), None);
     let mut at = start;
     while let Some(line) = lines.get(at) {
@@ -29,13 +30,12 @@ pub fn read(path: &Path, text: &str, faults: &mut Faults) -> ParticleState {
                 faults.push(Fault::new(path, Some(at + 2), "number of atoms", found, "expected an integer"));
             }
         } else if line.starts_with("ITEM: BOX BOUNDS") {
-            for (axis, bounds) in bounds.iter_mut().enumerate() {
-                read_bounds(path, at + 2 + axis, value(1 + axis), bounds, faults);
-            }
+            let rows = [0, 1, 2].map(|axis| read_bounds(path, at + 2 + axis, value(1 + axis), faults));
+            dump_box = dump_box_of(rows);
         } else if let Some(names) = line.strip_prefix("ITEM: ATOMS") {
             let names: Vec<&str> = names.split_whitespace().collect();
             let mut table = ParticleTable::new(path, at + 1, &names, faults);
-            let rows = (at + 2..).zip(lines.iter().skip(at + 1)).take(count.unwrap_or(usize::MAX));
+            let rows = (at + 2..).zip(lines.iter().skip(at + 1)).take_while(|(_, line)| !line.starts_with("ITEM:"));
             for (number, line) in rows.filter(|(_, line)| !line.trim().is_empty()) {
                 table.add_row(number, &words_with_columns(line, None), faults);
             }
@@ -43,7 +43,11 @@ pub fn read(path: &Path, text: &str, faults: &mut Faults) -> ParticleState {
                 let found = format!("{} lines for {count} atoms", table.row_count());
                 faults.push(Fault::new(path, Some(at + 1), "atoms", found, "expected a line for each"));
             }
-            return ParticleState { part: format!("step {step}"), ..table.into_state(bounds) };
+            if let Some(number) = table.repeated_number() {
+                let found = format!("id {number} is that of two lines");
+                faults.push(Fault::new(path, Some(at + 1), "atoms", found, "expected each id once"));
+            }
+            return ParticleState { part: format!("step {step}"), ..table.into_state(&dump_box) };
         }
         at += 1;
     }
@@ -57,15 +61,30 @@ pub fn read(path: &Path, text: &str, faults: &mut Faults) -> ParticleState {
     ParticleState::default()
 }
 
-/// Reads the ends of the box along an axis; a third number, the tilt of a box that is not rectangular, must be 0.
-fn read_bounds(path: &Path, number: usize, line: &str, bounds: &mut [f64; 2], faults: &mut Faults) {
+/// Reads the lower and upper end of the box, or of the rectangular box around one that is tilted, along an axis, and its tilt,
+/// m: xy in the line of x, xz in that of y, yz in that of z.
+fn read_bounds(path: &Path, number: usize, line: &str, faults: &mut Faults) -> [f64; 3] {
     let ends: Vec<Option<f64>> =
         line.split_whitespace().map(|word| word.parse::<f64>().ok().filter(|end| end.is_finite())).collect();
     match ends.as_slice() {
-        [Some(low), Some(high)] | [Some(low), Some(high), Some(0.0)] => *bounds = [*low, *high],
+        [Some(low), Some(high)] => [*low, *high, 0.0],
+        [Some(low), Some(high), Some(tilt)] => [*low, *high, *tilt],
         _ => {
-            let expected = "expected the two ends of a rectangular box";
+            let expected = "expected the two ends of the box, and the tilt of one that is not rectangular";
             faults.push(Fault::new(path, Some(number), "box bounds", format!("'{line}'"), expected));
+            [0.0, 1.0, 0.0]
         }
     }
+}
+
+/// Box of the three lines of bounds. The edges are (a, 0, 0), (xy, b, 0) and (xz, yz, c); the bounds of LAMMPS are those of the
+/// rectangular box around them: `xlo_bound` = `xlo` + min(0, xy, xz, xy + xz), `ylo_bound` = `ylo` + min(0, yz), and the upper
+/// ones with the maximum.
+fn dump_box_of([[x_low, x_high, xy], [y_low, y_high, xz], [z_low, z_high, yz]]: [[f64; 3]; 3]) -> DumpBox {
+    let x_tilts = [0.0, xy, xz, xy + xz];
+    let [x_below, y_below] = [x_tilts.into_iter().fold(0.0, f64::min), yz.min(0.0)];
+    let [x_above, y_above] = [x_tilts.into_iter().fold(0.0, f64::max), yz.max(0.0)];
+    let corner = Vector3::new(x_low - x_below, y_low - y_below, z_low);
+    let lengths = Vector3::new(x_high - x_above, y_high - y_above, z_high) - corner;
+    DumpBox { corner, edges: Matrix3::new(lengths.x, xy, xz, 0.0, lengths.y, yz, 0.0, 0.0, lengths.z) }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
 
-use super::columns::{ParticleTable, words_with_columns};
+use super::columns::{DumpBox, ParticleTable, words_with_columns};
 use super::state::ParticleState;
 
 /// Reads the last frame of a file.
@@ -38,7 +38,7 @@ pub fn read(path: &Path, text: &str, faults: &mut Faults) -> ParticleState {
             for (number, line) in (first + 1..).zip(rows) {
                 table.add_row(number, &words_with_columns(line, None), faults);
             }
-            state = table.into_state([[0.0, 1.0]; 3]);
+            state = table.into_state(&DumpBox::default());
             if frame > 1 {
                 state.part = format!("frame {frame}");
             }

@@ -135,19 +135,22 @@ pub fn pack_spheres(
 }
 
 /// Positions and rotations of grains of any shape in bounding balls of `radii`, m, without overlap and completely in the
-/// cell. They start where smaller spheres of equal volumes do not overlap.
+/// cell. They start where smaller spheres of equal volumes do not overlap, at points that are free by `is_free`.
 ///
 /// Errors: grains that jam, a region that is too thin.
 pub fn pack_shapes(
     cell: &PackingCell,
     radii: &[f64],
     shapes: &PackingShapes,
+    is_free: &dyn Fn(&Vector3<f64>) -> bool,
     random: &mut RandomStream,
 ) -> Result<PackedGrains, PackingError> {
     let mean_size = shapes.sizes.iter().sum::<f64>() / shapes.sizes.len() as f64;
     let ball = |radius: f64| RoundedHull::new(vec![Vector3::zeros()], radius);
     let mean_ball = ball(START_SCALE * mean_size);
-    let is_clear = |point: &Vector3<f64>| shapes.obstacles.iter().all(|body| body.is_clear_of(cell, &mean_ball, point));
+    let is_clear = |point: &Vector3<f64>| {
+        is_free(point) && shapes.obstacles.iter().all(|body| body.is_clear_of(cell, &mean_ball, point))
+    };
     let centres = random_centres(cell, radii.len(), random, &is_clear)?;
     let mut spheres = MovingGrains::new(cell, &shapes.sizes, &shapes.sizes, centres);
     if !shapes.obstacles.is_empty() {
@@ -566,7 +569,7 @@ mod tests {
         };
         let cell = PackingCell { region: &cube.region, periods: cube.periods };
         let mut random = RandomStream::new(seed, 0, StreamPurpose::Positions);
-        pack_shapes(&cell, &vec![3f64.sqrt(); number], &shapes, &mut random)
+        pack_shapes(&cell, &vec![3f64.sqrt(); number], &shapes, &|_| true, &mut random)
     }
 
     #[test]

@@ -427,6 +427,11 @@ fn random_sequential(
         is_clear: &|k, position| is_clear(&grains[k], position),
     };
     let kind_of_tries = if sequence.shape.is_some() { " by its shape" } else { "" };
+    let are_balls = |grain: &SampledGrain| !matches!(grain.shape, OrientedShape::Sphere | OrientedShape::Polyhedron(_));
+    let expected = match grains.iter().any(are_balls) {
+        true => EXPECTED_DENSE,
+        false => "fewer or smaller grains, or a larger envelope (a smaller solid fraction)",
+    };
     let centres = sequential::place_one_by_one(region, &sequence, random).map_err(|PositionShortage { count }| PlacementError {
         found: format!(
             "{count} of {} grains (largest first) could be placed in {region} before {} tries found no free position \
@@ -434,12 +439,16 @@ fn random_sequential(
             grains.len(),
             sequential::MAX_ATTEMPTS
         ),
-        expected: "fewer or smaller grains, or a larger envelope (a smaller solid fraction)",
+        expected,
     })?;
     let order = z_order(region, &centres);
     *grains = order.iter().map(|&k| grains[k].clone()).collect();
     Ok(order.into_iter().map(|k| centres[k]).collect())
 }
+
+/// Expected value instead of clumps, capsules or cylinders that do not fit one after the other.
+const EXPECTED_DENSE: &str = "DensePacking, which packs them by their shapes, not by the balls around them; or fewer or \
+                              smaller grains, or a larger envelope";
 
 /// Those of the bodies that enter the box around the region, or its images within the reach of a grain.
 fn bodies_within(cell: &PackingCell, bodies: Vec<FixedBody>, grains: &[SampledGrain]) -> Vec<FixedBody> {
@@ -469,12 +478,15 @@ fn dense_packing(
     let region = cell.region;
     let EnvelopePose { rotation, centre } = pose;
     let to_region_axes = rotation.transpose();
-    let obstacles = obstacles.map_or(Vec::new(), |obstacles| {
+    let fixed_bodies = obstacles.as_ref().map_or(Vec::new(), |obstacles| {
         let bodies = obstacles.to_fixed_bodies(&centre, &to_region_axes, region.half_extents().norm(), &cell.periods);
         bodies_within(cell, bodies, grains)
     });
+    let is_free = |point: &Vector3<f64>| {
+        obstacles.as_ref().is_none_or(|obstacles| !obstacles.is_in_solid(&(rotation * point + centre)))
+    };
     let are_spheres = grains.iter().all(|grain| grain.shape == OrientedShape::Sphere);
-    let packed = if are_spheres && obstacles.is_empty() {
+    let packed = if are_spheres && fixed_bodies.is_empty() {
         dense::pack_spheres(cell, &padded_radii, random).map(|centres| (centres, Vec::new()))
     } else {
         let hulls = |grain: &SampledGrain| {
@@ -489,9 +501,10 @@ fn dense_packing(
             hulls: grains.iter().map(hulls).collect(),
             sizes: grains.iter().map(|grain| grain.radius).collect(),
             can_turn: can_turn && !are_spheres,
-            obstacles,
+            obstacles: fixed_bodies,
         };
-        dense::pack_shapes(cell, &padded_radii, &shapes, random).map(|packed| (packed.centres, packed.rotations))
+        dense::pack_shapes(cell, &padded_radii, &shapes, &is_free, random)
+            .map(|packed| (packed.centres, packed.rotations))
     };
     let (centres, rotations) = packed.map_err(|error| {
         let volume: f64 = grains.iter().map(SampledGrain::volume).sum();

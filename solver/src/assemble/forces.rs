@@ -128,8 +128,14 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         }
     }
     free.potential += tidal_energy(scene, &outside, &q_c.q);
-    for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i.index()].is_driven_in_part()) {
-        let i = body.index();
+    for drive in scene.drives.iter().filter(|drive| scene.bodies[drive.body.index()].is_driven_in_part()) {
+        let i = drive.body.index();
+        if let Some(centre) = &drive.hinged_centre {
+            let (body, q) = (&scene.bodies[i], &q_c.q[i]);
+            let arm = q * centre;
+            let weight = external_field(&outside, state.gravity, &(q_c.x[i] + arm)).acceleration * body.mass;
+            free.w[i] += body.angular_velocity(q, &(arm.cross(&weight) * h));
+        }
         let field = external_field(&outside, state.gravity, &q_c.x[i]);
         free.v[i] += field.acceleration * h;
         if !scene.walls[i] {

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use cd_formats::bodies::{Bodies, ShapeRecord};
+use cd_formats::drv_dof::{DrivenKind, DrvDof};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::law_table::is_law_of_points;
 use cd_formats::names::number_text;
@@ -55,7 +56,14 @@ pub fn has_links(records: &Bodies, tact: &TactBehav) -> bool {
 
 /// Sets the wires and rods of the scene: as in LMGC90, one between each two points of different bodies that a row joins and whose
 /// distance in BODIES.DAT is at most its alert distance, for the whole run.
-pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut Scene, faults: &mut Faults) {
+pub fn set_links(
+    datbox: &Path,
+    records: &Bodies,
+    tact: &TactBehav,
+    driven: &DrvDof,
+    scene: &mut Scene,
+    faults: &mut Faults,
+) {
     let points = point_contactors(records);
     let mut is_joined = vec![false; points.len()];
     let mut along_x: Vec<usize> = (0..points.len()).collect();
@@ -132,7 +140,14 @@ pub fn set_links(datbox: &Path, records: &Bodies, tact: &TactBehav, scene: &mut 
         scene.oriented[body.index()] = true;
     }
     let unjoined_lines = |has_matching_row: bool| {
-        let unjoined = (0..points.len()).filter(|&k| !is_joined[k] && largest_alert[k].is_some() == has_matching_row);
+        // The point of a hinged wall is there for its frame.
+        let is_hinge = |k: usize| {
+            let body = points[k].body.index();
+            driven.0.iter().any(|row| row.body == body && row.kind == DrivenKind::Pivot)
+        };
+        let is_unjoined =
+            |k: &usize| !is_joined[*k] && largest_alert[*k].is_some() == has_matching_row && !is_hinge(*k);
+        let unjoined = (0..points.len()).filter(is_unjoined);
         unjoined.map(|k| records.0[points[k].body.index()].line).collect::<Vec<_>>()
     };
     scene.notes.extend(idle_points_note(&unjoined_lines(false), None));

@@ -104,7 +104,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     scene.notes.splice(0..0, notices);
     let contactors = ContactorTable::new(&bodies, &scene);
     behaviour::set_laws_and_visibility(&datbox, &tact, &contactors, &mut scene, &mut faults);
-    links::set_links(&datbox, &bodies, &tact, &mut scene, &mut faults);
+    links::set_links(&datbox, &bodies, &tact, &driven, &mut scene, &mut faults);
     let (source, text) = faults.gather_result(events_text(&datbox, flags)).unwrap_or_default();
     let mut event_report = FaultReport::new(&source, &text);
     behaviour::check_events(&scene, &mut event_report);
@@ -132,14 +132,16 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     }
     let start = datbox.join(START_FILE);
     let has_start = path_exists(&start) && faults.0.is_empty();
+    let cell_of_options = state.cell.take();
     if has_start {
         let origin = faults.gather_result(resume::restore_start(&start, &scene, &mut state)).unwrap_or_default();
         scene.start = StepTime { step: state.step, time: state.time };
         scene.continues_run = origin.continues_run;
         scene.counted_from = resume::counted_from(&scene, &state, origin.counted_from);
     }
-    if let Some(cell) = state.cell {
-        // Velocities in the files are those about the affine field.
+    if let (None, Some(cell)) = (state.cell, cell_of_options) {
+        state.cell = Some(cell);
+        // Velocities in files without a cell are those about the affine field.
         scene.free.iter().map(|i| i.index()).for_each(|i| state.v[i] += cell.gradient() * state.x[i]);
     }
     behaviour::check_event_counts(&scene, &mut event_report);

@@ -368,6 +368,7 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<St
     state.interval.start = restored.time;
     state.ledger.penetration_left = restored.ledger.penetration_left;
     state.primary_response = restored.primary_response;
+    state.cell = restored.cell;
     for (row, &i) in bodies_of_rows.iter().enumerate() {
         let i = i.index();
         (state.x[i], state.q[i]) = (restored.x[row], restored.q[row]);

@@ -5,13 +5,14 @@ use std::path::Path;
 
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof, Evolution};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::geometry::plates::opposite_extent;
 use cd_formats::probe::ProbeQuantity;
 
 use super::bodies::InitialMotion;
 use crate::math::{Twist, Vec3};
 use crate::scene::{
     AreaSide, BodyId, BodyPart, BodyShape, ContactorShape, ImposedVelocity, PressedArea, Scene, StrainDrive, WallArea,
-    WallPivot, opposite_extent,
+    WallPivot,
 };
 
 /// Largest component of a normal across the axis of its servo, and largest ratio of a distance that counts as 0: rounding of
@@ -73,7 +74,11 @@ fn set_servo(
         }
         DrivenKind::Pivot => {
             let pivot = wall_pivot(driven, &scene.drives[drive], motion)?;
-            scene.drives[drive].pivot = Some(pivot);
+            if scene.bodies[row.body].can_rotate() {
+                scene.drives[drive].hinged_centre = Some(hinged_centre(scene, &pivot, body)?);
+            } else {
+                scene.drives[drive].pivot = Some(pivot);
+            }
         }
         DrivenKind::SurfaceVelocity if !scene.walls[row.body] => {
             let expected = "expected a wall: a body with PLANx, or whose motion is all imposed";
@@ -102,9 +107,9 @@ fn servo_axis(component: usize, normal: &Vec3) -> Result<Vec3, FaultTexts> {
     Ok(Vec3::ith(component, 1.0))
 }
 
-/// The only part of a body.
+/// The only part of a body; none in a scene without parts.
 fn only_part(scene: &Scene, body: BodyId) -> Option<&BodyPart> {
-    match scene.parts_of(body) {
+    match scene.all_parts_of(body) {
         [part] => Some(part),
         _ => None,
     }
@@ -206,43 +211,47 @@ fn nearest_plate(scene: &Scene, plate: BodyId, motion: &InitialMotion, direction
     let start = &motion.x[plate.index()];
     let candidate = |&other: &BodyId| {
         let BodyShape::Plane { half_lengths } = scene.bodies[other.index()].shape else { return None };
-        let pose = (&motion.x[other.index()], &motion.q[other.index()], &half_lengths);
-        let distance = opposite_extent(start, direction, pose)?;
+        let axes = motion.q[other.index()].to_rotation_matrix().matrix().transpose();
+        let distance = opposite_extent(start, direction, (&motion.x[other.index()], &axes, &half_lengths))?;
         (other != plate).then_some((other, distance, half_lengths.z))
     };
     scene.planes.iter().filter_map(candidate).min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Strain rate of `row` of a plate, with the plate opposite to it: the nearer one along its normal.
+/// Strain rate of `row` of a plate or a solid cylinder, with the plate opposite to it: the nearer one along its normal or axis.
 fn strain_drive(
     row: &DrivenComponent,
     scene: &Scene,
     drive: &ImposedVelocity,
     motion: &InitialMotion,
 ) -> Result<StrainDrive, FaultTexts> {
-    let BodyShape::Plane { half_lengths } = scene.bodies[drive.body.index()].shape else {
-        return Err(("a strain rate of a body other than a plate", "expected a velocity"));
+    let half_height = match (scene.bodies[drive.body.index()].shape, only_part(scene, drive.body)) {
+        (BodyShape::Plane { half_lengths }, _) => half_lengths.z,
+        (_, Some(BodyPart { geometry: ContactorShape::Cylinder { half_height, hollow: false, .. }, .. })) => {
+            *half_height
+        }
+        _ => return Err(("a strain rate of a body other than a plate or a solid cylinder", "expected a velocity")),
     };
     let axis = servo_axis(row.component, &(motion.q[drive.body.index()] * Vec3::z()))?;
     if !(is_held(drive, 3) && is_held(drive, 4)) {
-        return Err(("a strain rate of a plate that tilts", "expected components 4 and 5 imposed as 0"));
+        return Err(("a strain rate of a wall that tilts", "expected components 4 and 5 imposed as 0"));
     }
     let opposite = [axis, -axis].into_iter().filter_map(|direction| {
         let (other, distance, half_thickness) = nearest_plate(scene, drive.body, motion, &direction)?;
-        let thickness = half_lengths.z + half_thickness;
-        // The axis points from the opposite plate to this one, or against that.
+        let thickness = half_height + half_thickness;
+        // The axis points from the opposite plate to this wall, or against that.
         Some((other, distance, -direction[row.component] * thickness))
     });
     let Some((opposite, _, closed_distance)) = opposite.min_by(|a, b| a.1.total_cmp(&b.1)) else {
         let expected = "expected a second plate across the line along its normal from its centre";
-        return Err(("a strain rate without a plate opposite to it", expected));
+        return Err(("a strain rate without a plate opposite to the wall", expected));
     };
     let opposite_drive = scene.drives.iter().find(|drive| drive.body == opposite);
     let is_plain = |drive: &ImposedVelocity| {
         drive.velocity[row.component].is_some() && drive.strain.is_none() && drive.pivot.is_none()
     };
     if !opposite_drive.is_some_and(is_plain) {
-        let expected = "expected vlocy along the axis for the plate opposite to it";
+        let expected = "expected vlocy along the axis for the plate opposite to the wall";
         return Err(("a strain rate relative to a plate whose motion is not imposed along the axis", expected));
     }
     Ok(StrainDrive { component: row.component, rate: row.evolution.clone(), opposite, closed_distance })
@@ -258,11 +267,24 @@ fn wall_pivot(driven: &DrvDof, drive: &ImposedVelocity, motion: &InitialMotion) 
     let [Some(x), Some(y), Some(z)] = [0, 1, 2].map(coordinate) else {
         return Err(("a pivot without all coordinates", "expected three lines pivot, of components 1 to 3"));
     };
-    let is_rotation = (0..3).all(|k| is_held(drive, k)) && drive.velocity[3..].iter().all(Option::is_some);
-    if !is_rotation || drive.strain.is_some() {
-        let expected = "expected vlocy of components 1 to 3 imposed as 0, and of 4 to 6: the rotation moves the centre";
+    if !(0..3).all(|k| is_held(drive, k)) || drive.strain.is_some() {
+        let expected = "expected vlocy of components 1 to 3 imposed as 0: the rotation moves the centre";
         return Err(("a pivot of a wall that also moves along an axis", expected));
     }
     let point = Vec3::new(x, y, z);
     Ok(WallPivot { point, offset: motion.q[i].inverse_transform_vector(&(motion.x[i] - point)) })
+}
+
+/// Centre of mass, in the axes of the body, m, of a wall with a `pivot` that turns freely about one or more of its axes.
+/// Errors: the texts of the fault if its position is not at the pivot, or it has several contactors.
+fn hinged_centre(scene: &Scene, pivot: &WallPivot, body: BodyId) -> Result<Vec3, FaultTexts> {
+    let Some(part) = only_part(scene, body) else {
+        return Err(("a hinge of a body of several contactors", "expected one contactor besides PT3Dx"));
+    };
+    if pivot.offset.norm() > AXIS_ROUNDING * part.bounding_radius {
+        let expected =
+            "expected the position of the body at the pivot, and its contactor about it, or vlocy of components 4 to 6";
+        return Err(("a pivot away from the position of a wall that turns freely", expected));
+    }
+    Ok(part.offset)
 }

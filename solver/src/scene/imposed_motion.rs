@@ -13,18 +13,21 @@ pub struct ImposedVelocity {
     pub body: BodyId,
     /// m/s, and rad/s about the body's axes.
     pub velocity: [Option<Evolution>; 6],
-    /// Strain rate of a plate; its component of `velocity` is 0.
+    /// Strain rate of a plate or cylinder; its component of `velocity` is 0.
     pub strain: Option<Box<StrainDrive>>,
     /// Point about which the body turns with its imposed angular velocity; its translation follows from that.
     pub pivot: Option<WallPivot>,
+    /// Centre of mass of a wall that turns freely about an axis through its position, in the axes of the body, m; its weight
+    /// acts there.
+    pub hinged_centre: Option<Vec3>,
     /// Velocity of the surface beyond that of the body, components as of `velocity`.
     pub surface: Option<Box<[Option<Evolution>; 6]>>,
 }
 
-/// Strain rate of a plate: the rate of its distance D from a plate opposite to it, d ln D/dt.
+/// Strain rate of a plate, or of the end of a solid cylinder: the rate of its distance D from a plate opposite to it, d ln D/dt.
 #[derive(Debug, Clone)]
 pub struct StrainDrive {
-    /// Fixed axis along which the plate moves, 0 to 2.
+    /// Fixed axis along which it moves, 0 to 2.
     pub component: usize,
     /// 1/s
     pub rate: Evolution,
@@ -54,7 +57,7 @@ pub struct SurfaceMotion {
 impl ImposedVelocity {
     /// Imposed components without servos.
     pub fn new(body: BodyId, velocity: [Option<Evolution>; 6]) -> ImposedVelocity {
-        ImposedVelocity { body, velocity, strain: None, pivot: None, surface: None }
+        ImposedVelocity { body, velocity, strain: None, pivot: None, hinged_centre: None, surface: None }
     }
 
     /// Whether some component, or the surface, is ever other than at rest.
@@ -196,24 +199,6 @@ impl AreaSide {
     }
 }
 
-/// Distance from `start` along the unit vector `direction` to the face of a plate across it, m; `None` if the line misses the
-/// plate, begins in or behind it, or is not along its normal to 1e-6.
-///
-/// * `centre`, `axes` (its axes as columns) and `half_lengths` of the plate, m.
-pub fn opposite_extent(
-    start: &Vec3,
-    direction: &Vec3,
-    (centre, axes, half_lengths): (&Vec3, &Quat, &Vec3),
-) -> Option<f64> {
-    let own_direction = axes.inverse_transform_vector(direction);
-    let from_start = axes.inverse_transform_vector(&(centre - start));
-    let hits = own_direction.xy().norm() <= 1e-6
-        && from_start.x.abs() <= half_lengths.x
-        && from_start.y.abs() <= half_lengths.y;
-    let distance = (centre - start).dot(direction) - half_lengths.z;
-    (hits && distance > 0.0).then_some(distance)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -249,19 +234,5 @@ mod tests {
         let side = AreaSide { direction: Vec3::x(), half_length: 2.0, neighbour: Some((BodyId(1), 0.5)) };
         let extent = |neighbour: f64| side.extent(&Vec3::zeros(), &[Vec3::zeros(), Vec3::new(neighbour, 7.0, 0.0)]);
         assert_eq!([0.25, 1.5, 4.0].map(extent), [0.0, 1.0, 2.0]);
-    }
-
-    #[test]
-    fn lines_hit_plates_across_them() {
-        let plate = (Vec3::new(3.0, 0.0, 0.0), Quat::from_axis_angle(&Vec3::y_axis(), std::f64::consts::FRAC_PI_2));
-        let extent = |start: [f64; 3], direction: Vec3| {
-            opposite_extent(&start.into(), &direction, (&plate.0, &plate.1, &Vec3::new(1.0, 2.0, 0.25)))
-        };
-        let distance = extent([0.0, 1.5, 0.5], Vec3::x()).unwrap();
-        assert!((distance - 2.75).abs() < 1e-15);
-        // Next to the plate, away from it, along it.
-        assert_eq!(extent([0.0, 0.0, 1.5], Vec3::x()), None);
-        assert_eq!(extent([0.0, 0.0, 0.0], -Vec3::x()), None);
-        assert_eq!(extent([3.0, 0.0, -5.0], Vec3::z()), None);
     }
 }

@@ -24,6 +24,7 @@ mod flight;
 mod forms;
 mod gravity;
 mod held_energies;
+mod hinges;
 mod impacts_in_order;
 mod invariants;
 mod joints;

@@ -105,8 +105,10 @@ fn a_pressure_on_a_piston_acts_on_its_end() {
 }
 
 #[test]
-fn a_strain_rate_moves_a_plate_exponentially() {
-    for (opposite_speed, theta) in [(0.0, 0.5), (0.25, 0.5), (0.0, 1.0)] {
+fn a_strain_rate_moves_a_wall_exponentially() {
+    for (opposite_speed, theta, is_piston) in
+        [(0.0, 0.5, false), (0.25, 0.5, false), (0.0, 1.0, false), (0.25, 0.5, true)]
+    {
         let mut case = Case::new();
         case.law("IQS_CLB", &[0.5]);
         (case.options.dt, case.options.theta) = (1.0 / 64.0, theta);
@@ -114,6 +116,10 @@ fn a_strain_rate_moves_a_plate_exponentially() {
         let floor = case.floor();
         case.drive_along(floor, 2, Evolution::constant(opposite_speed));
         let lid = case.plate([1.0, 1.0, 0.25], [0.0, 0.0, 2.25], AXES);
+        if is_piston {
+            let shape = ShapeRecord::Cylinder { half_height: 0.25, radius: 0.75, hollow: false };
+            case.bodies[lid].contactors = vec![Contactor { colour: "WALLx".into(), shape, local_frame: None }];
+        }
         add_servo(&mut case, lid, 2, DrivenKind::StrainRate, -0.5);
         for state in &case.states(128, 16)[1..] {
             let (t, distance) = (state.meta.time, state.x(lid).z - 0.25 - (state.x(floor).z + 0.5));
@@ -323,7 +329,7 @@ fn servos_that_a_wall_cannot_have_are_rejected() {
         (slope, true, &[(2, Pressure, 1.0)][..], "a servo along an axis that is not that of the wall"),
         (AXES, false, &[(2, Pressure, 1.0)], "a pressure on a body other than a plate or a solid cylinder"),
         (AXES, false, &[(2, SurfaceVelocity, 1.0)], "a surface velocity of a grain"),
-        (AXES, true, &[(2, StrainRate, 1.0)], "a strain rate without a plate opposite to it"),
+        (AXES, true, &[(2, StrainRate, 1.0)], "a strain rate without a plate opposite to the wall"),
         (AXES, true, &[(0, Pivot, 1.0), (2, Pivot, 1.0)], "a pivot without all coordinates"),
         (
             AXES,
