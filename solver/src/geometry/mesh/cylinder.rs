@@ -176,11 +176,10 @@ impl SurfaceBody for CylinderBody<'_> {
     /// and from a rim to an edge, as for a [polyhedron and a cylinder](crate::geometry::polyhedron_cylinder).
     fn try_directions(&self, triangle: &PosedTriangle, attempt: &mut AxisAttempt<Self>) {
         let corners = triangle.corners.map(|corner| self.axes.inverse_transform_vector(&corner));
-        // m is from the cylinder to the triangle, along the axes of the cylinder.
-        let try_axis = |attempt: &mut AxisAttempt<Self>, m: Vec3| {
+        // Gap along m, which is from the cylinder to the triangle, along the axes of the cylinder.
+        let gap_along = |m: &Vec3| {
             let lowest = corners.iter().map(|corner| m.dot(corner)).fold(f64::INFINITY, f64::min);
-            let gap = lowest - (self.radius * m.xy().norm() + self.half_height * m.z.abs());
-            attempt.try_axis(-(self.axes * m), gap, None)
+            lowest - (self.radius * m.xy().norm() + self.half_height * m.z.abs())
         };
         let mut directions: SmallVec<[Vec3; 16]> = [Vec3::z(), -Vec3::z()].into_iter().collect();
         for k in 0..3 {
@@ -198,13 +197,13 @@ impl SurfaceBody for CylinderBody<'_> {
                 }
             }
         }
-        if directions.into_iter().any(|m| try_axis(attempt, m)) {
+        if directions.into_iter().any(|m| attempt.try_axis(-(self.axes * m), gap_along(&m), None)) {
             return;
         }
         for k in 0..3 {
             let edge = [corners[k], corners[(k + 1) % 3]];
             let found = rim_to_edge(edge, [self.half_height, self.radius], attempt.least_gap());
-            if found.into_iter().flatten().any(|m| try_axis(attempt, m)) {
+            if found.into_iter().flatten().any(|m| attempt.try_axis(-(self.axes * m), gap_along(&m), None)) {
                 return;
             }
         }
