@@ -17,6 +17,8 @@ ON_PATH := $(shell command -v cd-solve 2>/dev/null)
 CD_BIN ?= $(if $(wildcard $(BUILT)/cd-solve),$(BUILT),$(or $(patsubst %/,%,$(dir $(ON_PATH))),$(BUILT)))
 ## Flags of cd-pre for scenes, such as "--set grains.1.number=500".
 PRE_FLAGS ?=
+## Flags of "cd-pre study", such as "--replicates 5".
+STUDY_FLAGS ?=
 ## Flags of cd-solve, such as "--threads 1".
 SOLVE_FLAGS ?=
 ## Flags of cd-post.
@@ -26,11 +28,11 @@ STAGES ?= pre solve post figures
 $(if $(word 2,$(CD_BIN)),$(error CD_BIN: $(CD_BIN): expected a path without blanks, which make takes for several))
 
 .DEFAULT_GOAL := all
-.PHONY: all pre solve post figures resume clean always
+.PHONY: all pre solve post figures resume clean until always
 .SECONDEXPANSION:
 
-# `clean` and `help` alone need no cases.
-ifneq ($(and $(STUDY),$(filter-out clean help,$(or $(MAKECMDGOALS),all))),)
+# `clean`, `help` and `until` alone need no cases.
+ifneq ($(and $(STUDY),$(filter-out clean help until,$(or $(MAKECMDGOALS),all))),)
 include $(STUDY:.ron=.mk)
 endif
 ## Folders of the cases to run; default: all cases of the study, or the folder of the example.
@@ -97,11 +99,21 @@ onward := $(and $(resumed),$(filter command environment,$(origin SOLVE_FLAGS)),a
 ifneq ($(STUDY),)
 # Unchanged scenes keep their time.
 $(STUDY:.ron=.mk): $(STUDY) $(CD_BIN)/cd-pre
-	$(CD_BIN)/cd-pre study $(STUDY)
+	$(CD_BIN)/cd-pre study $(STUDY_FLAGS) $(STUDY)
 %/scene.ron:
-	$(CD_BIN)/cd-pre study $(STUDY)
+	$(CD_BIN)/cd-pre study $(STUDY_FLAGS) $(STUDY)
 %/changes.ron:
-	$(CD_BIN)/cd-pre study $(STUDY)
+	$(CD_BIN)/cd-pre study $(STUDY_FLAGS) $(STUDY)
+
+## Quantity of `until`: a column of runs.csv of `cd-post study`.
+QUANTITY ?= Z
+## Half the width of the 95 % confidence interval of the mean that `until` asks for, over the mean.
+ERROR ?= 0.01
+## Largest number of seeds that `until` runs.
+MAX_SEEDS ?= 50
+## Runs more and more seeds of the study, until the mean of QUANTITY is known to ERROR in each parameter set.
+until:
+	@CD_BIN='$(CD_BIN)' MAKE='$(MAKE)' $(EXAMPLES)/until.sh $(STUDY) $(QUANTITY) $(ERROR) $(MAX_SEEDS)
 endif
 
 # Missing programs; `make build` in the top folder brings them up to date.

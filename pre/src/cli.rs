@@ -85,6 +85,9 @@ enum Command {
         /// Replaces a value of the study, as in groups.1.seeds=[1,2,3]. May be repeated.
         #[arg(long, value_name = "PATH=VALUE")]
         set: Vec<String>,
+        /// Gives the groups with seeds the seeds 1 to N.
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+        replicates: Option<u32>,
     },
 }
 
@@ -118,7 +121,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             let request = PourRequest { scene: &scene, settings: &set, dir: &dir, changes: changes.as_deref() };
             pour_grains(&request, |case| run_solver(case, &solver_options))
         }
-        Some(Command::Study { study, output, set }) => study::write(&study, &set, output.as_deref()),
+        Some(Command::Study { study, output, set, replicates }) => {
+            study::write(&study, &set, replicates, output.as_deref())
+        }
         None => {
             let scene = arguments.scene.unwrap_or_default();
             let folder = arguments.output.unwrap_or_else(|| scene.parent().unwrap_or(Path::new("")).to_path_buf());

@@ -122,15 +122,25 @@ const FILE_VALUE_PATHS: [&str; 6] = [
     "compute.fields.N.surface",
 ];
 
-/// Writes the scene or the changes of each case of the study `file`, with the overrides `settings`, below `output`. Also
-/// writes the table `NAME.csv` of the parameters and the rules `NAME.mk` for make, NAME being the name of the file.
+/// Writes the scene or the changes of each case of the study `file`, with the overrides `settings`, below `output`. With
+/// `replicates`, the groups with seeds have the seeds 1 to this number. Also writes the table `NAME.csv` of the parameters and the rules `NAME.mk` for make, NAME being the name of the file.
 ///
 /// Files with the right content are not rewritten, except the rules. Errors: all faults of the study and of its cases;
 /// nothing is written then.
-pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<String, Faults> {
+pub fn write(
+    file: &Path,
+    settings: &[String],
+    replicates: Option<u32>,
+    output: Option<&Path>,
+) -> Result<String, Faults> {
     check_paths_once(settings)?;
     let text = apply_settings(&atomic::read_text(file)?, settings)?;
     let study: Study = parse_with_settings(file, &text, settings, "study")?;
+    if let Some(count) = replicates {
+        let settings = [settings, &seed_settings(&study, count)?].concat();
+        check_paths_once(&settings)?;
+        return write(file, &settings, None, output);
+    }
     let mut report = FaultReport::with_settings(file, &text, settings);
     let cases = expand_cases(&study, &mut report);
     report.warnings = former_name_warnings(file, &text, settings, &cases);
@@ -197,6 +207,19 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
         }
     }
     Ok(format!("{}, {written} of them new or changed; wrote {}\n", count_text(count, "case"), rules.display()))
+}
+
+/// Settings that give each group with seeds the seeds 1 to `count`. Errors: no group has seeds.
+fn seed_settings(study: &Study, count: u32) -> Result<Vec<String>, Faults> {
+    let with_seeds = (1..).zip(&study.groups).filter(|(_, group)| !group.seeds.is_empty());
+    let seeds: Vec<String> = (1..=count).map(|seed| seed.to_string()).collect();
+    let settings: Vec<String> =
+        with_seeds.map(|(number, _)| format!("groups.{number}.seeds=[{}]", seeds.join(", "))).collect();
+    if settings.is_empty() {
+        let expected = "expected a group with seeds: [1], which they replace, and {seed} in its name";
+        return Err(Fault::new(Path::new("options"), None, "--replicates", "no group has seeds", expected).into());
+    }
+    Ok(settings)
 }
 
 /// All cases, in the order of the groups; faults of the study itself go to `report`.

@@ -263,6 +263,54 @@ fn cases_of_a_study_are_made_again_when_they_changed() {
     rules.runs(&["clean"], "");
 }
 
+/// `make until` repeats the study with more seeds until no parameter set needs more, and keeps the runs that are there.
+#[test]
+fn seeds_are_added_until_a_mean_is_known() {
+    let rules = Rules::new();
+    rules.write(
+        "Makefile",
+        &format!("STUDY := study.ron\nSTAGES := pre solve post\ninclude {}/rules.mk\n", examples().display()),
+    );
+    rules.write("study.ron", "");
+    // As cd-pre study --replicates N: cases s1 to sN.
+    rules.program(
+        "cd-pre",
+        "case $1 in\n\
+         study)\n\
+             all=\n\
+             for k in $(seq $3); do\n\
+                 all=\"$all s$k\"; mkdir -p s$k; test -e s$k/scene.ron || touch s$k/scene.ron\n\
+             done\n\
+             echo CASES := $all > study.mk; echo study.mk: study.ron >> study.mk\n\
+             for k in $(seq $3); do echo s$k/DATBOX/.done: s$k/scene.ron >> study.mk; done;;\n\
+         *) mkdir -p $3/DATBOX; touch $3/DATBOX/BODIES.DAT;;\n\
+         esac",
+    );
+    rules.program("cd-solve", "mkdir -p $2/OUTBOX && touch $2/OUTBOX/snapshot-000001.npz");
+    // As cd-post study: two parameter sets, of which the second needs more runs.
+    let post = |needed: &str| {
+        format!(
+            "case $1 in\n\
+             study) mkdir -p replicates; printf 'mu,quantity,runs,mean,needed\\n0.2,Z,3,4.5,2\\n0.4,Z,3,4.6,{needed}\\n\
+                 0.4,nu,3,0.6,900\\n' > replicates/means.csv;;\n\
+             *) mkdir -p $1/POSTPRO && touch $1/POSTPRO/series.csv;;\n\
+             esac"
+        )
+    };
+    rules.program("cd-post", &post("5"));
+    let case = |k: usize| format!("cd-pre s{k}/scene.ron, cd-solve --force, cd-post s{k}");
+    let round = |seeds: [usize; 2]| {
+        let cases: Vec<String> = (seeds[0]..=seeds[1]).map(case).collect();
+        format!("cd-pre study, {}, cd-post study", cases.join(", "))
+    };
+    rules.runs(&["until"], &format!("{}, {}", round([1, 3]), round([4, 5])));
+    // All runs are there, but not known: the means are made again.
+    rules.program("cd-post", &post("40"));
+    let (well, ran) = rules.make(&["until", "MAX_SEEDS=6"]);
+    assert!(!well && ran.ends_with("cd-post s6, cd-post study"), "{ran}");
+    assert!(!rules.make(&["until", "QUANTITY=zeta"]).0);
+}
+
 #[test]
 fn what_was_interrupted_continues() {
     let rules = Rules::new();

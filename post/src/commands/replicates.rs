@@ -347,7 +347,7 @@ mod tests {
         assert_eq!(tables.sets, 2);
         let means: Vec<&str> = tables.means.lines().collect();
         assert!(means[0].starts_with("mu,N,quantity,runs,mean,standard_error,low,high,median,deviation,needed"));
-        assert!(means[1].starts_with("0.2,500,Z,3,10,5.77"), "{}", means[1]);
+        assert!(means[1].starts_with("0.2,500,Z,3,10.0,5.77"), "{}", means[1]);
         let row: Vec<&str> = tables.differences.lines().nth(1).unwrap().split(',').collect();
         assert_eq!(row[..4], ["mu 0.2; N 500", "mu 0.4; N 500", "Z", "paired"]);
         let number = |k: usize| row[k].parse::<f64>().unwrap();

@@ -144,7 +144,7 @@ fn read_changes(bytes: &[u8]) -> bool {
 /// faults counts as accepted.
 fn read_study(bytes: &[u8]) -> bool {
     let path = file(bytes, "study.ron");
-    let result = cd_pre::study::write(&path, &[], Some(&folder().join("cases")));
+    let result = cd_pre::study::write(&path, &[], None, Some(&folder().join("cases")));
     let is_absent_file = |fault: &Fault| fault.found.contains("cannot be read");
     let only_lacks_files = result.as_ref().is_err_and(|faults| faults.0.iter().all(is_absent_file));
     is_accepted(result) || only_lacks_files
