@@ -6,12 +6,12 @@
 # the height of its centre of mass above the floor, z = 0. The deposit is divided into slices of a grain's diameter d; the depth of a
 # slice is the volume of its grains over its area. The front is where the depth falls below that of half of a layer, 0.3 d. The final
 # height is the depth of the two slices at the wall, over the solid fraction of the column. Errors: a standard deviation of the seeds'
-# values over the root of their number. Exponents are slopes of lines of least squares through logarithms against log a, of the columns
-# with a > 1.
+# values over the root of their number. Powers of a are slopes of lines of least squares through logarithms against log a, of the columns with
+# a > 1; that of Lube et al. is the slope through their run-outs at the same aspect ratios.
 #
 # Reads: CASE/DATBOX: BODIES.DAT, COMPUTE.RON: yperiode; CASE/OUTBOX/DOF.LAST: displacements
 # Writes: the table next to the figure, column-collapse.csv: shape, seeds, aspect_ratio, runout, runout_error, expected_runout, height,
-#   height_error (lengths over L); the same on stdout, with the exponents; the figure (svg)
+#   height_error (lengths over L); the same on stdout, with the powers; the figure (svg)
 
 BEGIN {
     LENGTH = 0.06
@@ -27,8 +27,9 @@ BEGIN {
     }
     close(table)
     for (s = 1; s <= shapes; s++) {
-        fit_exponent(shape_name[s], runout, "run-out", "0.9 +- 0.1 in wide channels, 0.65 +- 0.05 in narrow ones")
-        fit_exponent(shape_name[s], height, "final height", "0.4 in wide channels, 0.5 in narrow ones")
+        fit_power(shape_name[s], lube)
+        write_power(shape_name[s], runout, "run-out", sprintf("%.2f of Lube et al. at these aspect ratios", power))
+        write_power(shape_name[s], height, "final height", "0.33 to 0.5")
     }
     draw()
     exit
@@ -78,6 +79,7 @@ function measure(folder,    column, k, file, words, n, x, z, radius, free, volum
     for (bin = 0; bin < slices && slice[bin] > threshold; bin++);
     # The front between the middles of the last slice above the threshold and of the next.
     depth = slice[bin - 1] - slice[bin]
+    lube[k, j] = runout_of_lube(aspect[k, j])
     runout[k, j] = (d * (bin - 0.5 + (slice[bin - 1] - threshold) / depth) - LENGTH) / LENGTH
     height[k, j] = (slice[0] + slice[1]) / (2 * d * width) / fraction / LENGTH
 }
@@ -90,15 +92,21 @@ function error(values, k,    j, sum, middle) {
     return seeds[k] > 1 ? sqrt(sum / (seeds[k] - 1) / seeds[k]) : 0
 }
 
-function fit_exponent(name, values, quantity, expected,    k, j, n, x, y, sx, sy, sxx, sxy, syy, rest) {
+# Sets the power of a, and its error, of the columns of a shape with a > 1; returns how many there are.
+function fit_power(name, values,    k, j, n, x, y, sx, sy, sxx, sxy, syy, rest) {
     for (k = 1; k <= columns; k++) if (shape[k] == name) for (j = 1; j <= seeds[k]; j++) if (aspect[k, j] > 1) {
         x[++n] = log(aspect[k, j]); y[n] = log(values[k, j]); sx += x[n]; sy += y[n]
     }
-    if (n < 3) return
+    if (n < 3) return 0
     for (k = 1; k <= n; k++) { sxx += (x[k] - sx / n) ^ 2; sxy += (x[k] - sx / n) * (y[k] - sy / n); syy += (y[k] - sy / n) ^ 2 }
-    if (sxx == 0) return
+    if (sxx < 0.1) return 0 # one column
     rest = syy - sxy ^ 2 / sxx; if (rest < 0) rest = 0
-    printf "%s: %s as a^%.2f +- %.2f for a > 1, expected %s\n", name, quantity, sxy / sxx, sqrt(rest / (n - 2) / sxx), expected
+    power = sxy / sxx; power_error = sqrt(rest / (n - 2) / sxx)
+    return n
+}
+
+function write_power(name, values, quantity, published) {
+    if (fit_power(name, values)) printf "%s: %s as a^%.2f +- %.2f for a > 1, published %s\n", name, quantity, power, power_error, published
 }
 
 function px(a) { return 80 + 440 * log(a / 0.3) / log(12 / 0.3) }
@@ -136,7 +144,7 @@ function points(values,    k, x, y, e, colour) {
         x = px(mean(aspect, k)); y = mean(values, k); e = error(values, k)
         line(x, py(y - e), x, py(y + e), "stroke=\"" colour "\" stroke-width=\"1.5\"")
         if (shape[k] == "rocks") printf "<rect x=\"%.1f\" y=\"%.1f\" width=\"8\" height=\"8\" fill=\"%s\"/>\n", x - 4, py(y) - 4, colour > svg
-        else printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\"/>\n", x, py(y), colour > svg
+        else printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\" stroke=\"%s\" stroke-width=\"1.5\"/>\n", x, py(y), shape[k] == "fine" ? "white" : colour, colour > svg
     }
 }
 
@@ -148,8 +156,9 @@ function draw() {
     axes("run-out, (L_f − L)/L", 0); curve("runout", 0.35, 10, "stroke=\"black\""); curve("discs", 0.35, 10, "stroke=\"black\" stroke-dasharray=\"6 4\""); points(runout)
     line(300, 195, 330, 195, "stroke=\"black\""); text(336, 199, "start", "channels, Lube et al. 2005")
     line(300, 213, 330, 213, "stroke=\"black\" stroke-dasharray=\"6 4\""); text(336, 217, "start", "discs, Staron &amp; Hinch 2005")
-    printf "<circle cx=\"315\" cy=\"231\" r=\"4\" fill=\"#0072b2\"/><rect x=\"401\" y=\"227\" width=\"8\" height=\"8\" fill=\"#d55e00\"/>\n" > svg
-    text(336, 235, "start", "spheres"); text(416, 235, "start", "rocks")
+    printf "<circle cx=\"315\" cy=\"231\" r=\"4\" fill=\"#0072b2\"/><rect x=\"389\" y=\"227\" width=\"8\" height=\"8\" fill=\"#d55e00\"/>\n" > svg
+    text(324, 235, "start", "spheres"); text(402, 235, "start", "rocks")
+    print "<circle cx=\"454\" cy=\"231\" r=\"4\" fill=\"white\" stroke=\"#0072b2\" stroke-width=\"1.5\"/>" > svg; text(463, 235, "start", "half size")
     bottom = 490; low = 0.2; high = 5
     axes("final height, H_f/L", 1); curve("height", 1, 10, "stroke=\"black\""); text(px(8), py(2.1), "middle", "a^0.4"); points(height)
     text(300, 535, "middle", "aspect ratio, a = H/L")

@@ -2,34 +2,29 @@
 #
 #   awk -v svg=silo.svg -f ../datbox.awk -f silo.awk D0.10 D0.11 ...
 #
-# Of other vessels `vessel` is the name, `width` the word for D, and `start` the time from which on the flow is steady, s.
+# Of other vessels `vessel` is the name, `width` the word for D, and `start` the time from which on the flow is steady, s. `published`, two
+# values of C, adds the rates that Beverloo's law has with them and k = 1.4.
 #
-# Means are from `start` on, when the flow is steady. Errors of rates: a standard deviation of means over tenths of that time, over the root
-# of ten. C and k are those of the line of least squares through W^(2/5). The exponent is the slope of the line through log W against
-# log (D - k d), for two values of k, of which 1.4 is Beverloo's for round grains; its error is that of the line.
+# Means are from `start` on, when the flow is steady. Cases whose names differ in the seed at their end, -sN, are one outlet: its rate
+# is their mean, and its error their standard deviation over the root of their number. The error of one seed is a standard deviation of
+# means over tenths of the time, over the root of ten. C and k are those of the line of least squares through W^(2/5) of all cases. The
+# exponent is the slope of the line through log W against log (D - k d), for two values of k, of which 1.4 is Beverloo's for round
+# grains; its error is that of the line.
 #
 # Reads: CASE/POSTPRO/probe-outflow.csv: time, h, number, passed_mass; CASE/POSTPRO/probe-bed.csv: time, density, mu, inertial_number;
 #   CASE/DATBOX: gravity, mean diameter d of the beads
-# Writes: the table next to the figure, silo.csv: side or diameter (m), rate (kg/s), rate_error, number, density (kg/m^3), mu,
-#   inertial_number; the same on stdout, with the fits; the figure (svg)
+# Writes: the table next to the figure, silo.csv: side or diameter (m), seeds, rate (kg/s), rate_error, number, density (kg/m^3), mu,
+#   inertial_number; the same on stdout, with the fits and the published rates (kg/s); the figure (svg)
 
 BEGIN {
     FS = ","
     if (start == "") start = 0.2
     if (vessel == "") vessel = "silo through a square orifice"
     if (width == "") width = "side"
-    for (i = 1; i < ARGC; i++) if (ARGV[i] ~ /D[0-9.]+$/) { cases++; measure(ARGV[i], cases) }
+    for (i = 1; i < ARGC; i++) if (ARGV[i] ~ /D[0-9.]+(-s[0-9]+)?$/) { cases++; measure(ARGV[i], cases) }
     if (cases < 3) { print "expected the folders of three cases or more" > "/dev/stderr"; exit 1 }
-    table = svg; sub(/svg$/, "csv", table)
-    print width ",rate,rate_error,number,density,mu,inertial_number" > table
-    printf "%12s %13s %8s %7s %17s %7s %16s\n", width " [m]", "rate [kg/s]", "+-", "beads", "density [kg/m^3]", "mu", "inertial number"
-    for (n = 1; n <= cases; n++) {
-        printf "%.4g,%.6g,%.3g,%d,%.6g,%.4g,%.4g\n", side[n], rate[n], error[n], beads[n], density[n], mu[n], inertial[n] > table
-        printf "%12.3g %13.4g %8.2g %7d %17.1f %7.3f %16.3g\n", side[n], rate[n], error[n], beads[n], density[n], mu[n], inertial[n]
-        rho += density[n] / cases
-    }
-    close(table)
-    read_bodies(datbox); gravity = uniform_gravity(datbox)
+    group_seeds(); read_bodies(datbox); gravity = uniform_gravity(datbox)
+    write_table()
     for (n = 1; n <= cases; n++) { x[n] = side[n]; y[n] = rate[n] ^ 0.4 }
     line_of_least_squares()
     slope_of_root = slope; k = -intercept / slope / mean_diameter; k_error = sqrt(error_of_mean ^ 2 + (slope_error * mean_x) ^ 2) / slope / mean_diameter
@@ -47,9 +42,41 @@ function open(file) {
     fields()
 }
 
+# Means of the cases of each outlet.
+function group_seeds(    n, k) {
+    for (n = 1; n <= cases; n++) {
+        for (k = 1; k <= outlets && outlet[k] != side[n]; k++);
+        if (k > outlets) outlet[outlets = k] = side[n]
+        seeds[k]++; rates[k] += rate[n]; squares[k] += rate[n] ^ 2; passed[k] += beads[n]
+        densities[k] += density[n]; frictions[k] += mu[n]; numbers[k] += inertial[n]; rate_error[k] = error[n]
+    }
+    for (k = 1; k <= outlets; k++) {
+        n = seeds[k]; rates[k] /= n; densities[k] /= n; frictions[k] /= n; numbers[k] /= n; rho += densities[k] / outlets
+        if (n > 1) rate_error[k] = sqrt((squares[k] - n * rates[k] ^ 2) / (n - 1) / n)
+    }
+}
+
+function write_table(    table, k) {
+    table = svg; sub(/svg$/, "csv", table)
+    print width ",seeds,rate,rate_error,number,density,mu,inertial_number" > table
+    printf "%12s %6s %13s %8s %7s %17s %7s %16s%s\n", width " [m]", "seeds", "rate [kg/s]", "+-", "beads", "density [kg/m^3]", "mu", "inertial number", published == "" ? "" : "  published [kg/s]"
+    for (k = 1; k <= outlets; k++) {
+        printf "%.4g,%d,%.6g,%.3g,%d,%.6g,%.4g,%.4g\n", outlet[k], seeds[k], rates[k], rate_error[k], passed[k], densities[k], frictions[k], numbers[k] > table
+        printf "%12.3g %6d %13.4g %8.2g %7d %17.1f %7.3f %16.3g%s\n", outlet[k], seeds[k], rates[k], rate_error[k], passed[k], densities[k], frictions[k], numbers[k], published_rates(outlet[k])
+    }
+    close(table)
+}
+
+# The rates of Beverloo's law with k = 1.4 and both of the published constants.
+function published_rates(diameter,    constant, unit) {
+    if (published == "") return ""
+    split(published, constant, " "); unit = rho * sqrt(gravity) * (diameter - 1.4 * mean_diameter) ^ 2.5
+    return sprintf("  %.3g to %.3g", constant[1] * unit, constant[2] * unit)
+}
+
 function measure(folder, n,    file, rows, mass, h, m, tenth, part, length_of, sum, sum2, one) {
     datbox = folder "/DATBOX"
-    side[n] = folder; sub(/.*D/, "", side[n])
+    side[n] = folder; sub(/-s[0-9]+$/, "", side[n]); sub(/.*D/, "", side[n])
     file = folder "/POSTPRO/probe-outflow.csv"
     open(file)
     while ((getline < file) > 0) {
@@ -95,7 +122,7 @@ function py(root) { return 400 - 340 * root / roof }
 
 # W^(2/5) against D/d, with the line, which ends at k.
 function draw(    n, tick, low, high) {
-    roof = 1; while (roof < rate[cases] ^ 0.4 * 1.1) roof++
+    roof = 1; while (roof < rates[outlets] ^ 0.4 * 1.1) roof++
     print "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"560\" height=\"470\" font-family=\"sans-serif\" font-size=\"13\">" > svg
     print "<rect width=\"560\" height=\"470\" fill=\"white\"/>" > svg
     text(300, 25, "middle", "Discharge of a " vessel)
@@ -105,10 +132,10 @@ function draw(    n, tick, low, high) {
     for (tick = 0; tick <= roof; tick++) { stroke(80, py(tick), 520, py(tick), "stroke=\"#e0e0e0\""); text(72, py(tick) + 4, "end", tick) }
     stroke(80, 60, 80, 400, "stroke=\"black\""); stroke(80, 400, 520, 400, "stroke=\"black\"")
     stroke(px(k), py(0), px(9), py(slope_of_root * mean_diameter * (9 - k)), "stroke=\"#d55e00\" stroke-width=\"1.5\"")
-    for (n = 1; n <= cases; n++) {
-        low = (rate[n] - error[n]) ^ 0.4; high = (rate[n] + error[n]) ^ 0.4
-        stroke(px(side[n] / mean_diameter), py(low), px(side[n] / mean_diameter), py(high), "stroke=\"#0072b2\" stroke-width=\"1.5\"")
-        printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"#0072b2\"/>\n", px(side[n] / mean_diameter), py(rate[n] ^ 0.4) > svg
+    for (n = 1; n <= outlets; n++) {
+        low = (rates[n] - rate_error[n]) ^ 0.4; high = (rates[n] + rate_error[n]) ^ 0.4
+        stroke(px(outlet[n] / mean_diameter), py(low), px(outlet[n] / mean_diameter), py(high), "stroke=\"#0072b2\" stroke-width=\"1.5\"")
+        printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"#0072b2\"/>\n", px(outlet[n] / mean_diameter), py(rates[n] ^ 0.4) > svg
     }
     text(300, 450, "middle", width " of the orifice over the mean diameter of the beads, D/d")
     print "<text x=\"30\" y=\"230\" text-anchor=\"middle\" transform=\"rotate(-90 30 230)\">W^(2/5), W in kg/s</text>" > svg

@@ -101,7 +101,7 @@ function picture(    k, p, i, colours, left, top, width, height, most) {
     split("#1b6ca8 #d1495b #3a7d44 #8d6a9f #b8860b", colours, " ")
     left = 70; top = 30; width = 520; height = 320; most = 0.5
     printf "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"640\" height=\"420\" font-family=\"sans-serif\" font-size=\"13\">\n<rect width=\"640\" height=\"420\" fill=\"white\"/>\n" > svg
-    printf "<text x=\"70\" y=\"20\">stress ratio between the plates against axial strain, a curve a packing</text>\n" > svg
+    printf "<text x=\"70\" y=\"20\">Stress ratio between the plates against axial strain, a curve a packing</text>\n" > svg
     for (k = 0; k <= 5; k++) {
         printf "<line x1=\"%g\" y1=\"%g\" x2=\"%g\" y2=\"%g\" stroke=\"#ddd\"/><text x=\"%g\" y=\"%g\" text-anchor=\"end\">%.1f</text>\n", left, top + height * (1 - k / 5), left + width, top + height * (1 - k / 5), left - 6, top + height * (1 - k / 5) + 4, most * k / 5 > svg
         printf "<text x=\"%g\" y=\"%g\" text-anchor=\"middle\">%.2f</text>\n", left + width * k / 5, top + height + 18, 0.25 * k / 5 > svg
