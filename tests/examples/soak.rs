@@ -2,17 +2,16 @@
 //!
 //!     cargo run --release --package cd-tests --example soak -- --steps 10000000
 //!
-//! Options: `--steps` is the number of steps, `--snapshots` the number of snapshots, `--programs FOLDER` the folder of cd-pre
-//! and cd-solve; by default this program contains them. Prints memory and time per step of each tenth of the run; the exit
-//! code is 1 if they have grown.
+//! Prints memory and time per step of each tenth of the run; the exit code is 1 if they have grown.
 
 use std::fs::{self, File};
 use std::io::{Read, Seek, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::Duration;
 
 use cd_tests::process::{Executables, run_requested_program};
+use clap::Parser;
 
 /// Three balls on a plate that moves to and fro.
 const SCENE: &str = r#"(
@@ -79,20 +78,24 @@ fn sample(process: &Child, log: &Path) -> Option<RunSample> {
     })
 }
 
+/// Runs a small scene for long; exit code 1 if memory or processor time per step have grown.
+#[derive(Parser)]
+struct Options {
+    /// Number of steps.
+    #[arg(long, default_value_t = 10_000_000)]
+    steps: u64,
+    /// Number of snapshots.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
+    snapshots: u64,
+    /// Folder of cd-pre and cd-solve; default: this program, which contains them.
+    #[arg(long, value_name = "FOLDER")]
+    programs: Option<PathBuf>,
+}
+
 fn main() {
     run_requested_program();
-    let (mut steps, mut snapshots, mut programs) = (10_000_000, 20, Executables::Own(&[]));
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        let value = words.next().unwrap_or_else(|| panic!("{word}: no value"));
-        let number = || value.parse().unwrap_or_else(|_| panic!("{word}: {value}; expected a number"));
-        match word.as_str() {
-            "--steps" => steps = number(),
-            "--snapshots" => snapshots = number(),
-            "--programs" => programs = Executables::Folder(std::path::absolute(&value).expect("a folder")),
-            _ => panic!("{word}: unknown; expected --steps, --snapshots or --programs"),
-        }
-    }
+    let Options { steps, snapshots, programs } = Options::parse();
+    let programs = Executables::in_folder(programs);
     let folder = tempfile::tempdir().expect("a temporary folder");
     let scene = folder.path().join("scene.ron");
     fs::write(&scene, SCENE).expect("a file in it");

@@ -1,33 +1,42 @@
 //! Torture of the three programs at length, see `cd_tests::torture`; prints counts and failures.
 //!
 //!     cargo run --release --package cd-tests --example torture -- --kills 200 --faults 150
-//!
-//! Options: `--kills`, `--faults`, `--signals` and `--others` (of each further kind) are numbers of trials, `--seed` the seed of
-//! all choices, `--programs FOLDER` the folder of cd-pre, cd-solve and cd-post; by default this program contains them.
+
+use std::path::PathBuf;
 
 use cd_tests::process::{Executables, run_requested_program};
 use cd_tests::torture::scenes::SCENES;
 use cd_tests::torture::shim::Shim;
 use cd_tests::torture::{Torture, TorturePlan};
+use clap::Parser;
+
+/// Kills the three programs, lets disks and clocks fail, and compares with unbroken runs; exit code 1 after failures.
+#[derive(Parser)]
+struct Options {
+    /// Seed of all choices.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Number of kills.
+    #[arg(long, default_value_t = 200)]
+    kills: u64,
+    /// Number of failing file operations.
+    #[arg(long, default_value_t = 150)]
+    faults: u64,
+    /// Number of signals.
+    #[arg(long, default_value_t = 60)]
+    signals: u64,
+    /// Number of trials of each further kind.
+    #[arg(long, default_value_t = 30)]
+    others: u64,
+    /// Folder of cd-pre, cd-solve and cd-post; default: this program, which contains them.
+    #[arg(long, value_name = "FOLDER")]
+    programs: Option<PathBuf>,
+}
 
 fn main() {
     run_requested_program();
-    let mut plan = TorturePlan { seed: 1, kills: 200, faults: 150, signals: 60, others: 30 };
-    let mut programs = Executables::Own(&[]);
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        let value = words.next().unwrap_or_else(|| panic!("{word}: no value"));
-        let number = || value.parse().unwrap_or_else(|_| panic!("{word}: {value}; expected a number"));
-        match word.as_str() {
-            "--seed" => plan.seed = number(),
-            "--kills" => plan.kills = number(),
-            "--faults" => plan.faults = number(),
-            "--signals" => plan.signals = number(),
-            "--others" => plan.others = number(),
-            "--programs" => programs = Executables::Folder(std::path::absolute(&value).expect("a folder")),
-            _ => panic!("{word}: unknown; expected --seed, --kills, --faults, --signals, --others or --programs"),
-        }
-    }
+    let Options { seed, kills, faults, signals, others, programs } = Options::parse();
+    let (plan, programs) = (TorturePlan { seed, kills, faults, signals, others }, Executables::in_folder(programs));
     let shim = Shim::compile().unwrap_or_else(|reason| panic!("{reason}"));
     let mut torture = Torture::new(programs, shim, &SCENES).unwrap_or_else(|reason| panic!("{reason}"));
     torture.run(&plan);

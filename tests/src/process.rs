@@ -27,6 +27,14 @@ impl Executables {
         Executables::Own(&["--exact", "program_process", "--nocapture"])
     }
 
+    /// The programs of `folder`, or the executable that runs now.
+    pub fn in_folder(folder: Option<PathBuf>) -> Executables {
+        match folder {
+            Some(folder) => Executables::Folder(std::path::absolute(&folder).unwrap_or(folder)),
+            None => Executables::Own(&[]),
+        }
+    }
+
     /// Process of a command line, whose first word is the name of a program.
     pub fn command(&self, words: &[impl AsRef<OsStr>]) -> Command {
         match self {
