@@ -107,7 +107,7 @@ $(STUDY:.ron=.mk): $(STUDY) $(CD_BIN)/cd-pre
 
 ## Quantity of `until`: a column of runs.csv of `cd-post study`.
 QUANTITY ?= Z
-## Half the width of the 95 % confidence interval of the mean that `until` asks for, over the mean.
+## Half the width of the 95 % confidence interval of the mean at which `until` ends, over the mean.
 ERROR ?= 0.01
 ## Largest number of seeds that `until` runs.
 MAX_SEEDS ?= 50

@@ -23,7 +23,7 @@ pub const MEAN_COLUMNS: [(&str, &str, &str); 9] = [
     ("high", "of the quantity", "upper end of this interval"),
     ("median", "of the quantity", "median of the replicates"),
     ("deviation", "of the quantity", "standard deviation s of one run"),
-    ("needed", "1", "number of replicates for which the interval is as narrow as --error asks, relative to the mean"),
+    ("needed", "1", "number of replicates for which the interval is as narrow as --error, relative to the mean"),
 ];
 
 /// Columns of differences.csv: name, unit, meaning.
@@ -168,8 +168,8 @@ pub struct ReplicateTables {
 }
 
 impl ReplicateTables {
-    /// Tables of `runs` with values of these `quantities`; `error`: half the width of the confidence interval that is asked
-    /// for, over the mean. `None` if no set of parameters has two runs.
+    /// Tables of `runs` with values of these `quantities`; `error`: half the width of the confidence interval that is
+    /// requested, over the mean. `None` if no set of parameters has two runs.
     pub fn new(runs: &[Replicate], quantities: &[&str], error: f64) -> Option<ReplicateTables> {
         let sets = replicate_sets(runs);
         if sets.iter().all(|set| set.runs.len() < 2) {

@@ -62,7 +62,7 @@ pub struct StudyOptions<'a> {
     pub from: Option<f64>,
     /// End of these snapshots, s.
     pub to: Option<f64>,
-    /// Half the width of the 95 % confidence interval of a mean that is asked for, over the mean.
+    /// Half the width of the 95 % confidence interval of a mean that is requested, over the mean.
     pub error: f64,
 }
 
@@ -233,7 +233,7 @@ impl StudyRun {
     }
 }
 
-/// What [`write`] has written.
+/// Summary of a study, as [`write`] has written it.
 pub struct StudySummary {
     /// Number of runs.
     pub runs: usize,
@@ -315,11 +315,13 @@ fn replicate_tables(study: &StudyCases, runs: &[StudyRun], options: &StudyOption
     }
     let columns = study.column_names();
     let replicate = |run: &'_ StudyRun| -> (Vec<(String, String)>, String) {
-        let all = || columns.iter().zip(&study.names).zip(&run.parameters);
+        let columns_and_values = || columns.iter().zip(&study.names).zip(&run.parameters);
         let group = has_groups.then(|| ("group".to_string(), run.group.clone()));
-        let others =
-            all().filter(|((_, name), _)| *name != SEED).map(|((column, _), value)| (column.clone(), value.clone()));
-        let seed = all().find(|((_, name), _)| *name == SEED).map_or(String::new(), |(_, seed)| seed.clone());
+        let others = columns_and_values()
+            .filter(|((_, name), _)| *name != SEED)
+            .map(|((column, _), value)| (column.clone(), value.clone()));
+        let seed =
+            columns_and_values().find(|((_, name), _)| *name == SEED).map_or(String::new(), |(_, seed)| seed.clone());
         (group.into_iter().chain(others).collect(), seed)
     };
     let texts: Vec<_> = runs.iter().map(replicate).collect();
