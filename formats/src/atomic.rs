@@ -432,4 +432,25 @@ mod tests {
         let faults = write(&taken, b"").unwrap_err();
         assert!(faults.to_string().contains("x: file: cannot be written"), "{faults}");
     }
+
+    #[test]
+    fn a_file_written_in_pieces_appears_complete_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a/b");
+        let full = |_: &mut dyn Write| Err(std::io::Error::other("full"));
+        let faults = write_with(&path, full).unwrap_err().to_string();
+        assert!(faults.contains("b: file: cannot be written") && faults.contains("full"), "{faults}");
+        assert_eq!(fs::read_dir(folder.path().join("a")).unwrap().count(), 0);
+        write_with(&path, |out| out.write_all(b"ab").and_then(|()| out.write_all(b"c"))).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"abc");
+    }
+
+    #[test]
+    fn a_temporary_file_that_cannot_be_removed_is_a_fault() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        assert_eq!(remove_temporary_file(&path), Ok(()));
+        fs::create_dir(temporary_path(&path)).unwrap();
+        assert!(remove_temporary_file(&path).is_err());
+    }
 }

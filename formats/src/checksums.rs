@@ -194,6 +194,8 @@ mod tests {
         running.add(b"a");
         running.add(b"bc");
         assert_eq!((running.length(), running.checksum()), (3, Checksum::from_bytes(b"abc")));
+        // A folder can be opened, but not read.
+        assert!(Checksum::from_file(tempfile::tempdir().unwrap().path()).is_err());
     }
 
     #[test]

@@ -554,4 +554,63 @@ mod tests {
              f:1: file: d is '1', which continues beyond its columns; expected an integer such as 12"
         );
     }
+
+    #[test]
+    fn a_number_whose_first_digits_are_before_its_columns_is_rejected() {
+        let path = Path::new("f");
+        // Only a single 0 before the point, behind a blank or a label, changes nothing.
+        for (line, first, expected) in [
+            ("  0.5000000E+00", 4, Some(0.5)),
+            ("= 0.5000000E+00", 4, Some(0.5)),
+            (" =0.5000000E+00", 4, Some(0.5)),
+            ("  1.5000000E+00", 4, None),
+            (" 10.5000000E+00", 4, None),
+            (" 15.0000000E+00", 3, None),
+            ("0.5000000E+00", 2, None),
+        ] {
+            let text = AsciiText::new(line.as_bytes());
+            let scan = &mut LineScanner::new(path, &text);
+            let read = scan.next_line().map(|line| scan.read_real(line, first, "a"));
+            assert_eq!(read.filter(|value| !value.is_nan()), expected, "{line}");
+            assert_eq!(scan.has_faults(), expected.is_none(), "{line}");
+        }
+    }
+
+    /// LMGC90 reads columns, also of a comment.
+    #[test]
+    fn a_number_in_a_comment_is_rejected() {
+        let path = Path::new("f");
+        for (line, first, expected) in
+            [(" 1.0000000E+00 ! 2", 2, Some(1.0)), (" a ! 1.0000000E+00", 5, None), (" abc ! 1.0000000E+00", 7, None)]
+        {
+            let text = AsciiText::new(line.as_bytes());
+            let scan = &mut LineScanner::new(path, &text);
+            let read = scan.next_line().map(|line| scan.read_real(line, first, "a"));
+            assert_eq!(read.filter(|value| !value.is_nan()), expected, "{line}");
+            let faults = scan.finish(()).err().map_or(String::new(), |faults| faults.to_string());
+            assert_eq!(faults.contains("in a comment that LMGC90 would read"), expected.is_none(), "{faults}");
+        }
+        let text = AsciiText::new(b" RBDY3  7 ! x");
+        let scan = &mut LineScanner::new(path, &text);
+        let line = scan.next_line().unwrap();
+        assert_eq!(scan.read_integer(line, (9, 13), "number"), Some(7));
+    }
+
+    #[test]
+    fn the_sign_of_a_keyword_is_no_part_of_the_word() {
+        let text = AsciiText::new(b"$nodty");
+        let scan = &mut LineScanner::new(Path::new("f"), &text);
+        let line = scan.next_line().unwrap();
+        assert_eq!(scan.read_name5(line, 2, "keyword"), "nodty");
+    }
+
+    #[test]
+    fn files_have_no_letters_but_ascii() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        for bytes in [&b"1 \xc2\xb5m"[..], b"1 \xb5m", b"1 m"] {
+            fs::write(file.path(), bytes).unwrap();
+            let read = AsciiText::read_file(file.path()).unwrap();
+            assert!(read.0.is_ascii() && read.0.len() == bytes.len(), "{bytes:?}");
+        }
+    }
 }

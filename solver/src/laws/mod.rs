@@ -1115,4 +1115,138 @@ mod tests {
             assert_eq!(law.interface.is_some(), memory.contains(&ContactMemory::Damage), "{}", entry.label);
         }
     }
+
+    /// Edges and vertices meet with the radius 0; a pair in exact touch is closed, and no law acts on it as on an open one.
+    #[test]
+    fn the_limits_of_laws_belong_to_closed_and_resting_contacts() {
+        let restitution = new_law("RST_CLB", &[0.5, 0.25, 0.4]);
+        for radius in [0.0, 2.0] {
+            assert!(restitution.is_closed_gap(CLOSED_GAP * radius, radius));
+        }
+        // A pair that rests is not reversed along the tangent.
+        let at_rest = LawShift { friction: 0.4, ..acting() };
+        assert_eq!(restitution.contact_shift(&touching()), Some(at_rest));
+        // 1 m in 0.5 s at 2 m/s: it comes to touch, and is thrown back in the next step.
+        let due = LawInput { gap: 1.0, u_n: -2.0, gap_forecast: GapForecast::Due, ..touching() };
+        assert!(!restitution.throws_back(&due));
+        // Spheres that miss each other act only by an attraction, up to its range.
+        let wet = new_law("RST_WET_CLB", &[10.0, 0.0, 0.5, 0.25, 0.125, 0.2, 0.3]);
+        let passing = |gap| LawInput { gap, gap_forecast: GapForecast::Passing, ..touching() };
+        let bridged = LawShift { normal: 0.25, impulse: -5.0, friction: 0.3, ..acting() };
+        assert_eq!((wet.contact_shift(&passing(0.125)), wet.contact_shift(&passing(0.25))), (Some(bridged), None));
+        // Of pairs that are apart only those that attract each other are solved from the first sweep.
+        let pair = new_law("RST_COH_DS_CLB", &[10.0, 0.5, 0.25, 0.25, 0.5, 0.2, 0.3]);
+        let is_solved = |pair_attraction| {
+            pair.contact_shift(&LawInput { gap: 1.0, pair_attraction, ..touching() }).map(|shift| shift.solved)
+        };
+        assert_eq!((is_solved(1.0), is_solved(0.0)), (Some(true), Some(false)));
+    }
+
+    /// 4 N/m and 8 N s/m, of which the damper acts on closed contacts, in steps of 0.5 s with the next contact after 0.25 s.
+    #[test]
+    fn a_damped_spring_is_a_spring_while_it_is_open() {
+        let law = new_law("VISCO_ELASTIC_REPELL_CLB", &[4.0, 8.0, 0.4]);
+        let shift = |gap, gap_forecast| {
+            law.contact_shift(&LawInput { gap, closing_time: 0.25, gap_forecast, ..touching() })
+                .map(|shift| shift.normal)
+        };
+        let apart = GapForecast::Apart { depth: 0.0 };
+        assert_eq!((shift(-0.5, apart), shift(0.0, apart), shift(0.5, apart)), (Some(-2.0 / 9.0), Some(0.0), None));
+        assert_eq!(shift(0.5, GapForecast::Due), Some(2.0));
+        let regularisation = |gap| law.regularisation(gap, 0.5, 0.25);
+        assert_eq!(regularisation(0.0), Some(LawRegularisation::Compliance(1.0 / 4.5)));
+        assert_eq!(regularisation(0.5), Some(LawRegularisation::Compliance(2.0)));
+    }
+
+    #[test]
+    fn springs_bonds_and_rescues_follow_their_formulas() {
+        // 4 N, 2 m without strain and 2.5 m with the prestrain, stretched to 3 m; k T + η = 9 N s.
+        let law = new_law("VOIGT_ROD", &[4.0, 0.25, 8.0]);
+        let spring = law.strain_spring().unwrap();
+        assert_eq!(spring.shift_and_compliance(3.0, 2.0, 0.5, 0.25), (2.0 / 9.0, 2.0 / 4.5));
+        // T = 4π h, that is τ = 2; 3 m too deep.
+        let rescue = GapRescue { steps: 2.0 * std::f64::consts::TAU, gap: -0.25 };
+        assert_eq!(
+            (rescue.velocity(-3.25, 0.5), rescue.velocity(-0.25, 0.5), rescue.velocity(0.5, 0.5)),
+            (3.0, 0.0, 0.0)
+        );
+        // A disc of 0.5 m: C = 1/(k S h T) along the normal, and I = S R²/4, J = S R²/2.
+        let bond = new_law("ELASTIC_BEAM_DS_CLB", &[4.0, 2.0, 10.0, 5.0, 0.5, 0.2, 0.3]);
+        let BondCompliance { opening, sliding, bending, torsion } = bond.bond_compliance(0.5, 0.5, 0.25).unwrap();
+        let area = 0.25 * std::f64::consts::PI;
+        let expected = [1.0 / (0.5 * area), 1.0 / (0.25 * area), 4.0 / (0.125 * area), 2.0 / (0.0625 * area)];
+        for (found, expected) in [opening, sliding, bending, torsion].into_iter().zip(expected) {
+            assert!((found / expected - 1.0).abs() < 1e-15, "{found} {expected}"); // one rounding
+        }
+        // Edges without an area rub with the whole coefficient.
+        let interface = new_law("IQS_MAL_CZM", &[0.2, 0.3, 4.0, 4.0, 2.0, 2.0, 8.0, 8.0]);
+        assert_eq!((interface.friction_share(0.75, 2.0), interface.friction_share(0.75, 0.0)), (0.25, 1.0));
+        let reference_gaps = |law: ContactLaw| [-0.5, 0.5].map(|gap| law.reference_gap(gap));
+        assert_eq!(reference_gaps(new_law("ELASTIC_REPELL_CLB_g0", &[4.0, 0.3])), [-0.5, 0.5]);
+        assert_eq!(reference_gaps(new_law("IQS_CLB_g0", &[0.3])), [0.0, 0.5]);
+        assert_eq!(reference_gaps(new_law("IQS_CLB", &[0.3])), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn laws_without_restitution_cohesion_or_shear_strength_have_none() {
+        assert!(!new_law("RST_CLB", &[0.0, 0.25, 0.4]).has_restitution());
+        let mut law = new_law("RST_CLB", &[0.5, 0.25, 0.4]);
+        assert_eq!((law.max_closing_speed(4.0), law.max_closing_speed(-4.0)), (2.0, 0.0));
+        assert_eq!((law.restitution_at(-4.0), new_law("IQS_CLB", &[0.4]).restitution_at(-4.0)), (Some(0.5), None));
+        law.remove_restitution();
+        assert_eq!((law.restitution_at(-4.0), law.max_closing_speed(4.0)), (Some(0.0), 0.0));
+        // e = 0.5 (1/4)^(1/2) at 4 m/s.
+        let falling = new_law("RST_VEL_DS_CLB", &[0.5, 0.0, 1.0, 0.5, 0.2, 0.4, 2.0]);
+        assert_eq!(falling.restitution_at(-4.0), Some(0.25));
+        let bond = |shear| new_law("IQS_MOHR_DS_CLB", &[10.0, shear, 0.2, 0.3]);
+        assert!(bond(5.0).bonds_are_rigid() && !bond(0.0).bonds_are_rigid());
+        let ranges = |law: ContactLaw| (law.interaction_range(2.0), law.range_of_stress(2.0));
+        assert_eq!(ranges(bond(5.0)), (4.0 * MAX_TOUCHING_GAP, 4.0 * MAX_TOUCHING_GAP));
+        assert_eq!(ranges(new_law("IQS_WET_DS_CLB", &[10.0, 0.0, 0.25, 0.2, 0.3])), (0.25, f64::INFINITY));
+        assert_eq!(ranges(law), (0.0, f64::INFINITY));
+        let interface = new_law("IQS_MAL_CZM", &[0.2, 0.3, 4.0, 4.0, 2.0, 2.0, 8.0, 8.0]);
+        assert_eq!(ranges(interface), (0.0, f64::INFINITY));
+        // Without cohesion in the table there is no ratio of shear to traction to keep.
+        assert!(!new_law("IQS_MOHR_DS_CLB", &[0.0, 0.0, 0.2, 0.3]).set_cohesion(1.0));
+    }
+
+    #[test]
+    fn families_of_laws_have_their_properties() {
+        for entry in LAW_TABLE.iter().filter(|entry| entry.computed) {
+            let values: Vec<f64> = (1..).take(entry.parameters().count()).map(|k| 0.25 * f64::from(k)).collect();
+            let (law, label) = (new_law(entry.label, &values), entry.label);
+            let is_bond = label.contains("MOHR") || label.contains("BEAM");
+            let is_elastic_bond = label == "ELASTIC_BEAM_DS_CLB";
+            let is_on_touch = label == "VEL_SGR_CLB" || label.starts_with("RST_");
+            let is_interface = label.ends_with("_CZM");
+            let has_reference = label.ends_with("_g0");
+            let (is_coupling, is_link) = (label == "COUPLED_DOF", is_law_of_points(label));
+            let is_pair = label.contains("_COH_") || label.contains("_VDW_");
+            for (name, found, expected) in [
+                ("damped spring", law.is_damped_spring(), label == "VISCO_ELASTIC_REPELL_CLB"),
+                ("on touch", law.acts_on_touch(), is_on_touch),
+                ("rescue", law.rescue().is_some(), label == "IQS_CLB_RGR"),
+                ("stress", law.has_stress(), is_bond || is_interface),
+                ("radius", law.depends_on_radius(), is_on_touch || is_bond || is_interface),
+                ("elastic bond", law.bond_stiffness().is_some(), is_elastic_bond),
+                ("pair", law.pair_cohesion().is_some(), is_pair),
+                ("memory", law.has_law_memory(), has_reference || is_interface),
+                ("coupling", law.is_coupled(), is_coupling),
+                ("apart", law.acts_apart(), is_coupling || is_link || has_reference || is_interface),
+                ("friction", law.has_friction(), !is_coupling && !is_link),
+                ("loss", law.has_irreversible_loss(), law.has_two_frictions() || is_bond && !is_elastic_bond),
+            ] {
+                assert_eq!(found, expected, "{label}: {name}");
+            }
+        }
+        let rest = ContactMotion::default();
+        assert!(!rest.is_any());
+        for motion in [
+            ContactMotion { opens: true, ..rest },
+            ContactMotion { slides: true, ..rest },
+            ContactMotion { turns: true, ..rest },
+        ] {
+            assert!(motion.is_any(), "{motion:?}");
+        }
+    }
 }

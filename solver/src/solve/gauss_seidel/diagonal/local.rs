@@ -141,6 +141,13 @@ mod tests {
         assert_eq!(solve([0.0, 7.0, -2.0], 0.0), [0.0, 0.0, 4.0]);
     }
 
+    /// 1 mm in a step of 1 ms may be closed at 1 m/s: of 2 m/s the other half is stopped.
+    #[test]
+    fn an_open_gap_leaves_the_velocity_that_closes_it() {
+        let contact = FrozenContact { n: UP, u: [0.0, 0.0, -2.0], u_n: -2.0, shift: 1.0, r: [0.0; 3], w: W };
+        assert_eq!(unprojected_impulse(Scalar, contact), (2.0, [0.0; 3]));
+    }
+
     proptest! {
         /// The solution of the associated law is the minimum of ½ r·W r + b·r over the cone: no other impulse is lower.
         #[test]
