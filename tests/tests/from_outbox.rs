@@ -112,6 +112,35 @@ fn orbits_that_begin_again_are_reported() {
     }
 }
 
+/// Walls on circles begin new ones: r cos(rate h/2) in place of r, as the end of a step with θ = 1/2 is the middle of a chord.
+#[test]
+fn circles_of_walls_that_begin_again_are_reported() {
+    let wall = |motion: &str| {
+        let plate = format!(
+            "walls: [Plate(material: \"ROCKx\", colour: \"BLUEx\", centre: (20.0, 0.0, 0.0), half_lengths: (1.0, 1.0, 0.1), \
+             {motion})],"
+        );
+        let scene = spheres("[(0.0, 0.0, 0.0)]", "theta: 0.5");
+        Case::from_scene(&scene.replacen("grains:", &format!("{plate}\n            grains:"), 1))
+    };
+    let summary = |run: &Case| {
+        let case = Case::empty();
+        (cd_pre::from_outbox::write_datbox(run.path(), None, &[], case.path()).unwrap(), case)
+    };
+    let run = wall("revolution: (axis: (0.0, 0.0, 1.0), rate: Constant(0.8))").solved(&["--steps", "6"]);
+    let (text, next) = summary(&run);
+    assert!(text.contains("walls: circles of a revolution begin at the positions of the snapshot"), "{text}");
+    let radius = |case: &Case| {
+        let x = case.last_snapshot().bodies.body_x[1];
+        x[0].hypot(x[1])
+    };
+    let next = next.solved(&["--steps", "6"]);
+    let share = 0.9950041652780258; // cos 0.1
+    assert!((radius(&run) / 20.0 - share).abs() < 1e-12 && (radius(&next) / radius(&run) - share).abs() < 1e-12);
+    let turning = wall("spin: (Constant(0.0), Constant(0.0), Constant(0.8))").solved(&["--steps", "6"]);
+    assert!(!summary(&turning).0.contains("circles"));
+}
+
 #[test]
 fn an_end_before_the_state_is_rejected() {
     let run = Case::from_scene(&cloud(4, 0.1, 1, "dt: 8.0, steps: 2")).solved(&[]);

@@ -37,7 +37,7 @@ pub const DIFFERENCE_COLUMNS: [(&str, &str, &str); 10] = [
     ("low", "of the quantity", "lower end of the 95 % confidence interval of the difference"),
     ("high", "of the quantity", "upper end of this interval"),
     ("t", "1", "difference over its standard error"),
-    ("p", "1", "probability of a |t| as large if the two means are equal"),
+    ("p", "1", "probability of a t as large, in either direction, if the two means are equal"),
 ];
 
 /// Run as a replicate of its set of parameters.
