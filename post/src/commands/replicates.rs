@@ -126,7 +126,7 @@ fn critical_t(freedom: f64) -> f64 {
 }
 
 /// Smallest number of replicates with the standard deviation `deviation` for which half the width of the confidence interval is
-/// at most `width`; `None` if it is larger than [`MAX_REPLICATES`] or not known.
+/// at most `width`; `None` if it is larger than 10⁹ or not known.
 pub fn needed_replicates(deviation: f64, width: f64) -> Option<u64> {
     let is_enough = |n: u64| critical_t((n - 1) as f64) * deviation <= width * (n as f64).sqrt();
     if deviation == 0.0 {

@@ -233,7 +233,7 @@ impl StudyRun {
     }
 }
 
-/// Summary of a study, as [`write`] has written it.
+/// Summary of a study, as [`write()`] has written it.
 pub struct StudySummary {
     /// Number of runs.
     pub runs: usize,
