@@ -1134,7 +1134,7 @@ mod tests {
         let passing = |gap| LawInput { gap, gap_forecast: GapForecast::Passing, ..touching() };
         let bridged = LawShift { normal: 0.25, impulse: -5.0, friction: 0.3, ..acting() };
         assert_eq!((wet.contact_shift(&passing(0.125)), wet.contact_shift(&passing(0.25))), (Some(bridged), None));
-        // Of pairs that are apart only those that attract each other are solved from the first sweep.
+        // The first sweep solves only those pairs that are apart and attract each other.
         let pair = new_law("RST_COH_DS_CLB", &[10.0, 0.5, 0.25, 0.25, 0.5, 0.2, 0.3]);
         let is_solved = |pair_attraction| {
             pair.contact_shift(&LawInput { gap: 1.0, pair_attraction, ..touching() }).map(|shift| shift.solved)
