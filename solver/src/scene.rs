@@ -15,7 +15,7 @@ pub use cd_formats::ids::BodyId;
 use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::probe::{BodySelection, Probe, ProbeQuantity};
 use cd_formats::region::SpaceRegion;
-use cd_formats::snapshot::{LawName, MaterialName};
+use cd_formats::snapshot::{LawName, MaterialName, WallCircle};
 use cd_formats::wall_mesh::WallMesh;
 
 pub use self::imposed_motion::{
@@ -561,6 +561,28 @@ impl Scene {
             motion.v[strain.component] = opposite_velocity + strain.relative_velocity(time, &x[i], &x[opposite], h);
         }
         motion
+    }
+
+    /// Circles of the walls with a revolution at a rate.
+    pub fn wall_circles(&self) -> Vec<WallCircle> {
+        let circle = |drive: &ImposedVelocity| {
+            let WallPivot { point, offset } = drive.pivot?;
+            Some(WallCircle { body: drive.body.number() as u64, point: point.into(), offset: offset.into() })
+        };
+        self.drives.iter().filter_map(circle).collect()
+    }
+
+    /// Moves walls with a revolution at a rate onto these circles, if they turn about the same points.
+    pub fn set_wall_circles(&mut self, circles: &[WallCircle]) {
+        for drive in &mut self.drives {
+            let Some(pivot) = &mut drive.pivot else { continue };
+            let is_of_wall = |circle: &&WallCircle| {
+                circle.body == drive.body.number() as u64 && Vec3::from(circle.point) == pivot.point
+            };
+            if let Some(circle) = circles.iter().find(is_of_wall) {
+                pivot.offset = circle.offset.into();
+            }
+        }
     }
 
     /// Motions of the surfaces of walls at a time (s), with the orientations `q`, by body; empty if no surface moves.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use cd_formats::bodies::{Bodies, ShapeRecord};
 use cd_formats::compute::Compute;
-use cd_formats::snapshot::{self, Snapshot};
+use cd_formats::snapshot::{self, Snapshot, SnapshotMeta, WallCircle};
 use cd_formats::tact_behav::{TactBehav, VisibilityRow};
 use cd_pre::pour::{PourRequest, pour_grains};
 use cd_tests::case::{Case, cloud, files, from_outbox, solve, surfaces_of_an_l};
@@ -112,33 +112,91 @@ fn orbits_that_begin_again_are_reported() {
     }
 }
 
-/// Walls on circles begin new ones: r cos(rate h/2) in place of r, as the end of a step with θ = 1/2 is the middle of a chord.
+/// Bytes of all arrays.
+fn array_bytes(snapshot: Snapshot) -> Vec<u8> {
+    Snapshot { meta: SnapshotMeta::default(), ..snapshot }.to_bytes()
+}
+
+/// A plate, a drum and a surface on circles, each of which pushes a ball; `rates` of the three.
+fn walls_on_circles(rates: [&str; 3]) -> Case {
+    let [plate, drum, surface] = rates;
+    let ball = |colour: &str, position: &str| {
+        format!(
+            "(material: \"ROCKx\", colour: \"{colour}\", sizes: Single(0.1), placement: List(positions: [{position}]))"
+        )
+    };
+    let grains = [("BLUEx", "(1.2, 1.8, 0.0)"), ("BLACK", "(20.4, 0.0, 0.0)"), ("BLUEx", "(-18.5, 0.5, 1.2)")];
+    let grains = grains.map(|(colour, position)| ball(colour, position)).join(",");
+    let scene = format!(
+        r#"(
+            materials: [(name: "ROCKx", density: 2000.0)],
+            laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+            contacts: [
+                (between: ("BLUEx", "BLUEx"), law: "iqsc0"),
+                (between: ("BLUEx", "BLACK"), law: "iqsc0"),
+                (between: ("BLUEx", "WALLx"), law: "iqsc0"),
+                (between: ("BLUEx", "DRUMx"), law: None),
+                (between: ("BLACK", "WALLx"), law: "iqsc0"),
+                (between: ("BLACK", "DRUMx"), law: "iqsc0"),
+            ],
+            grains: [{grains}],
+            walls: [
+                Plate(material: "ROCKx", colour: "WALLx", centre: (2.0, 0.0, 0.0), normal: (0.0, 1.0, 0.0),
+                    half_lengths: (0.5, 0.2, 0.02), revolution: (axis: (0.0, 0.0, 1.0), rate: {plate})),
+                Cylinder(material: "ROCKx", colour: "DRUMx", centre: (20.0, 0.0, 0.0), half_height: 0.5, radius: 0.6,
+                    hollow: true, revolution: (axis: (0.0, 0.0, 1.0), point: (19.0, 0.0, 0.0), rate: {drum})),
+                Mesh(material: "ROCKx", colour: "WALLx", file: "l.obj", position: (-20.0, 0.0, 0.0),
+                    revolution: (axis: (0.0, 1.0, 0.0), point: (-22.0, 0.0, 0.0), rate: {surface})),
+            ],
+            compute: (dt: 0.02, steps: 60, output_every: 15),
+        )"#
+    );
+    Case::with_surfaces(&scene, surfaces_of_an_l().path())
+}
+
+/// The end of a step is on a chord of the circle, from which each of four runs has to return to the circle of the first.
 #[test]
-fn circles_of_walls_that_begin_again_are_reported() {
-    let wall = |motion: &str| {
-        let plate = format!(
-            "walls: [Plate(material: \"ROCKx\", colour: \"BLUEx\", centre: (20.0, 0.0, 0.0), half_lengths: (1.0, 1.0, 0.1), \
-             {motion})],"
-        );
-        let scene = spheres("[(0.0, 0.0, 0.0)]", "theta: 0.5");
-        Case::from_scene(&scene.replacen("grains:", &format!("{plate}\n            grains:"), 1))
-    };
-    let summary = |run: &Case| {
-        let case = Case::empty();
-        (cd_pre::from_outbox::write_datbox(run.path(), None, &[], case.path()).unwrap(), case)
-    };
-    let run = wall("revolution: (axis: (0.0, 0.0, 1.0), rate: Constant(0.8))").solved(&["--steps", "6"]);
-    let (text, next) = summary(&run);
-    assert!(text.contains("walls: circles of a revolution begin at the positions of the snapshot"), "{text}");
-    let radius = |case: &Case| {
-        let x = case.last_snapshot().bodies.body_x[1];
-        x[0].hypot(x[1])
-    };
-    let next = next.solved(&["--steps", "6"]);
-    let share = 0.9950041652780258; // cos 0.1
-    assert!((radius(&run) / 20.0 - share).abs() < 1e-12 && (radius(&next) / radius(&run) - share).abs() < 1e-12);
-    let turning = wall("spin: (Constant(0.0), Constant(0.0), Constant(0.8))").solved(&["--steps", "6"]);
-    assert!(!summary(&turning).0.contains("circles"));
+fn walls_stay_on_their_circles_from_run_to_run() {
+    let table = "Table([(0.0, 0.0), (0.4, -1.5), (1.0e3, -1.5)])";
+    let harmonic = "Harmonic(constant: -0.5, amplitude: 0.5, omega: 3.0)";
+    let functions = walls_on_circles(["Constant(2.0)", table, harmonic]).solved(&[]);
+    let constant = walls_on_circles(["Constant(2.0)", "Constant(-1.5)", "Constant(-0.5)"]).solved(&[]);
+    let pushed = functions.last_snapshot().bodies.body_v.into_iter().take(3);
+    assert!(pushed.clone().all(|v| v != [0.0; 3]), "{:?}", pushed.collect::<Vec<_>>());
+    for (unbroken, keep_time) in [(&functions, true), (&constant, true), (&constant, false)] {
+        let changes = format!("(keep_time: {keep_time})");
+        let first = unbroken.twin().solved(&["--steps", "15"]);
+        // Each run is interrupted.
+        let next =
+            |case: &Case| next_case(case, &changes).solved(&["--steps", "7"]).solved(&["--resume", "--steps", "15"]);
+        let last = (1..4).fold(first, |case, _| next(&case));
+        let [expected, found] = [unbroken, &last].map(|case| array_bytes(case.last_snapshot()));
+        assert!(expected == found, "{changes}");
+    }
+}
+
+/// A selection of walls keeps their circles, under their new numbers; another pivot begins one at the position of the wall,
+/// r cos(rate h/2) from it, as the end of a step with θ = 1/2 is the middle of a chord.
+#[test]
+fn circles_of_selected_walls_stay() {
+    let run = walls_on_circles(["Constant(2.0)", "Constant(-1.5)", "Constant(-0.5)"]).solved(&["--steps", "15"]);
+    let circles = |case: &Case| Snapshot::read(&case.datbox(snapshot::START_FILE)).unwrap().meta.revolutions;
+    let known = run.last_snapshot().meta.revolutions;
+    let bodies = |circles: &[WallCircle]| circles.iter().map(|circle| circle.body).collect::<Vec<_>>();
+    assert_eq!(bodies(&known), [4, 5, 6]);
+    assert_eq!((known[0].point, known[0].offset.map(f64::abs)), ([0.0; 3], [2.0, 0.0, 0.0]));
+    let selected = next_case(&run, "(bodies: [(walls_except: [Wall(1)])])");
+    assert_eq!(circles(&selected), [WallCircle { body: 4, ..known[1] }, WallCircle { body: 5, ..known[2] }]);
+
+    let anew = next_case(&run, "()");
+    let driven = fs::read_to_string(anew.datbox("DRV_DOF.DAT")).unwrap();
+    let first_pivot = driven.lines().find(|line| line.contains("pivot")).unwrap();
+    let moved = first_pivot.replacen("0.0000000E+00", "1.0000000E-09", 1);
+    fs::write(anew.datbox("DRV_DOF.DAT"), driven.replacen(first_pivot, &moved, 1)).unwrap();
+    let end = anew.solved(&["--steps", "1"]).last_snapshot();
+    let [x, y, _] = end.meta.revolutions[0].offset;
+    let radius = x.hypot(y);
+    assert!((radius - 2.0 * 0.9998000066665778).abs() < 1e-7, "{radius}"); // cos 0.02; eight digits in BODIES.DAT
 }
 
 #[test]

@@ -154,6 +154,9 @@ pub struct SnapshotMeta {
     /// Response of the primary on an orbit; only if its field has `response`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub primary_response: Option<PrimaryResponse>,
+    /// Circles of the walls with a revolution at a rate.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub revolutions: Vec<WallCircle>,
     /// Deforming cell; only if the run has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cell: Option<CellState>,
@@ -170,6 +173,19 @@ pub struct SnapshotMeta {
     /// Parts of the snapshot, in the order of their rows; only in the index of a snapshot in parts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<SnapshotPart>,
+}
+
+/// Circle on which the centre of a wall moves that turns about a point.
+///
+/// At the end of a step the centre is on a chord of the circle, so that its position does not give the radius.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct WallCircle {
+    /// Number of the body in BODIES.DAT, from 1.
+    pub body: u64,
+    /// Point about which the wall turns, m.
+    pub point: [f64; 3],
+    /// Position of the centre from the point in the axes of the body, m.
+    pub offset: [f64; 3],
 }
 
 /// The last two evaluations of self-gravity, from which it is extrapolated; the accelerations are in [`GravityArrays`].
@@ -402,6 +418,7 @@ impl Default for SnapshotMeta {
             postpro: PostproSums::default(),
             rest_since: None,
             primary_response: None,
+            revolutions: Vec::new(),
             cell: None,
             bodies_entered: false,
             continues_run: false,

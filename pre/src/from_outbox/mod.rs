@@ -28,7 +28,7 @@ use cd_formats::bodies::Bodies;
 use cd_formats::compute::{Compute, ExternalField, PERIOD_NAMES, ROTATION_ABOUT_PERIOD};
 use cd_formats::deforming_cell::CellState;
 use cd_formats::dof::{BodyDof, Dof};
-use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof, Evolution, table_text};
+use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::ids::BodyId;
 use cd_formats::names::{count_text, number_text, rounded_number, vector_text};
@@ -130,7 +130,6 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let mut summary: String = parts.iter().map(part_summary).collect();
     summary += &sources[0].run_notes(Some(&options).filter(|_| request.changes.compute.is_none()));
     summary += &orbit_note(request.changes.keep_time, &sources[0], &options);
-    summary += &revolution_note(&sources[0], &driven);
     let selected_count: usize = parts.iter().map(|part| part.source_bodies.len()).sum();
     summary += &digits::lost_digits(&records.0[..selected_count], &tables, &driven);
     summary += &group_lines(&new.scene, &new.population);
@@ -154,22 +153,6 @@ fn orbit_note(keep_time: bool, source: &SourceCase, options: &Compute) -> String
         "fields: the orbits begin at time 0 again, not at the {} s of the snapshot; keep_time: true continues them\n",
         rounded_number(time)
     )
-}
-
-/// Line that the circles of walls with a revolution begin at their present positions, which are on chords of the circles
-/// before; empty if there are none.
-fn revolution_note(source: &SourceCase, driven: &DrvDof) -> String {
-    let turns = |body: usize| {
-        let mut rows = driven.0.iter().filter(|row| row.body == body && row.kind == DrivenKind::Velocity);
-        rows.any(|row| row.component >= 3 && row.evolution != Evolution::constant(0.0))
-    };
-    let mut pivots = driven.0.iter().filter(|row| row.kind == DrivenKind::Pivot && row.component == 0);
-    match source.snapshot.meta.step > 0 && pivots.any(|row| turns(row.body)) {
-        true => "walls: circles of a revolution begin at the positions of the snapshot, at most (rate h)²/8 of their \
-                 radius inside of those before\n"
-            .into(),
-        false => String::new(),
-    }
 }
 
 /// Errors with the faults found so far, if there are any.
@@ -557,6 +540,7 @@ fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content:
     start.meta.interval_start = None;
     start.meta.parameters.events_done = 0;
     start.meta.attraction = None;
+    start.meta.revolutions = Vec::new();
     // The orbit of a primary that responds is that about the same mass at the same times.
     let source = parts[0].source;
     let source_count = source.snapshot.bodies.body_x.len();

@@ -18,7 +18,7 @@ use cd_formats::names::{count_text, vector_text};
 use cd_formats::probe::ProbeQuantity;
 use cd_formats::snapshot::{
     self, AttractionArrays, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PRESENCE_WAITING,
-    PairArrays, START_FILE, ShapeArrays, Snapshot, TurningArrays,
+    PairArrays, START_FILE, ShapeArrays, Snapshot, TurningArrays, WallCircle,
 };
 use cd_formats::surface::MassProperties;
 use cd_formats::tact_behav::TactBehav;
@@ -587,6 +587,11 @@ impl SourcePart<'_> {
         // Names are in DATBOX; START.npz has motion and contacts.
         bodies.body_colour.fill(0);
         bodies.body_material.fill(0);
+        let new_circle = |circle: &WallCircle| {
+            let row = self.source_bodies.iter().position(|body| body.number() as u64 == circle.body)?;
+            Some(WallCircle { body: bodies.body_id[row], ..*circle })
+        };
+        start.meta.revolutions.extend(self.state.meta.revolutions.iter().filter_map(new_circle));
         let mut contacts = self.state.contacts.clone();
         contacts.contact_body.iter_mut().flatten().for_each(|body| *body += first_body as u32);
         let laws = &self.state.meta.laws;

@@ -138,6 +138,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
         scene.start = StepTime { step: state.step, time: state.time };
         scene.continues_run = origin.continues_run;
         scene.counted_from = resume::counted_from(&scene, &state, origin.counted_from);
+        scene.set_wall_circles(&origin.wall_circles);
     }
     if let (None, Some(cell)) = (state.cell, cell_of_options) {
         state.cell = Some(cell);

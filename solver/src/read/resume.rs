@@ -10,7 +10,7 @@ use cd_formats::report::MAX_MAGNITUDE;
 use cd_formats::ron_file::value_with_current_names;
 use cd_formats::snapshot::{
     self, LawName, PRESENCE_PRESENT, PRESENCE_WAITING, RunParameters, STATUS_NO_CONTACT, STATUS_SLIDE, ShapeArrays,
-    Snapshot,
+    Snapshot, SnapshotMeta, WallCircle,
 };
 use nalgebra::{Quaternion, UnitQuaternion};
 
@@ -335,12 +335,14 @@ const FILE_ROUNDING: f64 = 1e-6;
 const MAX_AXES_ROTATION: f64 = 1e-5;
 
 /// Relation of a run to the one whose state it starts from.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct StartOrigin {
     /// Step and time (s) from which that run counted, if it is continued in time.
     pub counted_from: Option<(u64, f64)>,
     /// See [`SnapshotMeta::continues_run`](cd_formats::snapshot::SnapshotMeta::continues_run).
     pub continues_run: bool,
+    /// Circles of walls in that run.
+    pub wall_circles: Vec<WallCircle>,
 }
 
 /// Restores time, motion and contacts of `DATBOX/START.npz` into `state`, which is initialised from the text files. Body
@@ -352,7 +354,8 @@ pub struct StartOrigin {
 pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<StartOrigin, Faults> {
     let snapshot = Snapshot::read(path)?;
     check_start(path, &snapshot, scene, state)?;
-    let origin = StartOrigin { counted_from: snapshot.meta.counted_from, continues_run: snapshot.meta.continues_run };
+    let SnapshotMeta { counted_from, continues_run, ref revolutions, .. } = snapshot.meta;
+    let origin = StartOrigin { counted_from, continues_run, wall_circles: revolutions.clone() };
     let bodies_of_rows: Vec<BodyId> = snapshot.bodies.body_id.iter().map(|&id| BodyId(id as u32 - 1)).collect();
     let mut restored = state.clone();
     let inertia = snapshot.bodies.body_inertia.clone();

@@ -87,6 +87,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
         postpro: state.postpro,
         rest_since: state.rest_since,
         primary_response: state.primary_response,
+        revolutions: scene.wall_circles(),
         cell: state.cell,
         bodies_entered: state.bodies_entered,
         continues_run: false,
