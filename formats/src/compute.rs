@@ -5,6 +5,7 @@
 //! and the documentation are made from it.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -227,6 +228,16 @@ impl ExternalField {
     /// Angular velocity of the axes, rad/s.
     pub fn rotation_rate(&self) -> [f64; 3] {
         if let ExternalField::RotatingFrame { rate, .. } = self { *rate } else { [0.0; 3] }
+    }
+
+    /// Period of the rotation of the axes or of a polyhedron, s; infinite if they do not turn.
+    pub fn rotation_period(&self) -> f64 {
+        match self {
+            ExternalField::RotatingFrame { rate, .. } | ExternalField::Polyhedron { rate, .. } => {
+                TAU / rate.iter().map(|x| x * x).sum::<f64>().sqrt()
+            }
+            ExternalField::PointMass { .. } | ExternalField::Oblate { .. } => f64::INFINITY,
+        }
     }
 
     /// Whether the mass of the field is attracted by the bodies in turn.

@@ -7,7 +7,7 @@
 //! - neighbours pass each other by at most `travel` radii plus half of their gap;
 //! - approaching bodies overlap, in the contact configuration, by at most `penetration` radii;
 //! - a body that is not a sphere turns by at most `travel` radians;
-//! - the shortest orbit takes at least fifty steps;
+//! - the shortest orbit, and the fastest rotation of a field, take at least fifty steps;
 //! - a step is at most twice as long as the one before, and ends at snapshots, events and the end of the run.
 //!
 //! Detection covers twice the length of a step ([`MAX_STEP_GROWTH`]), so that a pair that the next step could bring into
@@ -17,6 +17,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use cd_formats::compute::ExternalField;
 use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
@@ -25,7 +26,7 @@ use crate::ranks::lists::min_over_ranks;
 use crate::scene::{EVENT_SLACK, RigidBody, Scene};
 use crate::state::{SolvedContact, State};
 
-/// Steps in the shortest orbit: a phase error of 1e-3 per orbit.
+/// Steps in the shortest orbit or rotation of a field: a phase error of 1e-3 per orbit.
 const STEPS_PER_ORBIT: f64 = 50.0;
 
 /// Largest ratio of a step to the one before; detection covers this multiple of the step.
@@ -50,7 +51,7 @@ pub fn choose_step_multiple(scene: &Scene, state: &State, velocities_changed: bo
     let own_limit = state.contacts.par_iter().with_min_len(1024).map(time_limit).reduce(|| f64::INFINITY, f64::min);
     let contact_limit = if state.detection_cache.is_divided() { min_over_ranks(own_limit) } else { own_limit };
     let turn_limit = adaptive.travel / fastest_spin(scene, state);
-    let orbit_limit = shortest_orbit(scene, state) / STEPS_PER_ORBIT;
+    let orbit_limit = shortest_orbit(scene, state).min(shortest_rotation(scene)) / STEPS_PER_ORBIT;
     let multiple = contact_limit.min(turn_limit).min(orbit_limit).min(constant_time) / dt;
     // A quotient that is whole up to rounding counts as whole.
     let multiple = (multiple.min(largest) * (1.0 + 1e-12)).floor().max(1.0) as u64;
@@ -86,12 +87,17 @@ pub fn fastest_spin(scene: &Scene, state: &State) -> f64 {
     turning.map(|(_, w)| w.norm()).fold(0.0, f64::max)
 }
 
-/// Period of the fastest possible orbit outside of bodies, s: in self-gravity, about primaries, of rotating axes.
+/// Period of the fastest rotation of a field, s: of rotating axes, of a polyhedron that turns.
+pub fn shortest_rotation(scene: &Scene) -> f64 {
+    scene.options.fields.iter().map(ExternalField::rotation_period).fold(f64::INFINITY, f64::min)
+}
+
+/// Period of the fastest possible orbit outside of bodies, s: in self-gravity and about primaries.
 pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
     let nearest_to =
         |centre: &Vec3| scene.free.iter().map(|&i| (state.x[i.index()] - centre).norm()).fold(f64::INFINITY, f64::min);
     let period_in = |field: FieldModel| match field {
-        FieldModel::RotatingAxes { rate, .. } => TAU / rate.norm(),
+        FieldModel::RotatingAxes { .. } => f64::INFINITY,
         FieldModel::Primary { strength, centre, .. } => TAU * (nearest_to(&centre).powi(3) / strength).sqrt(),
         FieldModel::Polyhedron { strength, shape, position, rotation, falling_point, .. } => {
             let from_position = rotation.map_or(shape.centre(), |rotation| rotation * shape.centre());

@@ -9,7 +9,7 @@
 
 mod length;
 
-pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_spin, shortest_orbit};
+pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_spin, shortest_orbit, shortest_rotation};
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;

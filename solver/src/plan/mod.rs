@@ -10,7 +10,7 @@ use cd_formats::compute::Accuracy;
 use cd_formats::names::{count_text, ratio_text, rounded_number, short_number};
 use cd_formats::presets::PresetOption;
 
-use crate::integrate::{fastest_spin, shortest_orbit};
+use crate::integrate::{fastest_spin, shortest_orbit, shortest_rotation};
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, ImposedVelocity, RigidBody, Scene};
 use crate::solve::gauss_seidel::diagonal::batches::ContactBatch;
@@ -28,7 +28,7 @@ const MAX_TRIAL_DT_FACTOR: f64 = 100.0;
 /// Largest displacement and largest free fall in a step, in radii: they determine penetrations and missed bounces.
 const MAX_TRAVEL_RADII: f64 = 0.1;
 const MAX_FALL_RADII: f64 = 1e-3;
-/// Steps in the shortest orbit, and in a radian of the fastest rotation: phase errors of 2e-4 per orbit and 1e-3 per radian.
+/// Steps in the shortest orbit or rotation of a field, and in a radian of the fastest rotation: phase errors of 2e-4 per orbit and 1e-3 per radian.
 const STEPS_PER_ORBIT: f64 = 100.0;
 const STEPS_PER_RADIAN: f64 = 10.0;
 
@@ -91,6 +91,11 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     bounds.push(StepBound {
         h: period / STEPS_PER_ORBIT,
         reason: format!("shortest orbital period {} s: {STEPS_PER_ORBIT} steps per orbit", short_number(period)),
+    });
+    let period = shortest_rotation(scene);
+    bounds.push(StepBound {
+        h: period / STEPS_PER_ORBIT,
+        reason: format!("rotation of a field in {} s: {STEPS_PER_ORBIT} steps per rotation", short_number(period)),
     });
     let g = state.gravity.norm();
     if g > 0.0 {

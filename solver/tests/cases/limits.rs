@@ -360,7 +360,7 @@ fn a_step_too_long_for_what_moves_is_reported() {
     );
     low.options.fields =
         vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, std::f64::consts::TAU], centre: [7e6, 0.0, 0.0] }];
-    printed(&mut low, 1e-2, "shortest orbital period 1.00 s: 100 steps per orbit");
+    printed(&mut low, 1e-2, "rotation of a field in 1.00 s: 100 steps per rotation");
 
     let mut spun = Case::new();
     let cube = spun.block([0.5; 3], [0.0; 3], AXES);

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::fs;
 
-use cd_formats::compute::ExternalField;
+use cd_formats::compute::{Adaptive, ExternalField};
 use cd_formats::geometry::polyhedron_gravity::PolyhedronGravity;
 use cd_formats::obj::surface_text;
 use cd_formats::orbit::OrbitSpec;
@@ -30,11 +30,9 @@ fn body() -> Surface {
     Surface::new(&vertices, &triangles).unwrap()
 }
 
-/// Two specks near the body, in SI-like units with G M about 1.6.
-fn specks(position: [f64; 3], rate: [f64; 3], frame: Option<[f64; 3]>, dt: f64) -> Case {
-    let mut case = Case::new();
-    (case.options.gravity_constant, case.options.dt) = (1.0, dt);
-    let field = ExternalField::Polyhedron {
+/// Field of the body with the density 1.
+fn body_field(position: [f64; 3], rate: [f64; 3]) -> ExternalField {
+    ExternalField::Polyhedron {
         surface: "body.obj".into(),
         scale: 1.0,
         density: 1.0,
@@ -42,8 +40,14 @@ fn specks(position: [f64; 3], rate: [f64; 3], frame: Option<[f64; 3]>, dt: f64) 
         rate,
         orbit: None,
         response: false,
-    };
-    case.options.fields = vec![field];
+    }
+}
+
+/// Two specks near the body, in SI-like units with G M about 1.6.
+fn specks(position: [f64; 3], rate: [f64; 3], frame: Option<[f64; 3]>, dt: f64) -> Case {
+    let mut case = Case::new();
+    (case.options.gravity_constant, case.options.dt) = (1.0, dt);
+    case.options.fields = vec![body_field(position, rate)];
     case.options.fields.extend(frame.map(|rate| ExternalField::RotatingFrame { rate, centre: position }));
     let turning = Vec3::from(frame.unwrap_or_default());
     for (x, v) in [([1.7, 0.2, 0.1], [0.1, 0.9, 0.2]), ([0.0, -0.3, 1.1], [1.2, 0.0, 0.0])] {
@@ -221,6 +225,27 @@ fn runs_about_a_polyhedron_resume_to_the_same_bytes() {
     let unbroken = state(&[60], "1");
     assert!(unbroken == state(&[60], "2"));
     assert!(unbroken == state(&[25, 60], "1"));
+}
+
+/// Steps of a speck at 20 m from a body of a few metres, where orbits are slow: the rotation of the body limits them.
+#[test]
+fn rotation_of_a_polyhedron_limits_adaptive_steps() {
+    let longest_step = |rate: [f64; 3]| {
+        let mut case = Case::new();
+        (case.options.gravity_constant, case.options.dt) = (1.0, 0.01);
+        case.options.fields = vec![body_field([0.0; 3], rate)];
+        case.sphere(0.01, [20.0, 0.0, 0.0]);
+        case.options.adaptive = Some(Adaptive { max_multiple: 1000, travel: 10.0, penetration: 1.0 });
+        case.options.output_every = 4000;
+        case.write();
+        fs::write(case.path().join("DATBOX/body.obj"), surface_text(&body())).unwrap();
+        assert_eq!(case.solve(&["--steps=4000", "--threads=1"]), 0);
+        case.column("h").into_iter().fold(0.0, f64::max)
+    };
+    let [at_rest, turning, faster] = [0.0, 0.6, 0.8].map(|rate| longest_step([0.0, rate, 0.0]));
+    // A fiftieth of 10.5 s and of 7.9 s.
+    assert!(at_rest > 1.0, "{at_rest}");
+    assert_eq!([turning, faster].map(|h| (h / 0.01).round()), [20.0, 15.0]);
 }
 
 /// Case of a speck of the mass `ratio` times that of a polyhedron about which it moves; the polyhedron responds, or is at rest
