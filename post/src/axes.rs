@@ -4,11 +4,16 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
+use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::{FieldShapes, PrimaryResponse, primary_motions};
+use cd_formats::messages::print_line;
 use cd_formats::snapshot::SnapshotMeta;
 
 use crate::math::Vec3;
+
+/// File of a folder of results with the axes of its positions and velocities, if they are not those of the computation.
+const AXES_FILE: &str = "axes.txt";
 
 /// Choice of the axes of written positions and velocities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -81,6 +86,20 @@ impl AxesOrigin {
 }
 
 impl OutputAxes {
+    /// Records the axes of the files in `folder`: `axes.txt` has axes other than those of the computation, for which there is no
+    /// such file.
+    pub fn record(self, folder: &Path) -> Result<(), Faults> {
+        let path = folder.join(AXES_FILE);
+        if self != OutputAxes::Computed {
+            print_line(format_args!("  axes     {self}, see {}", path.display()));
+            return atomic::write(&path, format!("{self}\n").as_bytes());
+        }
+        if atomic::path_exists(&path) {
+            std::fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;
+        }
+        Ok(())
+    }
+
     /// Origin of the axes at the time of a snapshot; `shapes`: those of the polyhedra among its fields.
     ///
     /// Axes at rest have their origin in the last mass of the chain of orbits, which nothing attracts. With a response they have
@@ -163,6 +182,19 @@ mod tests {
         // Rounding of distances of 300 m and masses of 20 kg.
         assert!((sum_x - common(x, response.displacement.into())).norm() < 1e-11, "{sum_x}");
         assert!((sum_v - common(v, response.velocity.into())).norm() < 1e-13, "{sum_v}");
+    }
+
+    #[test]
+    fn axes_of_a_folder_are_those_of_the_last_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let recorded = |axes: OutputAxes| {
+            axes.record(folder.path()).unwrap();
+            std::fs::read_to_string(folder.path().join("axes.txt")).ok()
+        };
+        assert_eq!(recorded(OutputAxes::Computed), None);
+        assert_eq!(recorded(OutputAxes::Primary(2)).unwrap(), "primary:2\n");
+        assert_eq!(recorded(OutputAxes::Inertial).unwrap(), "inertial\n");
+        assert_eq!(recorded(OutputAxes::Computed), None);
     }
 
     #[test]

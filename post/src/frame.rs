@@ -41,6 +41,8 @@ pub struct Frame {
     pub interval: SnapshotInterval,
     /// Shapes of the attracting polyhedra among the fields of the options.
     pub field_shapes: FieldShapes,
+    /// Axes of written positions and velocities.
+    pub axes: OutputAxes,
     /// Origin of the axes in which positions and velocities are written; everything in the frame is in those of the computation.
     pub origin: AxesOrigin,
 }
@@ -278,7 +280,7 @@ impl Frame {
     /// [`OutputAxes::origin`].
     pub fn read_for_axes(path: &Path, shapes: &ShapeCache, axes: OutputAxes) -> Result<Frame, Faults> {
         let frame = Frame::read(path, shapes)?;
-        Ok(Frame { origin: axes.origin(&frame.meta, &frame.field_shapes)?, ..frame })
+        Ok(Frame { axes, origin: axes.origin(&frame.meta, &frame.field_shapes)?, ..frame })
     }
 
     /// Splits a valid snapshot, without the bodies that are not in the run; `solids` has the polyhedron of each body, None
@@ -387,8 +389,8 @@ impl Frame {
             length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
             touched_pairs: touched_pairs.collect(),
         };
-        let (field_shapes, origin) = (FieldShapes::default(), AxesOrigin::default());
-        Frame { meta, laws, grains, walls, absent, departed, contacts, interval, field_shapes, origin }
+        let (field_shapes, axes, origin) = Default::default();
+        Frame { meta, laws, grains, walls, absent, departed, contacts, interval, field_shapes, axes, origin }
     }
 
     /// Periodic cell of the scene.

@@ -22,6 +22,14 @@ fn next_case(from: &Case, changes: &str) -> Case {
     case
 }
 
+/// Summary of the next case.
+fn next_summary(from: &Case, changes: &str) -> String {
+    let case = Case::empty();
+    let file = case.path().join("changes.ron");
+    fs::write(&file, changes).unwrap();
+    cd_pre::from_outbox::write_datbox(from.path(), Some(&file), &[], case.path()).unwrap()
+}
+
 /// Bits of all that moves.
 fn bits(snapshot: &Snapshot) -> Vec<u64> {
     let b = &snapshot.bodies;
@@ -96,12 +104,7 @@ fn orbits_that_begin_again_are_reported() {
     let field =
         |mass: &str| format!("fields: [PointMass(mass: {mass}, orbit: Elements(periapsis: 1.0e3, eccentricity: 2.0))]");
     let run = Case::from_scene(&spheres("[(0.0, 0.0, 0.0)]", &field("1.0e9"))).solved(&["--steps", "6"]);
-    let summary = |changes: &str| {
-        let case = Case::empty();
-        let file = case.path().join("changes.ron");
-        fs::write(&file, changes).unwrap();
-        cd_pre::from_outbox::write_datbox(run.path(), Some(&file), &[], case.path()).unwrap()
-    };
+    let summary = |changes: &str| next_summary(&run, changes);
     let note =
         "fields: the orbits begin at time 0 again, not at the 1.5 s of the snapshot; keep_time: true continues them\n";
     assert!(summary("()").contains(note), "{}", summary("()"));
@@ -520,6 +523,7 @@ fn a_response_of_the_primary_continues() {
     let [before, expected] = [20, 40].map(|step| response(unbroken.snapshot(step)));
     assert!(before.displacement.iter().chain(&before.velocity).all(|x| *x != 0.0), "{before:?}");
     let whole = "bodies: [(snapshot: 20)], keep_time: true";
+    assert!(!next_summary(&unbroken, &format!("({whole})")).contains("responds"));
     let case = next_case(&unbroken, &format!("({whole})")).solved(&["--steps", "20"]);
     assert_eq!(bits(&case.snapshot(40)), bits(&unbroken.snapshot(40)));
     assert_eq!((response(case.snapshot(20)), response(case.snapshot(40))), (before, expected));
@@ -533,7 +537,14 @@ fn a_response_of_the_primary_continues() {
         (format!("{whole}, {other_orbit}"), 1.0),
         (without_one, 0.5),
     ] {
-        let case = next_case(&unbroken, &format!("({changes})")).solved(&["--steps", "1"]);
+        let changes = format!("({changes})");
+        let text = next_summary(&unbroken, &changes);
+        assert_eq!(
+            text.contains("the primary that responds begins on its orbit, "),
+            changes.contains("keep_time"),
+            "{text}"
+        );
+        let case = next_case(&unbroken, &changes).solved(&["--steps", "1"]);
         let first = &snapshot::list_snapshots(&case.outbox()).unwrap()[0].1;
         let anew = response(Snapshot::read(first).unwrap());
         assert_eq!((anew.displacement, anew.velocity), ([0.0; 3], [0.0; 3]), "{changes}");
@@ -1302,13 +1313,17 @@ fn a_bulk_strength_follows_from_the_measured_packing() {
     // Given values come first.
     assert!((stress(&attempt(", z: 4.0").unwrap()) - 16.0 * 50.0 / (nu * 4.0)).abs() < 1e-5);
     assert!((stress(&attempt(", nu: 0.5, z: 4.0").unwrap()) - 400.0).abs() < 1e-5);
-    // A table of another run with the same steps: the contacts have done other work.
+    // A table of an earlier end, and one of another run with the same steps: the contacts have done other work.
     let table = run.path().join("POSTPRO/series.csv");
-    let work = format!("{:?}", series["E_contacts"].last().unwrap());
-    let text_of_other = fs::read_to_string(&table).unwrap().replace(&work, "-1.0");
-    fs::write(&table, text_of_other).unwrap();
+    let text = fs::read_to_string(&table).unwrap();
+    let (earlier_rows, _) = text.trim_end().rsplit_once('\n').unwrap();
+    fs::write(&table, earlier_rows).unwrap();
     let fault = attempt("").unwrap_err();
     assert!(fault.contains("without the snapshot of step 200") && fault.contains(&advice), "{fault}");
+    let work = format!("{:?}", series["E_contacts"].last().unwrap());
+    fs::write(&table, text.replace(&work, "-1.0")).unwrap();
+    let fault = attempt("").unwrap_err();
+    assert!(fault.contains("series.csv with step 200 of another run") && fault.contains(&advice), "{fault}");
 }
 
 /// Times are products k `dt` of the step from the start of the first run, also in the runs that continue it: with `dt` =

@@ -59,6 +59,7 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
         atomic::write(&path, text.as_bytes())?;
         print_line(format_args!("  orbits   {}", path.display()));
     }
+    options.axes.axes.record(&postpro)?;
     let regions = write::plots::region_names(&rows);
     if !regions.is_empty() {
         print_line(format_args!("  region   {regions}: Z, ν, pressure, stress"));
@@ -84,6 +85,7 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
     notes.extend(empty_region_note(options, &rows, last));
     if !options.no_vtk {
         notes.extend(finish_display(options, &rows, last)?);
+        options.axes.axes.record(&options.dir.join("DISPLAY"))?;
         print_line(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
     }
     Ok(notes)

@@ -150,6 +150,7 @@ pub fn write(dir: &Path, body: u64, axes: OutputAxes) -> Result<(PathBuf, Vec<St
         "track.csv",
         csv_with_counts(&COLUMNS.map(|column| column.0), &["contacts"], rows.iter().map(|row| row.to_columns())),
     )?;
+    axes.record(&folder)?;
     write_file("impact.csv", csv_table(&IMPACT_COLUMNS, [impact_row(&states, &rows, &up)]))?;
     let crater = crater_profile(&first, &last, body, &up, &states[0].x, level);
     write_file("crater.csv", csv_table(&CRATER_COLUMNS, crater.clone()))?;

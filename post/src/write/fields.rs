@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use crate::axes::OutputAxes;
 use crate::frame::Frame;
 
 /// Units of the arrays with units of the ParaView files.
@@ -73,7 +74,9 @@ pub fn field_data(frame: &Frame, arrays: &[&str]) -> String {
     let units = ARRAY_UNITS.iter().filter(|(array, _)| arrays.contains(array));
     let units: Vec<String> = units.map(|(array, unit)| format!("{array} ({unit})")).collect();
     let lists = indexed.map(|(array, names)| (format!("{array} names"), names.to_vec()));
-    for (name, texts) in lists.chain([("units".to_string(), units)]).filter(|(_, texts)| !texts.is_empty()) {
+    let axes = Some(frame.axes).filter(|axes| *axes != OutputAxes::Computed).map(|axes| axes.to_string());
+    let texts = [("units".to_string(), units), ("axes".to_string(), Vec::from_iter(axes))];
+    for (name, texts) in lists.chain(texts).filter(|(_, texts)| !texts.is_empty()) {
         let codes: Vec<String> = texts.iter().flat_map(|text| text.bytes().chain([0])).map(|b| b.to_string()).collect();
         write_line(format!(
             "<Array type=\"String\" Name=\"{name}\" NumberOfTuples=\"{}\" format=\"ascii\">{}</Array>",

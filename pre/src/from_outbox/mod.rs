@@ -31,7 +31,7 @@ use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::ids::BodyId;
-use cd_formats::names::{count_text, number_text, rounded_number, vector_text};
+use cd_formats::names::{count_text, number_text, rounded_number, short_number, vector_text};
 use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
@@ -130,6 +130,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let mut summary: String = parts.iter().map(part_summary).collect();
     summary += &sources[0].run_notes(Some(&options).filter(|_| request.changes.compute.is_none()));
     summary += &orbit_note(request.changes.keep_time, &sources[0], &options);
+    summary += &response_note(request.changes.keep_time, &parts[0], &records, &options);
     let selected_count: usize = parts.iter().map(|part| part.source_bodies.len()).sum();
     summary += &digits::lost_digits(&records.0[..selected_count], &tables, &driven);
     summary += &group_lines(&new.scene, &new.population);
@@ -152,6 +153,26 @@ fn orbit_note(keep_time: bool, source: &SourceCase, options: &Compute) -> String
     format!(
         "fields: the orbits begin at time 0 again, not at the {} s of the snapshot; keep_time: true continues them\n",
         rounded_number(time)
+    )
+}
+
+/// Whether a primary that responds has its orbit of the run: that about the same mass.
+fn keeps_orbit(part: &SourcePart, records: &Bodies, options: &Compute) -> bool {
+    part.is_whole_run(records.0.len()) && options.fields == part.source.options.fields
+}
+
+/// Line that a primary that responds begins on its orbit, not where it was in the run; empty if it continues, or time does not.
+fn response_note(keep_time: bool, part: &SourcePart, records: &Bodies, options: &Compute) -> String {
+    let response = part.source.snapshot.meta.primary_response;
+    let responds = options.fields.iter().any(ExternalField::has_response);
+    let (Some(response), true) = (response, keep_time && responds && !keeps_orbit(part, records, options)) else {
+        return String::new();
+    };
+    let distance = response.displacement.iter().map(|x| x * x).sum::<f64>().sqrt();
+    format!(
+        "fields: the primary that responds begins on its orbit, {} m from its position in the run; it continues with the \
+         same bodies, densities and fields\n",
+        short_number(distance)
     )
 }
 
@@ -541,12 +562,9 @@ fn datbox_files(keep_time: bool, parts: &[SourcePart], new: &NewBodies, content:
     start.meta.parameters.events_done = 0;
     start.meta.attraction = None;
     start.meta.revolutions = Vec::new();
-    // The orbit of a primary that responds is that about the same mass at the same times.
     let source = parts[0].source;
-    let source_count = source.snapshot.bodies.body_x.len();
-    let is_whole = parts[0].source_bodies.len() == source_count && records.0.len() == source_count;
-    let keeps_bodies = is_whole && source.has_masses_of_run;
-    if !(keep_time && keeps_bodies && options.fields == source.options.fields) {
+    let keeps_bodies = parts[0].is_whole_run(records.0.len());
+    if !(keep_time && keeps_orbit(&parts[0], records, options)) {
         start.meta.primary_response = None;
     }
     let mut origin = String::from("body,case,step,number\n");

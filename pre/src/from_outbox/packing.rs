@@ -59,11 +59,13 @@ fn measured_packing(source: &SourceCase) -> Result<MeasuredPacking, String> {
     };
     let number = |row: &[&str], k: usize| row.get(k).and_then(|field| field.parse::<f64>().ok());
     let row = lines.find(|row| row.get(step).and_then(|field| field.parse().ok()) == Some(meta.step));
-    // The table has all digits: another run of the case has done other work.
-    let row = row.filter(|row| number(row, work) == Some(meta.ledger.contact_work));
     let Some(row) = row else {
         return Err(format!("no nu or z, and {shown} without the snapshot of step {}", meta.step));
     };
+    // The table has all digits: another run of the case has done other work.
+    if number(&row, work) != Some(meta.ledger.contact_work) {
+        return Err(format!("no nu or z, and {shown} with step {} of another run", meta.step));
+    }
     match (number(&row, nu), number(&row, z)) {
         (Some(solid_fraction), Some(coordination)) if solid_fraction > 0.0 && coordination > 0.0 => {
             Ok(MeasuredPacking { solid_fraction, coordination })

@@ -73,6 +73,12 @@ pub struct SourcePart<'a> {
 }
 
 impl SourcePart<'_> {
+    /// Whether the `body_count` bodies of the next run are all bodies of this run, with their masses.
+    pub fn is_whole_run(&self, body_count: usize) -> bool {
+        let source_count = self.source.snapshot.bodies.body_x.len();
+        self.source_bodies.len() == source_count && body_count == source_count && self.source.has_masses_of_run
+    }
+
     /// Radii of the free bodies at contacts, m: a clump has those of its balls, another body that of equal volume.
     pub fn contact_radii(&self) -> impl Iterator<Item = f64> {
         let ball_radius = |contactor: &Contactor| match contactor.shape {

@@ -109,6 +109,7 @@ pub fn write(
         atomic::write(&folder.join(name), bytes)?;
     }
     remove_stale_files(&folder, &files)?;
+    axes.record(&folder)?;
     if frame.cell().is_periodic() {
         notes.push("a periodic scene has no centre: no profile by radius is written".into());
     }
