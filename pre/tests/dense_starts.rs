@@ -441,6 +441,11 @@ fn tables_dumps_and_xyz_files_give_the_same_spheres() {
                   -6 6 -0.5\nITEM: ATOMS id xs ys zs diameter\n\
                   1 1.2265625 0.59375 0.75 1\n2 0.71875 0.125 0.5 1.5\n";
     expect_two(&from_file("dump.6", tilted.as_bytes(), ", format: Lammps)").unwrap(), false);
+    // Edges (0, 4, 0), (2, 0, 2) and (-4, 0, 0) at the corner (1, -1, 2): (1, 2, 3) is 3/4, 1/2 and 1/4 along them.
+    let general = "ITEM: TIMESTEP\n5\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS abc origin pp pp pp\n0 4 0 1\n\
+                   2 0 2 -1\n-4 0 0 2\nITEM: ATOMS id xs ys zs diameter\n\
+                   1 0.75 0.5 0.25 1\n2 0.3125 -1 0 1.5\n";
+    expect_two(&from_file("dump.7", general.as_bytes(), ", format: Lammps)").unwrap(), false);
     let absolute =
         dump.replace("BOX BOUNDS pp ff ff\n-1 1\n0 4\n0 6", "BOX BOUNDS xy xz yz pp ff ff\n-1 1 0.5\n0 4 0\n0 6 -1");
     expect_two(&from_file("a.dump", absolute.as_bytes(), ")").unwrap(), true);
@@ -521,9 +526,15 @@ fn faults_of_files_of_particles_have_line_and_column() {
         ("a.dump", "ITEM: TIMESTEP\n1\n", ")", "a.dump:1: dump: no atoms; expected 'ITEM: ATOMS'"),
         (
             "a.dump",
-            "ITEM: TIMESTEP\n1\nITEM: BOX BOUNDS abc origin pp pp pp\n0 1 0 0\n0 1 0 0\n0 1 0 0\n",
+            "ITEM: TIMESTEP\n1\nITEM: BOX BOUNDS xy xz yz pp pp pp\n0 1 0 0\n0 1 0\n0 1 0\n",
             ")",
             "a.dump:4: box bounds: '0 1 0 0'; expected the two ends of the box, and the tilt of one that is not rectangular",
+        ),
+        (
+            "a.dump",
+            "ITEM: TIMESTEP\n1\nITEM: BOX BOUNDS abc origin pp pp pp\n1 0 0 0\n0 1 0\n0 0 1 0\n",
+            ")",
+            "a.dump:5: box bounds: '0 1 0'; expected the three components of an edge, and one of the origin",
         ),
         (
             "a.dump",

@@ -30,8 +30,12 @@ pub fn read(path: &Path, text: &str, faults: &mut Faults) -> ParticleState {
                 faults.push(Fault::new(path, Some(at + 2), "number of atoms", found, "expected an integer"));
             }
         } else if line.starts_with("ITEM: BOX BOUNDS") {
-            let rows = [0, 1, 2].map(|axis| read_bounds(path, at + 2 + axis, value(1 + axis), faults));
-            dump_box = dump_box_of(rows);
+            let lines = [0, 1, 2].map(|axis| (at + 2 + axis, value(1 + axis)));
+            dump_box = if line.contains("abc origin") {
+                general_box(lines.map(|(number, line)| read_edge(path, number, line, faults)))
+            } else {
+                dump_box_of(lines.map(|(number, line)| read_bounds(path, number, line, faults)))
+            };
         } else if let Some(names) = line.strip_prefix("ITEM: ATOMS") {
             let names: Vec<&str> = names.split_whitespace().collect();
             let mut table = ParticleTable::new(path, at + 1, &names, faults);
@@ -64,11 +68,9 @@ pub fn read(path: &Path, text: &str, faults: &mut Faults) -> ParticleState {
 /// Reads the lower and upper end of the box, or of the rectangular box around one that is tilted, along an axis, and its tilt,
 /// m: xy in the line of x, xz in that of y, yz in that of z.
 fn read_bounds(path: &Path, number: usize, line: &str, faults: &mut Faults) -> [f64; 3] {
-    let ends: Vec<Option<f64>> =
-        line.split_whitespace().map(|word| word.parse::<f64>().ok().filter(|end| end.is_finite())).collect();
-    match ends.as_slice() {
-        [Some(low), Some(high)] => [*low, *high, 0.0],
-        [Some(low), Some(high), Some(tilt)] => [*low, *high, *tilt],
+    match finite_numbers(line).as_deref() {
+        Some(&[low, high]) => [low, high, 0.0],
+        Some(&[low, high, tilt]) => [low, high, tilt],
         _ => {
             let expected = "expected the two ends of the box, and the tilt of one that is not rectangular";
             faults.push(Fault::new(path, Some(number), "box bounds", format!("'{line}'"), expected));
@@ -87,4 +89,25 @@ fn dump_box_of([[x_low, x_high, xy], [y_low, y_high, xz], [z_low, z_high, yz]]: 
     let corner = Vector3::new(x_low - x_below, y_low - y_below, z_low);
     let lengths = Vector3::new(x_high - x_above, y_high - y_above, z_high) - corner;
     DumpBox { corner, edges: Matrix3::new(lengths.x, xy, xz, 0.0, lengths.y, yz, 0.0, 0.0, lengths.z) }
+}
+
+/// Reads an edge of a box that is tilted in any direction, and the component of its origin along the axis of the line, m.
+fn read_edge(path: &Path, number: usize, line: &str, faults: &mut Faults) -> [f64; 4] {
+    if let Some(&[x, y, z, origin]) = finite_numbers(line).as_deref() {
+        return [x, y, z, origin];
+    }
+    let expected = "expected the three components of an edge, and one of the origin";
+    faults.push(Fault::new(path, Some(number), "box bounds", format!("'{line}'"), expected));
+    [0.0; 4]
+}
+
+/// Box of the lines of the three edges.
+fn general_box(rows: [[f64; 4]; 3]) -> DumpBox {
+    let edges = rows.map(|[x, y, z, _]| Vector3::new(x, y, z));
+    DumpBox { corner: rows.map(|[.., origin]| origin).into(), edges: Matrix3::from_columns(&edges) }
+}
+
+/// Numbers of a line; `None` if a word is not a finite number.
+fn finite_numbers(line: &str) -> Option<Vec<f64>> {
+    line.split_whitespace().map(|word| word.parse().ok().filter(|number: &f64| number.is_finite())).collect()
 }
