@@ -31,7 +31,7 @@ struct Extent {
 
 impl Extent {
     /// Extent of a list or dictionary of these values.
-    fn around<'a>(values: impl Iterator<Item = &'a ScriptValue>) -> Self {
+    fn list_extent<'a>(values: impl Iterator<Item = &'a ScriptValue>) -> Self {
         let add = |sum: Extent, inner: Extent| Extent {
             levels: sum.levels.max(inner.levels + 1),
             values: sum.values.saturating_add(inner.values),
@@ -89,13 +89,13 @@ pub enum ScriptValue {
 impl ScriptValue {
     /// List of these items.
     pub fn list(items: Vec<ScriptValue>) -> Evaluation {
-        let extent = Extent::around(items.iter());
+        let extent = Extent::list_extent(items.iter());
         ScriptObject::new(items, extent).map(ScriptValue::List)
     }
 
     /// Dictionary of these items.
     pub fn map(items: BTreeMap<String, ScriptValue>) -> Evaluation {
-        let extent = Extent::around(items.values());
+        let extent = Extent::list_extent(items.values());
         ScriptObject::new(items, extent).map(ScriptValue::Map)
     }
 
@@ -220,6 +220,22 @@ pub fn evaluate(tokens: &[Lexeme], variables: &Variables) -> Evaluation {
         None => Ok(value),
         Some(token) => Err(format!("'{}'", token.source()).into()),
     }
+}
+
+/// Number of tokens that [`evaluate`] reads again: those inside of brackets, once for each level that it reads.
+pub fn nested_count(tokens: &[Lexeme]) -> usize {
+    let (mut count, mut depth) = (0, 0usize);
+    for lexeme in tokens {
+        match &lexeme.token {
+            ScriptToken::Symbol(symbol) if ["(", "[", "{"].contains(&symbol.as_str()) => depth += 1,
+            ScriptToken::Symbol(symbol) if [")", "]", "}"].contains(&symbol.as_str()) => {
+                depth = depth.saturating_sub(1)
+            }
+            _ => {}
+        }
+        count += depth.min(MAX_EXPRESSION_DEPTH);
+    }
+    count
 }
 
 /// Index after the bracket that closes the one at index `open`.

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::commands::{CommandMeaning, find_command};
 use super::tokens::{BLOCK_KEYWORDS, Lexeme, LogicalLine, ScriptToken};
 use super::values::{
-    Evaluation, ScriptValue, Variables, after_bracket, dotted_name, evaluate, outside_brackets, split_at,
+    Evaluation, ScriptValue, Variables, after_bracket, dotted_name, evaluate, nested_count, outside_brackets, split_at,
 };
 
 /// Call of a command of LMGC90.
@@ -107,9 +107,11 @@ const MAX_COST: usize = 2_000_000;
 /// Cost of a variable that is copied and of a loop around a call, in bytes of a statement that take about as long.
 const COPY_COST: usize = 8;
 
-/// Iterations of a `while` loop, which are counted one at a time, for a cost of 1: 32 million in a script, more than the steps
-/// of any run.
-const ITERATIONS_PER_COST: u64 = 16;
+/// Largest number of iterations of a `while` loop, above the steps of any run: they are counted one at a time.
+const MAX_COUNTED_ITERATIONS: f64 = 3e7;
+
+/// Iterations that are counted for a cost of 1.
+const ITERATIONS_PER_COST: u64 = 32;
 
 /// Statement, with the block below it.
 #[derive(Debug)]
@@ -219,7 +221,7 @@ struct ScriptWalker<'a> {
     loops: Vec<ScriptLoop>,
     /// Number of blocks around the statement, with those of the calls that lead to it.
     depth: usize,
-    /// Cost of the statements that have been followed or searched, at most [`MAX_COST`] and one statement.
+    /// Cost of the statements that have been followed or searched, at most [`MAX_COST`] and the last addition.
     cost: Cell<usize>,
 }
 
@@ -590,11 +592,18 @@ impl<'a> ScriptWalker<'a> {
                 _ => a != b,
             }
         };
+        // Without the roundings of each step; a loop of far more iterations, as `while k != 20` from 0.5, does not end.
+        let expected_count = (limit - value) / step;
+        if is_true_for(value) && !(0.0..MAX_COUNTED_ITERATIONS).contains(&expected_count) {
+            return None;
+        }
         let mut count = 0;
         // Added step by step, with the roundings of Python.
         while is_true_for(value) {
             (count, value) = (count + 1, value + step);
-            if step == 0.0 || !self.add_cost(usize::from(count % ITERATIONS_PER_COST == 0)) {
+            if count as f64 > 1.001 * expected_count + 2.0
+                || !self.add_cost(usize::from(count % ITERATIONS_PER_COST == 0))
+            {
                 return None;
             }
         }
@@ -766,6 +775,7 @@ impl<'a> ScriptWalker<'a> {
 
     /// Value of an expression; lists and dictionaries in one that is not known may have other names after it.
     fn value(&self, tokens: &[Lexeme]) -> Evaluation {
+        self.add_cost(nested_count(tokens));
         let value = evaluate(tokens, &self.variables);
         if value.is_err() {
             self.forget_objects(tokens);
@@ -1462,7 +1472,7 @@ mod tests {
         walked(&(doubling + "f0()\n"));
     }
 
-    /// Cost of following a script, at most [`MAX_COST`] and one statement.
+    /// Cost of following a script, at most [`MAX_COST`] and the last addition.
     fn cost_of(text: &str) -> usize {
         let mut lines = logical_lines(text).unwrap().into_iter().peekable();
         let statements = read_block(&mut lines, 0, 0);
@@ -1483,7 +1493,7 @@ mod tests {
             ),
             ("functions as values", format!("def f():\n{}x = [{}]\n", " a.b()\n".repeat(2000), "f, ".repeat(20_000))),
             ("calls of results", format!("f{}\n", "()".repeat(20_000))),
-            ("long loops", "k = 0\nwhile k < 90000000: k += 1\n".repeat(60)),
+            ("long loops", "k = 0\nwhile k < 20000000: k += 1\n".repeat(60)),
             (
                 "variables that functions may change",
                 format!(
@@ -1494,7 +1504,8 @@ mod tests {
             ),
         ] {
             let cost = cost_of(&text);
-            assert!(cost > MAX_COST && cost <= MAX_COST + COPY_COST * text.len(), "{kind}: {cost}");
+            // The last addition: the tokens of a statement, once for each level of brackets.
+            assert!(cost > MAX_COST && cost <= MAX_COST + 100 * text.len(), "{kind}: {cost}");
         }
         // A script that is followed to its end: its statements, once each, and its function twice.
         let cost = cost_of("from pylmgc90 import chipy\ndef f(n):\n  chipy.SetDimension(n)\nf(2)\nf(3)\n");
