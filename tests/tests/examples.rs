@@ -125,6 +125,16 @@ impl Rules {
         rules
     }
 
+    /// Rules of a study; each test writes its cd-pre and cd-post.
+    fn with_study() -> Rules {
+        let rules = Rules::new();
+        let rest = format!("STAGES := pre solve post\ninclude {}/rules.mk\n", examples().display());
+        rules.write("Makefile", &format!("STUDY := study.ron\n{rest}"));
+        rules.write("study.ron", "");
+        rules.program("cd-solve", "mkdir -p $2/OUTBOX && touch $2/OUTBOX/snapshot-000001.npz");
+        rules
+    }
+
     fn write(&self, name: &str, text: &str) {
         fs::create_dir_all(self.0.path().join(name).parent().unwrap()).unwrap();
         fs::write(self.0.path().join(name), text).unwrap();
@@ -221,12 +231,7 @@ fn a_case_is_made_again_when_a_variable_of_the_example_changed() {
 
 #[test]
 fn cases_of_a_study_are_made_again_when_they_changed() {
-    let rules = Rules::new();
-    rules.write(
-        "Makefile",
-        &format!("STUDY := study.ron\nSTAGES := pre solve post\ninclude {}/rules.mk\n", examples().display()),
-    );
-    rules.write("study.ron", "");
+    let rules = Rules::with_study();
     // As cd-pre study: `b` continues from `a`; what is there is left alone.
     rules.program(
         "cd-pre",
@@ -239,7 +244,6 @@ fn cases_of_a_study_are_made_again_when_they_changed() {
          *) mkdir -p $3/DATBOX; touch $3/DATBOX/BODIES.DAT;;\n\
          esac",
     );
-    rules.program("cd-solve", "mkdir -p $2/OUTBOX && touch $2/OUTBOX/snapshot-000001.npz");
     rules.program("cd-post", "mkdir -p $1/POSTPRO && touch $1/POSTPRO/series.csv");
     rules.runs(
         &[],
@@ -266,12 +270,7 @@ fn cases_of_a_study_are_made_again_when_they_changed() {
 /// `make until` repeats the study with more seeds until no parameter set needs more, and keeps the runs that are there.
 #[test]
 fn seeds_are_added_until_a_mean_is_known() {
-    let rules = Rules::new();
-    rules.write(
-        "Makefile",
-        &format!("STUDY := study.ron\nSTAGES := pre solve post\ninclude {}/rules.mk\n", examples().display()),
-    );
-    rules.write("study.ron", "");
+    let rules = Rules::with_study();
     // As cd-pre study --replicates N: cases s1 to sN.
     rules.program(
         "cd-pre",
@@ -286,7 +285,6 @@ fn seeds_are_added_until_a_mean_is_known() {
          *) mkdir -p $3/DATBOX; touch $3/DATBOX/BODIES.DAT;;\n\
          esac",
     );
-    rules.program("cd-solve", "mkdir -p $2/OUTBOX && touch $2/OUTBOX/snapshot-000001.npz");
     // As cd-post study: two parameter sets, of which the second needs more runs.
     let post = |needed: &str| {
         format!(

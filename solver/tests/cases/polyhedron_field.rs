@@ -11,7 +11,7 @@ use cd_formats::snapshot::Snapshot;
 use cd_formats::surface::Surface;
 use nalgebra::Rotation3;
 
-use crate::case::{Case, Figures, Vec3, near};
+use crate::case::{Case, Figures, Vec3, expect_same_bytes, near};
 
 /// An elongated block with one corner cut: no symmetry.
 fn body() -> Surface {
@@ -211,20 +211,11 @@ fn grains_on_edges_and_corners_move_as_those_next_to_them() {
 
 #[test]
 fn runs_about_a_polyhedron_resume_to_the_same_bytes() {
-    let state = |parts: &[u64], threads: &str| {
+    expect_same_bytes(|| {
         let mut case = specks([0.0; 3], [0.1, 0.0, 0.3], None, 0.01);
         case.options.output_every = 10;
-        case.write();
-        for (k, steps) in parts.iter().enumerate() {
-            let steps = format!("--steps={steps}");
-            let flags = [&steps, "--threads", threads, "--resume"];
-            assert_eq!(case.solve(&flags[..if k == 0 { 3 } else { 4 }]), 0);
-        }
-        fs::read(case.path().join("OUTBOX/snapshot-000060.npz")).unwrap()
-    };
-    let unbroken = state(&[60], "1");
-    assert!(unbroken == state(&[60], "2"));
-    assert!(unbroken == state(&[25, 60], "1"));
+        case
+    });
 }
 
 /// Steps of a speck at 20 m from a body of a few metres, where orbits are slow: the rotation of the body limits them.
@@ -354,21 +345,11 @@ fn energy_with_a_polyhedron_that_responds_is_kept() {
 
 #[test]
 fn a_response_of_a_polyhedron_resumes_to_the_same_bytes() {
-    let state = |parts: &[u64], threads: &str| {
+    expect_same_bytes(|| {
         let mut case = BoundSpeck { ratio: 0.5, rate: [0.3, -0.2, 0.5], responds: true }.case(200);
         case.options.output_every = 10;
-        case.write();
-        fs::write(case.path().join("DATBOX/body.obj"), surface_text(&BoundSpeck::shape())).unwrap();
-        for (k, steps) in parts.iter().enumerate() {
-            let steps = format!("--steps={steps}");
-            let flags = [&steps, "--threads", threads, "--resume"];
-            assert_eq!(case.solve(&flags[..if k == 0 { 3 } else { 4 }]), 0);
-        }
-        fs::read(case.path().join("OUTBOX/snapshot-000060.npz")).unwrap()
-    };
-    let unbroken = state(&[60], "1");
-    assert!(unbroken == state(&[60], "2"));
-    assert!(unbroken == state(&[25, 60], "1"));
+        case
+    });
 }
 
 #[test]

@@ -275,13 +275,31 @@ pub fn find_command(name: &str) -> Option<&'static ChipyCommand> {
 
 /// Whether a name has the form of a pattern, in which `*` stands for any characters and `?` for one.
 fn matches(pattern: &str, name: &str) -> bool {
-    let mut rest = name.chars();
-    match (pattern.chars().next(), rest.next()) {
-        (None, next) => next.is_none(),
-        (Some('*'), _) => (0..=name.len()).any(|at| name.is_char_boundary(at) && matches(&pattern[1..], &name[at..])),
-        (Some('?'), Some(_)) => matches(&pattern[1..], rest.as_str()),
-        (Some(a), Some(b)) if a == b => matches(&pattern[a.len_utf8()..], rest.as_str()),
-        _ => false,
+    let (mut pattern, mut name) = (pattern.chars(), name.chars());
+    // Pattern after the last `*`, and the name after the characters that the `*` stands for.
+    let mut retry = None;
+    loop {
+        let (expected, mut rest) = (pattern.clone().next(), name.clone());
+        match (expected, rest.next()) {
+            (None, None) => return true,
+            (Some('*'), _) => {
+                pattern.next();
+                retry = Some((pattern.clone(), name.clone()));
+                continue;
+            }
+            (Some(a), Some(b)) if a == '?' || a == b => {
+                pattern.next();
+                name = rest;
+                continue;
+            }
+            _ => {}
+        }
+        // The last `*` stands for one more character; more for an earlier one would leave less of the name to the rest.
+        let Some((after_star, longer)) = &mut retry else { return false };
+        if longer.next().is_none() {
+            return false;
+        }
+        (pattern, name) = (after_star.clone(), longer.clone());
     }
 }
 
@@ -328,5 +346,9 @@ mod tests {
         }
         assert!(find_command("RBDY3_Fly").is_none() && find_command("").is_none());
         assert!(matches("a*c", "abc") && matches("a*c", "ac") && !matches("a*c", "acb") && matches("*", ""));
+        assert!(
+            matches("*ab?d", "abcdabxd") && matches("a?*", "ab") && !matches("a?*", "a") && matches("*a*b", "cacab")
+        );
+        assert!(!matches("ab", "abc") && !matches("abc", "ab") && matches("**", "a"));
     }
 }

@@ -7,7 +7,7 @@ mod tokens;
 mod values;
 mod walk;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use cd_formats::atomic;
@@ -66,7 +66,8 @@ pub fn read_driver(path: &Path, case: &Path, given: &ComputeFlags) -> Result<Dri
         given_dt: given.dt,
         settings: DriverSettings::default(),
         faults: Faults::default(),
-        remarks: script.remarks,
+        remarks: script.remarks.into_iter().collect(),
+        rejected: BTreeSet::new(),
         set_options: BTreeMap::new(),
         without_counterpart: BTreeMap::new(),
         has_stepped: false,
@@ -137,7 +138,9 @@ struct DriverReader<'a> {
     settings: DriverSettings,
     faults: Faults,
     /// Remarks, each with its line of the script.
-    remarks: Vec<(usize, String)>,
+    remarks: BTreeSet<(usize, String)>,
+    /// Lines, names and findings of the calls that are rejected.
+    rejected: BTreeSet<(usize, String, String)>,
     /// Options that the script sets, by their names.
     set_options: BTreeMap<&'static str, SetOption>,
     /// Calls without counterpart, by the reason: names and lines.
@@ -159,7 +162,7 @@ impl<'a> DriverReader<'a> {
 
     fn read_call(&mut self, call: &'a ScriptCall) {
         let Some(command) = find_command(&call.name) else {
-            self.remarks.push((call.line, format!("{}: is no known command, and is ignored", call.name)));
+            self.remark(call.line, format!("{}: is no known command, and is ignored", call.name));
             return;
         };
         match command.meaning {
@@ -534,21 +537,17 @@ impl<'a> DriverReader<'a> {
     }
 
     fn remark(&mut self, line: usize, text: String) {
-        if !self.remarks.contains(&(line, text.clone())) {
-            self.remarks.push((line, text));
-        }
+        self.remarks.insert((line, text));
     }
 
     fn reject(&mut self, call: &ScriptCall, found: &str, expected: &str) {
-        let fault = Fault::new(self.path, Some(call.line), call.name.as_str(), found, expected);
-        if !self.faults.0.contains(&fault) {
-            self.faults.push(fault);
+        if self.rejected.insert((call.line, call.name.clone(), found.to_string())) {
+            self.faults.push(Fault::new(self.path, Some(call.line), call.name.as_str(), found, expected));
         }
     }
 
     fn finish(mut self) -> Result<DriverSettings, Faults> {
         let file = self.path.display();
-        self.remarks.sort();
         let mut notes: Vec<String> = self.remarks.iter().map(|(line, text)| format!("{file}:{line}: {text}")).collect();
         for (reason, calls) in &self.without_counterpart {
             let calls: Vec<String> = calls.iter().map(|(name, line)| format!("{name} (line {line})")).collect();

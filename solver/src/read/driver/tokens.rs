@@ -29,6 +29,17 @@ impl ScriptToken {
         if let ScriptToken::Name(name) = self { name } else { "" }
     }
 
+    /// Text of the token, without quotes.
+    pub fn text(&self) -> &str {
+        match self {
+            ScriptToken::Name(text)
+            | ScriptToken::Number(text)
+            | ScriptToken::Symbol(text)
+            | ScriptToken::Text(text) => text,
+            ScriptToken::FormattedText => "",
+        }
+    }
+
     /// Text of the token, for messages.
     pub fn source(&self) -> String {
         match self {

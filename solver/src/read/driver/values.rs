@@ -15,14 +15,38 @@ pub struct ScriptObject<T>(Rc<SharedContent<T>>);
 #[derive(Debug)]
 struct SharedContent<T> {
     content: T,
+    extent: Extent,
     /// Whether the content has become unknown.
     is_forgotten: Cell<bool>,
 }
 
+/// Extent of a value: lists in lists may be the same object, so that few statements make many values.
+#[derive(Debug, Clone, Copy, Default)]
+struct Extent {
+    /// Lists and dictionaries inside of each other.
+    levels: usize,
+    /// Values in all of them, each as often as it occurs.
+    values: usize,
+}
+
+impl Extent {
+    /// Extent of a list or dictionary of these values.
+    fn list_extent<'a>(values: impl Iterator<Item = &'a ScriptValue>) -> Self {
+        let add = |sum: Extent, inner: Extent| Extent {
+            levels: sum.levels.max(inner.levels + 1),
+            values: sum.values.saturating_add(inner.values),
+        };
+        values.map(ScriptValue::extent).fold(Extent { levels: 1, values: 1 }, add)
+    }
+}
+
 impl<T> ScriptObject<T> {
-    /// Object that has no name yet.
-    pub fn new(content: T) -> Self {
-        Self(Rc::new(SharedContent { content, is_forgotten: Cell::new(false) }))
+    /// Object that has no name yet; an error for one of too many levels, each of which takes stack.
+    fn new(content: T, extent: Extent) -> Result<Self, UnknownValue> {
+        if extent.levels > MAX_EXPRESSION_DEPTH {
+            return Err("lists of many levels".into());
+        }
+        Ok(Self(Rc::new(SharedContent { content, extent, is_forgotten: Cell::new(false) })))
     }
 
     /// Whether another name or object holds it too.
@@ -64,13 +88,28 @@ pub enum ScriptValue {
 
 impl ScriptValue {
     /// List of these items.
-    pub fn list(items: Vec<ScriptValue>) -> Self {
-        ScriptValue::List(ScriptObject::new(items))
+    pub fn list(items: Vec<ScriptValue>) -> Evaluation {
+        let extent = Extent::list_extent(items.iter());
+        ScriptObject::new(items, extent).map(ScriptValue::List)
     }
 
     /// Dictionary of these items.
-    pub fn map(items: BTreeMap<String, ScriptValue>) -> Self {
-        ScriptValue::Map(ScriptObject::new(items))
+    pub fn map(items: BTreeMap<String, ScriptValue>) -> Evaluation {
+        let extent = Extent::list_extent(items.values());
+        ScriptObject::new(items, extent).map(ScriptValue::Map)
+    }
+
+    /// A text, unless it is long: sums of texts double their length.
+    fn text(text: String) -> Evaluation {
+        if text.len() > MAX_TEXT_BYTES { Err("a long text".into()) } else { Ok(ScriptValue::Text(text)) }
+    }
+
+    fn extent(&self) -> Extent {
+        match self {
+            ScriptValue::List(list) => list.0.extent,
+            ScriptValue::Map(map) => map.0.extent,
+            _ => Extent { levels: 0, values: 1 },
+        }
     }
 
     /// Makes the content of a list or dictionary unknown by all its names, with those inside.
@@ -139,14 +178,19 @@ impl std::fmt::Display for UnknownValue {
 impl std::error::Error for UnknownValue {}
 
 impl From<String> for UnknownValue {
-    fn from(words: String) -> UnknownValue {
+    /// Shortens long words: a value that is not known from another one has its words in its own.
+    fn from(mut words: String) -> UnknownValue {
+        if words.len() > MAX_REASON_BYTES {
+            words.truncate(words.floor_char_boundary(MAX_REASON_BYTES));
+            words += "...";
+        }
         UnknownValue(words)
     }
 }
 
 impl From<&str> for UnknownValue {
     fn from(words: &str) -> UnknownValue {
-        UnknownValue(words.to_string())
+        words.to_string().into()
     }
 }
 
@@ -156,8 +200,17 @@ pub type Evaluation = Result<ScriptValue, UnknownValue>;
 /// Values of the variables, by their names; values of attributes by names as `self.dt`.
 pub type Variables = BTreeMap<String, Evaluation>;
 
-/// Deepest nesting of brackets and signs that is read: each level takes stack.
+/// Deepest nesting of brackets, signs, lists and dictionaries that is read: each level takes stack.
 const MAX_EXPRESSION_DEPTH: usize = 100;
+
+/// Length of a text beyond which its value is not known, more than that of a path.
+const MAX_TEXT_BYTES: usize = 1000;
+
+/// Length of the words why a value is not known: the chain of some assignments.
+const MAX_REASON_BYTES: usize = 300;
+
+/// Largest number of values in lists that are compared or copied.
+const MAX_COPIED_VALUES: usize = 1000;
 
 /// Value of an expression.
 pub fn evaluate(tokens: &[Lexeme], variables: &Variables) -> Evaluation {
@@ -167,6 +220,22 @@ pub fn evaluate(tokens: &[Lexeme], variables: &Variables) -> Evaluation {
         None => Ok(value),
         Some(token) => Err(format!("'{}'", token.source()).into()),
     }
+}
+
+/// Number of tokens that [`evaluate`] reads again: those inside of brackets, once for each level that it reads.
+pub fn nested_count(tokens: &[Lexeme]) -> usize {
+    let (mut count, mut depth) = (0, 0usize);
+    for lexeme in tokens {
+        match &lexeme.token {
+            ScriptToken::Symbol(symbol) if ["(", "[", "{"].contains(&symbol.as_str()) => depth += 1,
+            ScriptToken::Symbol(symbol) if [")", "]", "}"].contains(&symbol.as_str()) => {
+                depth = depth.saturating_sub(1)
+            }
+            _ => {}
+        }
+        count += depth.min(MAX_EXPRESSION_DEPTH);
+    }
+    count
 }
 
 /// Index after the bracket that closes the one at index `open`.
@@ -187,17 +256,23 @@ pub fn after_bracket(tokens: &[Lexeme], open: usize) -> usize {
     tokens.len()
 }
 
+/// Indices of the tokens outside of brackets, with those of the brackets that open.
+pub fn outside_brackets(tokens: &[Lexeme]) -> impl Iterator<Item = usize> {
+    let mut next = 0;
+    std::iter::from_fn(move || {
+        let (index, token) = (next, &tokens.get(next)?.token);
+        let opens = ["(", "[", "{"].iter().any(|open| token.is(open));
+        next = if opens { after_bracket(tokens, index) } else { index + 1 };
+        Some(index)
+    })
+}
+
 /// Parts of a list of tokens between the symbols `separator` outside of brackets; empty if there are no tokens.
 pub fn split_at<'a>(tokens: &'a [Lexeme], separator: &str) -> Vec<&'a [Lexeme]> {
-    let (mut parts, mut start, mut index) = (Vec::new(), 0, 0);
-    while index < tokens.len() {
-        let token = &tokens[index].token;
-        if token.is(separator) {
-            parts.push(&tokens[start..index]);
-            start = index + 1;
-        }
-        index =
-            if ["(", "[", "{"].iter().any(|open| token.is(open)) { after_bracket(tokens, index) } else { index + 1 };
+    let (mut parts, mut start) = (Vec::new(), 0);
+    for index in outside_brackets(tokens).filter(|&index| tokens[index].token.is(separator)) {
+        parts.push(&tokens[start..index]);
+        start = index + 1;
     }
     if start < tokens.len() {
         parts.push(&tokens[start..]);
@@ -209,7 +284,8 @@ pub fn split_at<'a>(tokens: &'a [Lexeme], separator: &str) -> Vec<&'a [Lexeme]> 
 pub fn dotted_name(tokens: &[Lexeme], index: usize) -> (String, usize) {
     let (mut name, mut end) = (tokens[index].token.name().to_string(), index + 1);
     while end + 1 < tokens.len() && tokens[end].token.is(".") && !tokens[end + 1].token.name().is_empty() {
-        name = format!("{name}.{}", tokens[end + 1].token.name());
+        name.push('.');
+        name.push_str(tokens[end + 1].token.name());
         end += 2;
     }
     (name, end)
@@ -253,7 +329,7 @@ impl ExpressionParser<'_> {
         while self.accept(",") && self.peek().is_some_and(|token| !token.is(")") && !token.is("]")) {
             list.push(self.choice()?);
         }
-        Ok(ScriptValue::list(list))
+        ScriptValue::list(list)
     }
 
     /// Value of `a if condition else b`, or of its first part alone.
@@ -303,7 +379,7 @@ impl ExpressionParser<'_> {
             ("<=", Some(a), Some(b)) => a <= b,
             (">=", Some(a), Some(b)) => a >= b,
             ("==" | "!=" | "is", Some(a), Some(b)) => (a == b) != negated,
-            ("==" | "!=" | "is", _, _) => (left == right) != negated,
+            ("==" | "!=" | "is", _, _) if left.extent().values <= MAX_COPIED_VALUES => (left == right) != negated,
             _ => return Err(format!("'{operator}'").into()),
         };
         Ok(ScriptValue::Bool(holds))
@@ -368,12 +444,12 @@ impl ExpressionParser<'_> {
                     text += more;
                     self.next += 1;
                 }
-                Ok(ScriptValue::Text(text))
+                ScriptValue::text(text)
             }
             ScriptToken::Symbol(symbol) if symbol == "(" || symbol == "[" => {
                 let close = if symbol == "(" { ")" } else { "]" };
                 if self.accept(close) {
-                    return Ok(ScriptValue::list(Vec::new()));
+                    return ScriptValue::list(Vec::new());
                 }
                 let is_single =
                     split_at(&self.tokens[self.next..after_bracket(self.tokens, self.next - 1) - 1], ",").len() < 2;
@@ -382,7 +458,7 @@ impl ExpressionParser<'_> {
                     return Err(self.peek().map_or("a bracket".into(), |token| format!("'{}'", token.source()).into()));
                 }
                 let is_list = matches!(value, ScriptValue::List(_));
-                Ok(if symbol == "[" && is_single && !is_list { ScriptValue::list(vec![value]) } else { value })
+                if symbol == "[" && is_single && !is_list { ScriptValue::list(vec![value]) } else { Ok(value) }
             }
             ScriptToken::Symbol(symbol) if symbol == "{" => {
                 let mut map = BTreeMap::new();
@@ -398,7 +474,7 @@ impl ExpressionParser<'_> {
                         return Err("a dictionary".into());
                     }
                 }
-                Ok(ScriptValue::map(map))
+                ScriptValue::map(map)
             }
             other => Err(format!("'{}'", other.source()).into()),
         }
@@ -456,7 +532,7 @@ impl ExpressionParser<'_> {
                     }
                     _ => Err("the call of dict".into()),
                 };
-                return parts.map(pair).collect::<Result<_, _>>().map(ScriptValue::map);
+                return parts.map(pair).collect::<Result<_, _>>().and_then(ScriptValue::map);
             }
             let arguments = parts.map(&mut argument).collect::<Result<Vec<_>, _>>()?;
             // A name with another value is no function that is known.
@@ -515,7 +591,7 @@ fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Eval
         }
     }
     match (left, right) {
-        (ScriptValue::Text(a), ScriptValue::Text(b)) if operator == "+" => Ok(ScriptValue::Text(a + &b)),
+        (ScriptValue::Text(a), ScriptValue::Text(b)) if operator == "+" => ScriptValue::text(a + &b),
         (left, right) => {
             let (Some(a), Some(b)) = (left.number(), right.number()) else { return unknown_result() };
             let value = match operator {
@@ -578,7 +654,10 @@ fn call_function(name: &str, arguments: &[ScriptValue]) -> Option<Evaluation> {
             };
             Some(ScriptValue::Real(apply(x()?))).filter(|value| value.number().is_some_and(f64::is_finite))
         }
-        ("array" | "list" | "tuple", [ScriptValue::List(list)]) => Some(ScriptValue::list(list.to_vec())),
+        ("array" | "list" | "tuple", [ScriptValue::List(list)]) if list.len() > MAX_COPIED_VALUES => {
+            Some(ScriptValue::Range(list.len() as u64))
+        }
+        ("array" | "list" | "tuple", [ScriptValue::List(list)]) => return Some(ScriptValue::list(list.to_vec())),
         ("list", [ScriptValue::Range(count)]) => Some(ScriptValue::Range(*count)),
         ("len", [ScriptValue::List(list)]) => i64::try_from(list.len()).ok().map(ScriptValue::Int),
         ("bool", [value]) => Some(ScriptValue::Bool(value.is_true())),
@@ -678,11 +757,11 @@ mod tests {
         assert_eq!(value("'Quad' ' '"), Ok(ScriptValue::Text("Quad ".into())));
         assert_eq!(
             value("[0., 0, -t]"),
-            Ok(ScriptValue::list(vec![ScriptValue::Real(0.0), ScriptValue::Int(0), ScriptValue::Real(-2.0)]))
+            ScriptValue::list(vec![ScriptValue::Real(0.0), ScriptValue::Int(0), ScriptValue::Real(-2.0)])
         );
-        assert_eq!(value("[t]"), Ok(ScriptValue::list(vec![ScriptValue::Real(2.0)])));
+        assert_eq!(value("[t]"), ScriptValue::list(vec![ScriptValue::Real(2.0)]));
         assert_eq!(value("(t)"), Ok(ScriptValue::Real(2.0)));
-        assert_eq!(value("1, t"), Ok(ScriptValue::list(vec![ScriptValue::Int(1), ScriptValue::Real(2.0)])));
+        assert_eq!(value("1, t"), ScriptValue::list(vec![ScriptValue::Int(1), ScriptValue::Real(2.0)]));
         assert_eq!(value("not n == 4 or t >= 2 and n != 3"), Ok(ScriptValue::Bool(true)));
         assert_eq!(value("__name__ == '__main__'"), Ok(ScriptValue::Bool(true)));
         assert_eq!(value("None is not None"), Ok(ScriptValue::Bool(false)));

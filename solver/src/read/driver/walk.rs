@@ -4,11 +4,14 @@
 //! Both branches of a condition without a known value are followed, and what they call is marked. Bodies of loops are
 //! followed once. Functions of the script are followed where they are called.
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::commands::{CommandMeaning, find_command};
 use super::tokens::{BLOCK_KEYWORDS, Lexeme, LogicalLine, ScriptToken};
-use super::values::{Evaluation, ScriptValue, Variables, after_bracket, dotted_name, evaluate, split_at};
+use super::values::{
+    Evaluation, ScriptValue, Variables, after_bracket, dotted_name, evaluate, nested_count, outside_brackets, split_at,
+};
 
 /// Call of a command of LMGC90.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,10 +72,6 @@ const TIME_COMMAND: &str = "TimeEvolution_GetTime";
 const COMPUTATION_FUNCTIONS: [&str; 5] =
     ["initialize", "one_step", "finalize", "initialize_non_linear", "one_step_non_linear"];
 
-/// Largest number of iterations of a `while` loop that are counted, far above the steps of any run: such a loop is counted
-/// one iteration at a time.
-const MAX_COUNTED_ITERATIONS: u64 = 100_000_000;
-
 /// Functions that leave lists and dictionaries as they are, and return neither of them.
 const PURE_FUNCTIONS: [&str; 12] =
     ["len", "int", "float", "str", "bool", "print", "range", "sum", "abs", "repr", "isinstance", "type"];
@@ -101,8 +100,18 @@ const EXIT_FUNCTIONS: [&str; 4] = ["exit", "quit", "sys.exit", "os._exit"];
 /// Deepest nesting of calls and blocks that is followed. Each level takes stack, and functions may call themselves.
 const MAX_NESTING: usize = 32;
 
-/// Largest number of statements that are followed, since functions that call each other may repeat them without end.
-const MAX_STATEMENTS: usize = 20_000;
+/// Largest cost of following a script, in bytes of statements that are followed or searched: some hundred times the cost of
+/// a long script of LMGC90. Functions that call each other repeat statements without end.
+const MAX_COST: usize = 2_000_000;
+
+/// Cost of a variable that is copied and of a loop around a call, in bytes of a statement that take about as long.
+const COPY_COST: usize = 8;
+
+/// Largest number of iterations of a `while` loop, above the steps of any run: they are counted one at a time.
+const MAX_COUNTED_ITERATIONS: f64 = 3e7;
+
+/// Iterations that are counted for a cost of 1.
+const ITERATIONS_PER_COST: u64 = 32;
 
 /// Statement, with the block below it.
 #[derive(Debug)]
@@ -112,6 +121,11 @@ struct ScriptStatement {
 }
 
 impl ScriptStatement {
+    /// Cost of following the statement without its body.
+    fn cost(&self) -> usize {
+        self.tokens.iter().map(|lexeme| 1 + lexeme.token.text().len()).sum()
+    }
+
     fn line(&self) -> usize {
         self.tokens[0].line
     }
@@ -133,8 +147,8 @@ pub fn walk(lines: Vec<LogicalLine>) -> ScriptCalls {
     walker.find_shared_objects(&statements);
     walker.follow(&statements);
     walker.report_uncalled();
-    if walker.statement_count >= MAX_STATEMENTS {
-        walker.found.remarks.push((1, format!("more than {MAX_STATEMENTS} statements: the rest is not read")));
+    if walker.cost.get() > MAX_COST {
+        walker.found.remarks.push((1, "the functions repeat too many statements: the rest is not read".into()));
     }
     walker.found
 }
@@ -207,11 +221,25 @@ struct ScriptWalker<'a> {
     loops: Vec<ScriptLoop>,
     /// Number of blocks around the statement, with those of the calls that lead to it.
     depth: usize,
-    /// Number of statements that have been followed.
-    statement_count: usize,
+    /// Cost of the statements that have been followed or searched, at most [`MAX_COST`] and the last addition.
+    cost: Cell<usize>,
 }
 
 impl<'a> ScriptWalker<'a> {
+    /// Adds a cost before it arises; returns whether it is within [`MAX_COST`].
+    fn add_cost(&self, cost: usize) -> bool {
+        if self.cost.get() <= MAX_COST {
+            self.cost.set(self.cost.get().saturating_add(cost));
+        }
+        self.cost.get() <= MAX_COST
+    }
+
+    /// Copy of the variables, to restore them.
+    fn saved_variables(&self) -> Variables {
+        self.add_cost(COPY_COST * self.variables.len());
+        self.variables.clone()
+    }
+
     fn reject(&mut self, line: usize, name: impl Into<String>, finding: &'static str) {
         self.found.rejected.insert(RejectedUse { line, name: name.into(), finding });
     }
@@ -292,12 +320,8 @@ impl<'a> ScriptWalker<'a> {
         // Value of the last condition of a chain of `if` and `elif`: whether a branch was taken, unless it is not known.
         let mut branch_taken = Some(true);
         for statement in block {
-            self.statement_count += 1;
-            if self.depth > MAX_NESTING
-                || self.statement_count >= MAX_STATEMENTS
-                || self.is_block_ended
-                || self.is_script_ended
-            {
+            let is_unreached = self.depth > MAX_NESTING || self.is_block_ended || self.is_script_ended;
+            if is_unreached || !self.add_cost(statement.cost()) {
                 break;
             }
             let line = statement.line();
@@ -401,7 +425,7 @@ impl<'a> ScriptWalker<'a> {
 
     /// Sets the attributes of a class of constants; those that come first are names in the values of later ones.
     fn set_class_attributes(&mut self, class: &ScriptStatement) {
-        let outer = self.variables.clone();
+        let outer = self.saved_variables();
         let mut attributes = Vec::new();
         for statement in &class.body {
             let Some((name, value)) = class_attribute(&statement.tokens) else { continue };
@@ -475,6 +499,7 @@ impl<'a> ScriptWalker<'a> {
         };
         // The condition of a `break` or `return` is not followed from step to step.
         let end = break_line(&statement.body).map_or(end, |(word, line)| unknown_end(format!("{word} in line {line}")));
+        self.add_cost(block_cost(&statement.body) + COPY_COST * self.globals.len());
         let mut changed = BTreeSet::new();
         assigned_names(&statement.body, &mut changed);
         changed.iter().for_each(|name| self.make_unknown(name, &changing));
@@ -486,7 +511,7 @@ impl<'a> ScriptWalker<'a> {
     /// Follows the body of a loop for the lists and dictionaries that it changes; all else is restored. The first
     /// iteration may read values that the body changes later.
     fn find_changes(&mut self, statement: &'a ScriptStatement) {
-        let (variables, imported) = (self.variables.clone(), self.command_aliases.clone());
+        let (variables, imported) = (self.saved_variables(), self.command_aliases.clone());
         let (calls, remarks) = (self.found.calls.len(), self.found.remarks.len());
         self.loops.push(ScriptLoop { line: statement.line(), end: LoopEnd::Count(1) });
         self.follow_loop_or_function_body(&statement.body);
@@ -538,9 +563,10 @@ impl<'a> ScriptWalker<'a> {
         let mut changed = Vec::new();
         all_assigned_names(body, &mut changed);
         changed.extend(self.globals.iter().cloned());
+        let changed_names: BTreeSet<&String> = changed.iter().collect();
         let is_fixed = |tokens: &[Lexeme]| {
             let names = (0..tokens.len()).filter(|&index| !tokens[index].token.name().is_empty());
-            names.map(|index| dotted_name(tokens, index).0).all(|name| !changed.contains(&name))
+            names.map(|index| dotted_name(tokens, index).0).all(|name| !changed_names.contains(&name))
         };
         let number = |tokens: &[Lexeme]| evaluate(tokens, &self.variables).ok()?.number();
         let counter_first = !is_fixed(left);
@@ -566,11 +592,18 @@ impl<'a> ScriptWalker<'a> {
                 _ => a != b,
             }
         };
+        // Without the roundings of each step; a loop of far more iterations, as `while k != 20` from 0.5, does not end.
+        let expected_count = (limit - value) / step;
+        if is_true_for(value) && !(0.0..MAX_COUNTED_ITERATIONS).contains(&expected_count) {
+            return None;
+        }
         let mut count = 0;
         // Added step by step, with the roundings of Python.
         while is_true_for(value) {
             (count, value) = (count + 1, value + step);
-            if count > MAX_COUNTED_ITERATIONS || step == 0.0 {
+            if count as f64 > 1.001 * expected_count + 2.0
+                || !self.add_cost(usize::from(count % ITERATIONS_PER_COST == 0))
+            {
                 return None;
             }
         }
@@ -728,9 +761,10 @@ impl<'a> ScriptWalker<'a> {
             (Some(Ok(known @ ScriptValue::Map(map))), Some(Ok(ScriptValue::Text(key))), Ok(item))
                 if !map.is_shared() && !known.is_forgotten() =>
             {
+                self.add_cost(COPY_COST * map.len());
                 let mut map = BTreeMap::clone(map);
                 map.insert(key, item);
-                Ok(ScriptValue::map(map))
+                ScriptValue::map(map)
             }
             (before, _, item) => {
                 before.into_iter().flatten().chain(&item.ok()).for_each(ScriptValue::forget);
@@ -741,6 +775,7 @@ impl<'a> ScriptWalker<'a> {
 
     /// Value of an expression; lists and dictionaries in one that is not known may have other names after it.
     fn value(&self, tokens: &[Lexeme]) -> Evaluation {
+        self.add_cost(nested_count(tokens));
         let value = evaluate(tokens, &self.variables);
         if value.is_err() {
             self.forget_objects(tokens);
@@ -750,6 +785,10 @@ impl<'a> ScriptWalker<'a> {
 
     /// Makes lists and dictionaries unknown that code which is not followed may change through this expression.
     fn forget_objects(&self, tokens: &[Lexeme]) {
+        // Calls of what calls return read the same tokens again.
+        if !self.add_cost(tokens.len()) {
+            return;
+        }
         let mut index = 0;
         while index < tokens.len() {
             let (start, (name, after_name)) = (index, dotted_name(tokens, index));
@@ -871,7 +910,8 @@ impl<'a> ScriptWalker<'a> {
         if depends_on_values(tokens) {
             self.condition = outer.or(Some(tokens[0].line));
         }
-        let mut index = if depth < MAX_NESTING { 0 } else { tokens.len() };
+        let is_read = depth < MAX_NESTING && self.add_cost(tokens.len());
+        let mut index = if is_read { 0 } else { tokens.len() };
         while index < tokens.len() {
             let of_object = index > 0 && tokens[index - 1].token.is(".");
             if tokens[index].token.name().is_empty() {
@@ -950,12 +990,16 @@ impl<'a> ScriptWalker<'a> {
         self.functions.get(name).or_else(|| self.classes.get(name)).copied().filter(|_| is_definition)
     }
 
-    /// Whether a block calls commands of LMGC90 with an effect on a run, itself or by functions of the script.
+    /// Whether a block calls commands of LMGC90 with an effect on a run, itself or by functions of the script; `false` beyond
+    /// [`MAX_COST`], where the script is not followed further.
     fn has_effect(&self, block: &[ScriptStatement]) -> bool {
         let (mut names, mut blocks, mut next) = (BTreeSet::new(), vec![block], 0);
         let mut followed = BTreeSet::new();
         while let Some(&block) = blocks.get(next) {
             next += 1;
+            if !self.add_cost(block_cost(block)) {
+                return false;
+            }
             self.commands_in(block, &mut names);
             let mut called = BTreeSet::new();
             called_names(block, &mut called);
@@ -1006,6 +1050,7 @@ impl<'a> ScriptWalker<'a> {
         if let Some(&function) = self.functions.get(name).filter(|_| !self.command_aliases.contains_key(name)) {
             self.follow_function(name, function, positional, keywords);
         } else if let Some(command) = self.command(name) {
+            self.add_cost(COPY_COST * self.loops.len());
             let (condition, loops) = (self.condition, self.loops.clone());
             self.found.calls.push(ScriptCall { name: command, line, positional, keywords, condition, loops });
         } else {
@@ -1037,10 +1082,10 @@ impl<'a> ScriptWalker<'a> {
         if self.redefined.contains(name) {
             self.reject(function.line(), name, "is a function with more than one meaning");
         }
-        if self.depth >= MAX_NESTING {
+        if self.depth >= MAX_NESTING || self.cost.get() > MAX_COST {
             return;
         }
-        let outer = self.variables.clone();
+        let outer = self.saved_variables();
         let defaults = self.defaults.get(name).cloned().unwrap_or_default();
         let mut positional = positional.into_iter();
         for (k, parameter) in parameters(function).into_iter().enumerate() {
@@ -1141,20 +1186,12 @@ fn all_assigned_names(block: &[ScriptStatement], names: &mut Vec<String>) {
             matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.ends_with('=')
                 && !["==", "!=", "<=", ">=", ":="].contains(&symbol.as_str()))
         };
-        // Not the `=` of a keyword argument.
-        let outside_brackets = |position: &usize| {
-            let mut starts = 0;
-            while starts < *position {
-                let opens = ["(", "[", "{"].iter().any(|open| statement.tokens[starts].token.is(open));
-                starts = if opens { after_bracket(&statement.tokens, starts) } else { starts + 1 };
-            }
-            starts == *position
-        };
         let position = if statement.keyword() == "for" {
             statement.tokens.iter().position(|lexeme| lexeme.token.name() == "in")
         } else {
-            let mut positions = (0..statement.tokens.len()).filter(|&index| assigns(&statement.tokens[index]));
-            positions.find(outside_brackets).filter(|_| !BLOCK_KEYWORDS.contains(&statement.keyword()))
+            // Not the `=` of a keyword argument.
+            let mut positions = outside_brackets(&statement.tokens).filter(|&index| assigns(&statement.tokens[index]));
+            positions.next().filter(|_| !BLOCK_KEYWORDS.contains(&statement.keyword()))
         };
         let walrus = statement.tokens.windows(2).filter(|pair| pair[1].token.is(":="));
         names.extend(walrus.map(|pair| pair[0].token.name().to_string()));
@@ -1234,21 +1271,17 @@ fn is_effective(command: &str) -> bool {
 
 /// Whether parts of an expression are evaluated or not by the values of others, outside of brackets.
 fn depends_on_values(tokens: &[Lexeme]) -> bool {
-    let mut index = 0;
-    while index < tokens.len() {
-        let token = &tokens[index].token;
-        if ["if", "and", "or"].contains(&token.name()) {
-            return true;
-        }
-        index =
-            if ["(", "[", "{"].iter().any(|open| token.is(open)) { after_bracket(tokens, index) } else { index + 1 };
-    }
-    false
+    outside_brackets(tokens).any(|index| ["if", "and", "or"].contains(&tokens[index].token.name()))
 }
 
 /// Whether the name at `index` is an argument, and first in its bracket, of one of these functions.
 fn is_argument_of(tokens: &[Lexeme], index: usize, functions: &[&str]) -> bool {
     index > 1 && tokens[index - 1].token.is("(") && functions.contains(&tokens[index - 2].token.name())
+}
+
+/// Cost of searching a block.
+fn block_cost(block: &[ScriptStatement]) -> usize {
+    block.iter().map(|statement| statement.cost() + block_cost(&statement.body)).sum()
 }
 
 /// Names without prefix that a block calls.
@@ -1437,5 +1470,70 @@ mod tests {
         walked(&nested);
         let doubling: String = (0..40).map(|k| format!("def f{k}():\n f{}()\n f{}()\n", k + 1, k + 1)).collect();
         walked(&(doubling + "f0()\n"));
+    }
+
+    /// Cost of following a script, at most [`MAX_COST`] and the last addition.
+    fn cost_of(text: &str) -> usize {
+        let mut lines = logical_lines(text).unwrap().into_iter().peekable();
+        let statements = read_block(&mut lines, 0, 0);
+        let mut walker = ScriptWalker::default();
+        walker.find_functions(&statements);
+        walker.follow(&statements);
+        walker.cost.get()
+    }
+
+    #[test]
+    fn cost_of_repeated_statements_is_bounded() {
+        let calls = " f()\n".repeat(300);
+        for (kind, text) in [
+            ("functions that call each other", format!("def f():\n{calls}f()\n")),
+            (
+                "calls inside of each other",
+                format!("def f():\n f{}{}\n{calls}f()\n", "(f".repeat(300), ")".repeat(300)),
+            ),
+            ("functions as values", format!("def f():\n{}x = [{}]\n", " a.b()\n".repeat(2000), "f, ".repeat(20_000))),
+            ("calls of results", format!("f{}\n", "()".repeat(20_000))),
+            ("long loops", "k = 0\nwhile k < 20000000: k += 1\n".repeat(60)),
+            (
+                "variables that functions may change",
+                format!(
+                    "def f():\n f()\n{}{}",
+                    (0..5000).map(|k| format!("v{k} = 1\n")).collect::<String>(),
+                    "f()\n".repeat(5000)
+                ),
+            ),
+        ] {
+            let cost = cost_of(&text);
+            // The last addition: the tokens of a statement, once for each level of brackets.
+            assert!(cost > MAX_COST && cost <= MAX_COST + 100 * text.len(), "{kind}: {cost}");
+        }
+        // A script that is followed to its end: its statements, once each, and its function twice.
+        let cost = cost_of("from pylmgc90 import chipy\ndef f(n):\n  chipy.SetDimension(n)\nf(2)\nf(3)\n");
+        assert!(cost > 0 && cost < MAX_COST / 1000, "{cost}");
+        let text = format!("from pylmgc90 import chipy\ndef f():\n{calls}f()\nchipy.SetDimension(3)\n");
+        assert_eq!(walked(&text).remarks.len(), 1);
+    }
+
+    #[test]
+    fn values_that_repeat_themselves_are_bounded() {
+        let argument = |text: &str| {
+            let text = format!("from pylmgc90 import chipy\n{text}chipy.A(x)\n");
+            walked(&text).calls.pop().unwrap().positional.pop().unwrap()
+        };
+        // Each statement doubles the text, or the number of values in lists of two items.
+        for doubled in [
+            "x = 'abcdefgh'\n".to_string() + &"x = x + x\n".repeat(60),
+            "x = y\n".to_string() + &"x = x\n".repeat(9000),
+        ] {
+            let why = argument(&doubled).unwrap_err();
+            assert!(why.0.len() < 1000, "{}", why.0.len());
+        }
+        let lists = "l = [1, 2]\nm = [1, 2]\n".to_string() + &"l = [l, l]\nm = [m, m]\n".repeat(60);
+        assert_eq!(argument(&format!("{lists}x = l == m\n")), Err("x, set in line 124 from '=='".into()));
+        assert_eq!(argument("l = [[1, 2], 3]\nx = l == [[1, 2], 3]\n"), Ok(ScriptValue::Bool(true)));
+        let nested = "x = [1]\n".to_string() + &"x = [x, 1]\n".repeat(20_000);
+        assert!(argument(&nested).is_err());
+        let copies = format!("l = [{}]\nx = list(l)\n", "0, ".repeat(2000));
+        assert_eq!(argument(&copies), Ok(ScriptValue::Range(2000)));
     }
 }
