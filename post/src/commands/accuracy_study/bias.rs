@@ -60,8 +60,12 @@ pub struct Bias {
     pub rms: f64,
     /// Standard deviation of the difference of one run.
     pub chance: f64,
-    /// Estimated error of the reference, 0 if it is not known.
+    /// Estimated error of the reference without chance, 0 if it is not known.
     pub reference: f64,
+    /// Error by chance that the estimate of the error of the reference has from one run.
+    pub reference_chance: f64,
+    /// Number of runs.
+    pub runs: usize,
 }
 
 impl Bias {
@@ -72,7 +76,9 @@ impl Bias {
         let differences: Vec<f64> = pairs.iter().map(|pair| pair.difference / scale).collect();
         let estimate = Estimate::of_mean(&differences);
         let squares: f64 = differences.iter().map(|x| x * x).sum();
-        Bias { estimate, rms: (squares / count).sqrt(), chance: estimate.standard_error * count.sqrt(), reference: 0.0 }
+        let chance = estimate.standard_error * count.sqrt();
+        let rms = (squares / count).sqrt();
+        Bias { estimate, rms, chance, reference: 0.0, reference_chance: 0.0, runs: pairs.len() }
     }
 
     /// Magnitude of the bias without the part that chance adds to it: √(b² - SE²), 0 if chance explains all.
@@ -81,9 +87,14 @@ impl Bias {
         (value * value - standard_error * standard_error).max(0.0).sqrt()
     }
 
+    /// Error of the reference, with that by chance.
+    pub fn reference_error(&self) -> f64 {
+        self.reference.hypot(self.reference_chance / (self.runs as f64).sqrt())
+    }
+
     /// Standard error of the bias and error of the reference together.
     pub fn uncertainty(&self) -> f64 {
-        self.estimate.standard_error.hypot(self.reference)
+        self.estimate.standard_error.hypot(self.reference_error())
     }
 
     /// Magnitude of the bias plus its uncertainty.
@@ -91,11 +102,12 @@ impl Bias {
         self.estimate.value.abs() + self.uncertainty()
     }
 
-    /// Number of replicates with which `bound` is expected to be at most `error`; `None` if no number is enough.
+    /// Number of replicates with which `bound` is expected to be at most `error`, as all chance falls with the root of their
+    /// number; `None` if no number is enough.
     pub fn needed_replicates(&self, error: f64) -> Option<u64> {
         let margin = error - self.without_chance();
         let square = margin * margin - self.reference * self.reference;
-        let number = (self.chance * self.chance / square).ceil();
+        let number = ((self.chance.powi(2) + self.reference_chance.powi(2)) / square).ceil();
         (margin > 0.0 && square > 0.0 && number < 1e9).then_some((number as u64).max(2))
     }
 }
@@ -219,15 +231,18 @@ impl<'a> BiasStudy<'a> {
             return;
         }
         let orders = self.orders.iter().find(|(name, _)| *name == finest.runs.group && is_step_group(name));
-        let errors: [f64; OBSERVABLES.len()] = std::array::from_fn(|k| {
+        let errors: [[f64; 2]; OBSERVABLES.len()] = std::array::from_fn(|k| {
             let fitted = orders.map(|(_, orders)| orders[k].order).filter(|order| *order > 0.0);
             let share = ratio.powf(fitted.unwrap_or(DEFAULT_ORDER));
-            let Estimate { value, standard_error, .. } = finest.biases[k].estimate;
-            (value.abs() + standard_error) * share / (1.0 - share)
+            let bias = &finest.biases[k];
+            // Without a second run nothing is known of chance.
+            let magnitude = if bias.runs > 1 { bias.without_chance() } else { bias.estimate.value.abs() };
+            [magnitude, bias.chance].map(|error| error * share / (1.0 - share))
         });
         for setting in &mut self.settings {
-            for (bias, error) in setting.biases.iter_mut().zip(errors) {
-                bias.reference = if error.is_finite() { error } else { 0.0 };
+            for (bias, errors) in setting.biases.iter_mut().zip(errors) {
+                let [error, chance] = errors.map(|error| if error.is_finite() { error } else { 0.0 });
+                (bias.reference, bias.reference_chance) = (error, chance);
             }
         }
     }
@@ -299,5 +314,109 @@ impl ConvergenceOrder {
             .sum();
         let standard_error = by_biases.max(distances / (n - 2.0) / xx).sqrt();
         ConvergenceOrder { order: fit.slope, standard_error, ..undetermined }
+    }
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+
+    /// Runs of a setting whose Z is 5 in the reference and has these relative errors, one a seed; nu has no error, and the
+    /// others have no values.
+    pub fn setting_runs(group: &str, dt: f64, seconds: f64, errors: &[f64]) -> SettingRuns {
+        let run = |error: &f64| {
+            let mut pairs = [MeanPair::UNDEFINED; OBSERVABLES.len()];
+            pairs[0] = MeanPair { difference: 5.0 * error, exact: 5.0 };
+            pairs[1] = MeanPair { difference: 0.0, exact: 0.6 };
+            SeedRun { seconds, pairs }
+        };
+        let is_reference = group == "reference";
+        let value = if is_reference { f64::NAN } else { dt };
+        let runs = errors.iter().map(run).collect();
+        SettingRuns { name: format!("{group} {dt}"), group: group.into(), value, dt, is_reference, runs }
+    }
+
+    /// Errors 0.01 (h^order - 0.125^order) with chance of a standard deviation `chance` and the mean 0, of three seeds.
+    fn step_settings(order: f64, chance: f64) -> Vec<SettingRuns> {
+        let errors = |bias: f64| [-1.0, 0.0, 1.0].map(|draw| bias + chance * draw);
+        let bias = |h: f64| 0.01 * (h.powf(order) - 0.125f64.powf(order));
+        let mut all: Vec<SettingRuns> =
+            [4.0, 2.0, 1.0, 0.5].map(|h| setting_runs("dt", h, 1.0 / h, &errors(bias(h)))).to_vec();
+        all.push(setting_runs("reference", 0.125, 20.0, &[0.0; 3]));
+        all
+    }
+
+    #[test]
+    fn orders_and_the_error_of_the_reference_are_found() {
+        for order in [0.5, 1.0, 2.0] {
+            let all = step_settings(order, 0.0);
+            let study = BiasStudy::new(&all);
+            let (group, orders) = &study.orders[0];
+            // The corrections for the error of the reference converge to rounding.
+            assert_eq!((*group, orders[0].settings, orders[0].resolved), ("dt", 4, 4));
+            assert!((orders[0].order - order).abs() < 1e-9 && orders[0].standard_error < 1e-9, "{orders:?}");
+            let expected = 0.01 * 0.125f64.powf(order);
+            let bias = study.settings[2].biases[0];
+            assert!((bias.reference - expected).abs() < 1e-9 * expected, "{bias:?}");
+            // No error, and no value.
+            assert_eq!((orders[1].resolved, orders[1].settings, orders[2].settings), (0, 4, 0));
+            assert!(orders[1].order.is_nan() && study.settings[0].biases[2].estimate.value.is_nan());
+        }
+    }
+
+    #[test]
+    fn biases_below_the_noise_have_no_order() {
+        // Standard errors of 0.004/√3 = 0.0023: the biases 0.039 to 0.00875 are above twice as much, 0.00375 is not.
+        let all = step_settings(1.0, 0.004);
+        let study = BiasStudy::new(&all);
+        let order = study.orders[0].1[0];
+        assert_eq!((order.settings, order.resolved), (4, 3));
+        // The noise of the draws has the mean 0.
+        assert!((order.order - 1.0).abs() < 1e-9, "{order:?}");
+        // ln(h) = ln 4, ln 2, 0: the slope is (y1 - y3)/(2 ln 2), with the relative errors of both.
+        let error = 0.004 / 3f64.sqrt();
+        let expected = ((error / 0.03875).powi(2) + (error / 0.00875).powi(2)).sqrt() / (2.0 * 2f64.ln());
+        assert!((order.standard_error - expected).abs() < 1e-9, "{order:?} {expected}");
+        let all = step_settings(1.0, 0.01);
+        let order = BiasStudy::new(&all).orders[0].1[0];
+        assert!(order.resolved == 2 && order.order.is_nan() && order.standard_error.is_nan(), "{order:?}");
+    }
+
+    #[test]
+    fn chance_is_separated_from_the_bias() {
+        // Differences 0.2, 0.8: mean 0.5, s = 0.3 √2, SE = 0.3; RMS √(0.34).
+        let pair = |difference: f64| MeanPair { difference, exact: -1.0 };
+        let bias = Bias::new(&[pair(0.2), pair(0.8)]);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        near(bias.estimate.value, 0.5);
+        near(bias.estimate.standard_error, 0.3);
+        near(bias.without_chance(), 0.4);
+        near(bias.rms, 0.34f64.sqrt());
+        near(bias.chance, 0.3 * 2f64.sqrt());
+        near(bias.bound(), 0.8);
+        // With the reference: √(0.3² + 0.4²) = 0.5; 0.4 + √(0.18/n + 0.16) ≤ 0.91 for n ≥ 1.8.
+        let bias = Bias { reference: 0.4, ..bias };
+        near(bias.bound(), 1.0);
+        assert_eq!((bias.needed_replicates(0.91), bias.needed_replicates(0.81)), (Some(2), Some(23)));
+        assert_eq!((bias.needed_replicates(0.8), bias.needed_replicates(0.3)), (None, None));
+        // One run has no error; chance explains all of a smaller bias.
+        let single = Bias::new(&[pair(0.2)]);
+        assert!(single.estimate.value == 0.2 && single.bound().is_nan() && single.needed_replicates(1.0).is_none());
+        assert_eq!(Bias::new(&[pair(-0.2), pair(0.4)]).without_chance(), 0.0);
+    }
+
+    #[test]
+    fn a_setting_that_another_beats_is_not_on_the_front() {
+        let all = [
+            setting_runs("a", 1.0, 1.0, &[0.1, 0.1]),
+            setting_runs("b", 1.0, 2.0, &[0.2, 0.2]),
+            setting_runs("c", 1.0, 3.0, &[0.01, 0.01]),
+            setting_runs("reference", 1.0, 9.0, &[0.0, 0.0]),
+        ];
+        let study = BiasStudy::new(&all);
+        let front: Vec<f64> = study.pareto_front(&[0, 1]).iter().map(|setting| setting.seconds).collect();
+        // The reference has the steps of the others: its error is not known.
+        assert_eq!((front, study.settings[0].biases[0].reference), (vec![1.0, 3.0], 0.0));
+        assert!(study.pareto_front(&[0, 2]).is_empty());
     }
 }

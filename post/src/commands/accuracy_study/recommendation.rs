@@ -127,3 +127,49 @@ pub fn signed_text(value: f64, error: f64) -> String {
 fn rounded_to_two(x: f64) -> f64 {
     format!("{x:.1e}").parse().unwrap_or(x)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::accuracy_study::bias::tests::setting_runs;
+
+    #[test]
+    fn the_fastest_setting_with_the_error_is_recommended() {
+        let all = [
+            setting_runs("fast", 1.0, 1.0, &[0.02, 0.02, 0.02]),
+            // Mean 0.005, s = 0.005, SE = 0.0029: with chance removed 0.0041.
+            setting_runs("noisy", 1.0, 2.0, &[0.0, 0.005, 0.01]),
+            setting_runs("slow", 1.0, 4.0, &[0.001, 0.001, 0.001]),
+            setting_runs("reference", 1.0, 9.0, &[0.0; 3]),
+        ];
+        let study = BiasStudy::new(&all);
+        let text = |error: f64| {
+            let block = |setting: &SettingBias| Some(format!("(dt: {})", setting.runs.dt));
+            Recommendation::new(&study, &[0], error).text(&[0], error, block)
+        };
+        let first = "3 %: fast 1, 1.00 s a run; bias +2.0 ± 0.0 % of Z, of one run 2 %\n    compute: (dt: 1),";
+        assert_eq!(text(0.03), first);
+        assert!(text(0.01).starts_with("1 %: noisy 1, 2.00 s a run; bias +0.50 ± 0.29 % of Z, of one run 0.65 %"));
+        // 0.0041 + 0.005/√n ≤ 0.007 for n ≥ 2.95: one more than there are.
+        let slow = text(0.007);
+        assert!(slow.starts_with("0.7 %: slow 1, 4.00 s a run;"), "{slow}");
+        assert!(slow.contains("\n    4 replicates are needed to judge noisy 1, 2.00 times as fast\n"), "{slow}");
+        assert!(text(0.0005).starts_with("0.05 %: none: the smallest error is that of slow 1, bias +0.10 ± 0.00 %"));
+        let all = [all[1].clone(), all[3].clone()];
+        let study = BiasStudy::new(&all);
+        let found = Recommendation::new(&study, &[0], 0.005).text(&[0], 0.005, |_| None);
+        // (0.005/(0.005 - 0.00408))² = 29.7.
+        assert_eq!(found, "0.5 %: none: chance ± 0.29 % in Z of 3 replicates; 30 are needed for noisy 1");
+        let single = [setting_runs("fast", 1.0, 1.0, &[0.0]), setting_runs("reference", 1.0, 9.0, &[0.0])];
+        let study = BiasStudy::new(&single);
+        assert!(matches!(Recommendation::new(&study, &[0], 0.01), Recommendation::NoErrors));
+    }
+
+    #[test]
+    fn biases_have_the_digits_of_their_errors() {
+        let texts = [(0.0123, 0.0045), (-0.2, 0.031), (0.012, f64::NAN), (0.0, 0.0), (f64::NAN, 1.0)]
+            .map(|(value, error)| signed_text(value, error));
+        assert_eq!(texts, ["+1.23 ± 0.45 %", "-20.0 ± 3.1 %", "+1.2 %", "+0 ± 0 %", "-"]);
+        assert_eq!([0.003, 0.01, 0.12345].map(percent_text), ["0.3 %", "1 %", "12 %"]);
+    }
+}

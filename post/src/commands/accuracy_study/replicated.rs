@@ -46,7 +46,7 @@ pub const BIAS_COLUMNS: [Column; 12] = [
     ),
     ("rms", "1", "RMS difference of one run"),
     ("chance", "1", "standard deviation s of the difference of one run"),
-    ("reference", "1", "estimated error of the reference"),
+    ("reference", "1", "estimated error of the reference, with that by chance"),
     ("bound", "1", "magnitude of the bias, plus standard error and error of the reference, added as squares"),
 ];
 
@@ -278,7 +278,9 @@ impl SettingGrid {
         let case = self.settings.iter().find(|setting| setting.name == name)?.cases.first()?;
         let files = ["scene.ron", "changes.ron"].map(|file| case.join(file));
         let text = files.iter().find_map(|file| std::fs::read_to_string(file).ok())?;
-        ValueLocations::from_text(&text).text("compute").map(str::to_string)
+        let block = ValueLocations::from_text(&text).text("compute").map(str::to_string)?;
+        // Inserted values leave a blank at the end of their line.
+        Some(block.lines().map(str::trim_end).collect::<Vec<_>>().join("\n"))
     }
 }
 
@@ -309,7 +311,7 @@ fn bias_table(study: &BiasStudy) -> String {
             let estimate = bias.estimate;
             let [low, high] = [-1.0, 1.0].map(|sign| estimate.value + sign * estimate.half_width());
             let numbers = [estimate.value, estimate.standard_error, low, high];
-            let more = [bias.without_chance(), bias.rms, bias.chance, bias.reference, bias.bound()];
+            let more = [bias.without_chance(), bias.rms, bias.chance, bias.reference_error(), bias.bound()];
             let is_defined = estimate.value.is_finite();
             let fields = numbers.iter().chain(&more).map(|x| if is_defined { x.text() } else { String::new() });
             let fields: Vec<String> = fields.collect();
@@ -438,10 +440,64 @@ fn summary_text(study: &BiasStudy, observables: &[usize]) -> String {
     if let Some(reference) = study.settings.iter().find(|setting| setting.runs.is_reference) {
         let errors: Vec<String> = observables
             .iter()
-            .map(|&k| format!("{} {}", OBSERVABLES[k], percent_text(reference.biases[k].reference)))
+            .map(|&k| format!("{} {}", OBSERVABLES[k], percent_text(reference.biases[k].reference_error())))
             .collect();
         let seeds = count_text(reference.runs.runs.len(), "seed");
         text += &format!("\n  {seeds}; reference: {:.2e} s, its own error: {}", reference.seconds, errors.join(", "));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn study_cases(rows: &[[&str; 4]]) -> StudyCases {
+        StudyCases {
+            folders: rows.iter().map(|row| PathBuf::from(row[0])).collect(),
+            names: ["dt", "seed", "accuracy"].map(String::from).to_vec(),
+            values: rows.iter().map(|row| row[1..].iter().map(|value| value.to_string()).collect()).collect(),
+        }
+    }
+
+    #[test]
+    fn settings_are_the_parameters_without_the_seed() {
+        let rows = [
+            ["s1/dt-0.1", "0.1", "1", ""],
+            ["s1/fine-dt-0.1", "0.1", "1", "fine"],
+            ["s1/fine", "", "1", "fine"],
+            ["s1/lmgc90", "", "1", ""],
+        ];
+        let grid = SettingGrid::new(&study_cases(&rows), Path::new("study.csv")).unwrap();
+        let found: Vec<(&str, &str, f64)> = grid
+            .settings
+            .iter()
+            .map(|setting| {
+                (
+                    setting.name.as_str(),
+                    setting.group.as_str(),
+                    if setting.value.is_nan() { 0.0 } else { setting.value },
+                )
+            })
+            .collect();
+        let expected = [
+            ("dt 0.1", "dt", 0.1),
+            ("dt 0.1; accuracy fine", "dt; accuracy fine", 0.1),
+            ("accuracy fine", "accuracy fine", 0.0),
+            ("lmgc90", "lmgc90", 0.0),
+        ];
+        assert_eq!((&found[..], &grid.seeds[..]), (&expected[..], &["1".to_string()][..]));
+        assert_eq!(setting_names(&[("theta", "0.75")], Path::new("")).2, 0.25);
+    }
+
+    #[test]
+    fn every_setting_has_all_seeds_once() {
+        let rows =
+            [["s1/a", "0.1", "1", ""], ["s2/a", "0.1", "2", ""], ["s1/b", "0.2", "1", ""], ["c", "0.1", "1", ""]];
+        let faults = SettingGrid::new(&study_cases(&rows), Path::new("study.csv")).err().unwrap().to_string();
+        let expected = "study.csv: case: c has dt 0.1 and seed 1, as s1/a; expected the cases of one scene: give their folders \
+                        and --parameters study.csv\n\
+                        study.csv: seed: dt 0.2 has no run with seed 2; expected all settings with the same seeds, 1, 2";
+        assert_eq!(faults, expected);
+    }
 }
