@@ -325,13 +325,14 @@ impl AccuracyStudy<'_> {
                 let record =
                     |most: &u64| format!("(max_multiple: {most}, travel: {travel}, penetration: {penetration})");
                 let values = MAX_MULTIPLES.iter().map(record).collect();
-                let with = vec![StudyParameter { name: String::new(), paths: path, values, with: Vec::new() }];
+                let companions =
+                    vec![StudyParameter { name: String::new(), paths: path, values, companions: Vec::new() }];
                 let values = MAX_MULTIPLES.iter().map(u64::to_string).collect();
                 StudyGroup {
                     comment: "Steps of up to so many times dt.".into(),
                     name,
                     set: Vec::new(),
-                    parameters: vec![StudyParameter { name: option.into(), paths: Vec::new(), values, with }],
+                    parameters: vec![StudyParameter { name: option.into(), paths: Vec::new(), values, companions }],
                 }
             }
             _ => {
@@ -341,7 +342,12 @@ impl AccuracyStudy<'_> {
                     comment: String::new(),
                     name,
                     set: Vec::new(),
-                    parameters: vec![StudyParameter { name: option.into(), paths: path, values, with: Vec::new() }],
+                    parameters: vec![StudyParameter {
+                        name: option.into(),
+                        paths: path,
+                        values,
+                        companions: Vec::new(),
+                    }],
                 }
             }
         }
@@ -351,17 +357,17 @@ impl AccuracyStudy<'_> {
     fn preset_parameter(&self) -> StudyParameter {
         let presets = [Accuracy::Draft, Accuracy::Standard, Accuracy::Fine];
         let columns = presets.map(|preset| self.preset_values(preset));
-        let with = (0..columns[0].len()).map(|k| StudyParameter {
+        let companions = (0..columns[0].len()).map(|k| StudyParameter {
             name: String::new(),
             paths: vec![columns[0][k].0.clone()],
             values: columns.iter().map(|column| column[k].1.clone()).collect(),
-            with: Vec::new(),
+            companions: Vec::new(),
         });
         StudyParameter {
             name: "accuracy".into(),
             paths: vec!["compute.accuracy".into()],
             values: presets.iter().map(Accuracy::to_string).collect(),
-            with: with.collect(),
+            companions: companions.collect(),
         }
     }
 
@@ -383,7 +389,7 @@ impl AccuracyStudy<'_> {
             name: "accuracy".into(),
             paths: vec!["compute.accuracy".into()],
             values: vec![Accuracy::Reference.to_string()],
-            with: Vec::new(),
+            companions: Vec::new(),
         };
         StudyGroup {
             comment: "The reference, with which all are compared.".into(),
@@ -397,16 +403,16 @@ impl AccuracyStudy<'_> {
 /// Parameter `dt` with its companions.
 fn step_parameter(steps: &[TimeStep]) -> StudyParameter {
     let paths = steps.first().map_or(&[][..], |step| &step.values);
-    let with = (0..paths.len()).map(|k| StudyParameter {
+    let companions = (0..paths.len()).map(|k| StudyParameter {
         name: String::new(),
         paths: vec![paths[k].0.clone()],
         values: steps.iter().map(|step| step.values[k].1.clone()).collect(),
-        with: Vec::new(),
+        companions: Vec::new(),
     });
     StudyParameter {
         name: "dt".into(),
         paths: vec!["compute.dt".into()],
         values: steps.iter().map(|step| rounded_number(step.dt)).collect(),
-        with: with.collect(),
+        companions: companions.collect(),
     }
 }

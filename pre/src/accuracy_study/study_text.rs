@@ -23,7 +23,7 @@ pub struct StudyParameter {
     /// Values in RON.
     pub values: Vec<String>,
     /// Parameters that vary together with this one.
-    pub with: Vec<StudyParameter>,
+    pub companions: Vec<StudyParameter>,
 }
 
 impl StudyGroup {
@@ -65,9 +65,12 @@ fn parameter_text(parameter: &StudyParameter) -> String {
         fields.push(format!("paths: {:?}", parameter.paths));
     }
     fields.push(format!("values: [{}]", parameter.values.join(", ")));
-    if !parameter.with.is_empty() {
-        let lines: Vec<String> =
-            parameter.with.iter().map(|with| format!("                {},\n", parameter_text(with))).collect();
+    if !parameter.companions.is_empty() {
+        let lines: Vec<String> = parameter
+            .companions
+            .iter()
+            .map(|companion| format!("                {},\n", parameter_text(companion)))
+            .collect();
         fields.push(format!("with: [\n{}            ]", lines.concat()));
     }
     format!("({})", fields.join(", "))

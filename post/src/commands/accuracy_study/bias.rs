@@ -172,7 +172,7 @@ pub struct BiasStudy<'a> {
 
 impl<'a> BiasStudy<'a> {
     /// Biases of the settings, which all have the same number of runs, one of them of the reference.
-    pub fn new(all: &'a [SettingRuns]) -> BiasStudy<'a> {
+    pub fn new(setting_runs: &'a [SettingRuns]) -> BiasStudy<'a> {
         let bias =
             |runs: &SettingRuns, k: usize| Bias::new(&runs.runs.iter().map(|run| run.pairs[k]).collect::<Vec<_>>());
         let setting = |runs: &'a SettingRuns| SettingBias {
@@ -180,8 +180,8 @@ impl<'a> BiasStudy<'a> {
             seconds: median(runs.runs.iter().map(|run| run.seconds)),
             biases: std::array::from_fn(|k| bias(runs, k)),
         };
-        let mut study = BiasStudy { settings: all.iter().map(setting).collect(), orders: Vec::new() };
-        let reference_dt = all.iter().find(|runs| runs.is_reference).map_or(f64::NAN, |runs| runs.dt);
+        let mut study = BiasStudy { settings: setting_runs.iter().map(setting).collect(), orders: Vec::new() };
+        let reference_dt = setting_runs.iter().find(|runs| runs.is_reference).map_or(f64::NAN, |runs| runs.dt);
         study.add_orders(reference_dt);
         study.add_reference_errors(reference_dt);
         study
