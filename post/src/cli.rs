@@ -130,12 +130,15 @@ enum Command {
     },
     /// Plots error against run time, from runs of one scene that are compared with the most accurate of them.
     ///
-    /// Reads POSTPRO/series.csv, TIMER.csv, ERRORS.csv and the snapshots of each case.
+    /// Reads POSTPRO/series.csv, TIMER.csv, ERRORS.csv and the snapshots of each case. Of a study with several seeds it
+    /// separates bias from chance, fits orders of convergence, and prints the options of the fastest setting for each of
+    /// the given errors.
     #[command(alias = FORMER_ACCURACY_STUDY)]
     AccuracyStudy {
-        /// Case folders, which are compared with the one with `accuracy: reference`, else with the last; or folders that this
-        /// command has written for several realisations of a scene
-        #[arg(required = true, num_args = 2.., value_name = "DIR")]
+        /// Case folders, which are compared with the one with `accuracy: reference`, else with the last; or study.csv of
+        /// `cd-pre accuracy-study` or `cd-pre study` for all of its cases; or folders that this command has written for
+        /// several realisations of a scene
+        #[arg(required = true, num_args = 1.., value_name = "DIR")]
         dirs: Vec<PathBuf>,
         /// Folder for accuracy.csv, orders.csv and accuracy.svg
         #[arg(short, long, default_value = "accuracy-study", value_name = "DIR")]
@@ -152,6 +155,15 @@ enum Command {
         /// Time, s: positions are compared at the first snapshot after it; default: the first snapshot after the start
         #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         early: Option<f64>,
+        /// Table of `cd-pre study` with the parameters of the case folders
+        #[arg(long, value_name = "study.csv")]
+        parameters: Option<PathBuf>,
+        /// Relative errors for which the fastest setting is recommended; default: 0.03,0.01,0.003
+        #[arg(long, value_delimiter = ',', value_name = "X,...", value_parser = parse_positive)]
+        error: Vec<f64>,
+        /// Observables that shall have these errors, of Z, nu, pressure, a, b, c and energy; default: Z,nu,pressure
+        #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
+        observables: Vec<String>,
         /// Title of the figure
         #[arg(long, value_name = "TEXT", default_value = "Error against time")]
         title: String,
@@ -241,10 +253,31 @@ impl Command {
                 }
                 Ok(summary.notes)
             }
-            Command::AccuracyStudy { dirs, output, groups, values, from, early, title } => {
-                let selected = accuracy_study::AccuracyStudyOptions { groups, values, from: *from, early: *early };
+            Command::AccuracyStudy {
+                dirs,
+                output,
+                groups,
+                values,
+                from,
+                early,
+                parameters,
+                error,
+                observables,
+                title,
+            } => {
+                let (from, early) = (*from, *early);
+                let (parameters, errors) = (parameters.as_deref(), &error[..]);
+                let selected = accuracy_study::AccuracyStudyOptions {
+                    groups,
+                    values,
+                    from,
+                    early,
+                    parameters,
+                    errors,
+                    observables,
+                };
                 let (table, notes) = accuracy_study::write(dirs, &selected, title, output)?;
-                print_line(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
+                print_line(format_args!("cd-post: {table}"));
                 Ok(notes)
             }
         }
@@ -288,8 +321,8 @@ impl Arguments {
     fn check_folders(&self) -> Result<(), Faults> {
         let (dirs, part) = match &self.command {
             Some(Command::Compare { dirs, .. } | Command::Study { dirs, .. } | Command::AccuracyStudy { dirs, .. }) => {
-                let is_table =
-                    |dir: &&Path| matches!(self.command, Some(Command::Study { .. })) && study::is_study_table(dir);
+                let reads_tables = !matches!(self.command, Some(Command::Compare { .. }));
+                let is_table = |dir: &&Path| reads_tables && study::is_study_table(dir);
                 (dirs.iter().map(PathBuf::as_path).filter(|dir| !is_table(dir)).collect(), CaseFolder::Any)
             }
             _ => (Vec::from_iter(self.case_dir()), CaseFolder::Outbox),

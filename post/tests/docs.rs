@@ -74,6 +74,25 @@ fn columns_of_an_accuracy_study() {
 }
 
 #[test]
+fn columns_of_biases() {
+    use cd_post::commands::accuracy_study::{BIAS_COLUMNS, BIAS_ORDER_COLUMNS, RECOMMENDED_COLUMNS, SETTING_COLUMNS};
+    for (heading, columns) in [
+        ("### bias.csv", &BIAS_COLUMNS[..]),
+        ("### bias_orders.csv", &BIAS_ORDER_COLUMNS),
+        ("### settings.csv", &SETTING_COLUMNS),
+        ("### recommended.csv", &RECOMMENDED_COLUMNS),
+    ] {
+        let documented: Vec<[String; 3]> = table("../accuracy-study.md", heading)
+            .into_iter()
+            .map(|row| [row[0].clone(), row[1].clone(), row[2].clone()])
+            .collect();
+        let written: Vec<[String; 3]> =
+            columns.iter().map(|&(name, unit, help)| [name, unit, help].map(str::to_string)).collect();
+        assert_eq!(documented, written);
+    }
+}
+
+#[test]
 fn arrays_of_the_paraview_files() {
     let mut scene = Scene::default();
     scene.grain([0.0; 3], 1.0);

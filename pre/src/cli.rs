@@ -4,13 +4,13 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use cd_formats::command_line::parse_arguments;
-use cd_formats::messages::{print_error, print_line};
+use cd_formats::messages::{parse_number, print_error, print_line};
 use cd_formats::ron_text::nearest_name;
 use clap::{CommandFactory, Parser};
 
 use crate::datbox::write_datbox;
 use crate::pour::{PourRequest, pour_grains, run_solver};
-use crate::{from_outbox, study};
+use crate::{accuracy_study, from_outbox, study};
 
 /// Converts a scene to DATBOX, the input of cd-solve.
 ///
@@ -89,6 +89,29 @@ enum Command {
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
         replicates: Option<u32>,
     },
+    /// Writes a study of the options of a scene that trade speed for accuracy, and a Makefile that runs it.
+    ///
+    /// The study has settings with other time steps, tolerances and presets, and a reference, each with several seeds.
+    /// make -C DIR runs and compares them, and prints the options with which the scene has given errors at the lowest cost;
+    /// docs/reference/accuracy-study.md describes the tables.
+    AccuracyStudy {
+        /// Scene, in RON.
+        #[arg(value_name = "scene.ron")]
+        scene: PathBuf,
+        /// Folder in which study.ron and Makefile are written; default: accuracy-study next to the scene.
+        #[arg(short, long, value_name = "DIR")]
+        output: Option<PathBuf>,
+        /// Number of seeds with which each setting runs; with one, errors have no bars.
+        #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+        replicates: u32,
+        /// Options that are varied, of dt, tol, adaptive, penetration_tol, theta, gravity_error, narrow_phase and accuracy, the
+        /// presets; default: those that have an effect in the scene.
+        #[arg(long, value_delimiter = ',', value_name = "OPTION,...")]
+        options: Vec<String>,
+        /// Time step of the reference, s; default: a quarter of the shortest of the other settings.
+        #[arg(long, value_name = "S", value_parser = parse_number)]
+        reference_dt: Option<f64>,
+    },
 }
 
 /// Definition of the command line, from which manual pages and completions are made.
@@ -123,6 +146,16 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         }
         Some(Command::Study { study, output, set, replicates }) => {
             study::write(&study, &set, replicates, output.as_deref())
+        }
+        Some(Command::AccuracyStudy { scene, output, replicates, options, reference_dt }) => {
+            let folder = scene.parent().unwrap_or(Path::new("")).join("accuracy-study");
+            accuracy_study::write(&accuracy_study::AccuracyStudyRequest {
+                scene: &scene,
+                options: &options,
+                replicates,
+                reference_dt,
+                output: output.as_deref().unwrap_or(&folder),
+            })
         }
         None => {
             let scene = arguments.scene.unwrap_or_default();

@@ -51,7 +51,9 @@
 //! | [`from_outbox`] | a DATBOX from the results of a run |
 //! | [`pour`] | a run that lets grains come to rest, and the DATBOX of the next |
 //! | [`study`] | scenes from a base and parameters |
+//! | [`accuracy_study`] | study of the options of a scene that trade speed for accuracy |
 
+pub mod accuracy_study;
 pub mod attraction;
 pub mod check;
 pub mod cli;

@@ -143,6 +143,13 @@ pub fn needed_replicates(deviation: f64, width: f64) -> Option<u64> {
     Some(enough)
 }
 
+/// Names and values of parameters, as a field of a table; those without a value are left out.
+pub fn parameter_label(parameters: &[(&str, &str)]) -> String {
+    let parts = parameters.iter().filter(|(_, value)| !value.is_empty());
+    let text: Vec<String> = parts.map(|(name, value)| format!("{name} {value}").trim().to_string()).collect();
+    name_field(&text.join("; "))
+}
+
 /// Sets of parameters in the order of their first runs.
 fn replicate_sets<'a>(runs: &'a [Replicate<'a>]) -> Vec<ReplicateSet<'a>> {
     let mut sets: Vec<ReplicateSet> = Vec::new();
@@ -214,9 +221,7 @@ impl ReplicateSet<'_> {
 
     /// Names and values of the parameters, as a field of a table.
     fn label(&self) -> String {
-        let parts = self.parameters.iter().filter(|(_, value)| !value.is_empty());
-        let text: Vec<String> = parts.map(|(name, value)| format!("{name} {value}").trim().to_string()).collect();
-        name_field(&text.join("; "))
+        parameter_label(self.parameters)
     }
 
     /// Difference of the means of quantity `k` from this set to another one, and the name of the test. Runs of equal seeds

@@ -67,19 +67,19 @@ pub struct StudyOptions<'a> {
 }
 
 /// Parameter of a study that numbers the replicates.
-const SEED: &str = "seed";
+pub const SEED: &str = "seed";
 
 /// Quantities of which the summary says how many replicates they need.
 const SUMMARY_QUANTITIES: [&str; 3] = ["Z", "nu", "pressure"];
 
 /// Cases, with the values of their parameters as in the table of a study.
 #[derive(Debug, Default, PartialEq)]
-struct StudyCases {
-    folders: Vec<PathBuf>,
+pub struct StudyCases {
+    pub folders: Vec<PathBuf>,
     /// Names of the parameters, in the order of the tables.
-    names: Vec<String>,
+    pub names: Vec<String>,
     /// Values of the parameters of each case, empty where it has none of that name.
-    values: Vec<Vec<String>>,
+    pub values: Vec<Vec<String>>,
 }
 
 /// Whether a path leads to a table of `cd-pre study` and not to a case.
@@ -89,7 +89,9 @@ pub fn is_study_table(path: &Path) -> bool {
 
 impl StudyCases {
     /// Cases of the folders and tables of a command line; `parameters`: table with the parameters of the folders.
-    fn new(paths: &[PathBuf], parameters: Option<&Path>) -> Result<StudyCases, Faults> {
+    ///
+    /// Errors: tables that cannot be read, and folders that are not in the table of the parameters.
+    pub fn new(paths: &[PathBuf], parameters: Option<&Path>) -> Result<StudyCases, Faults> {
         let mut faults = Faults::default();
         let mut all = StudyCases::default();
         let known = parameters.and_then(|path| faults.gather_result(StudyCases::read(path)));

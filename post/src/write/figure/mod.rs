@@ -39,6 +39,15 @@ pub enum CurveMarks {
     Fit,
     /// Dots with the name next to them, not in the legend.
     Named,
+    /// Thin lines in the colour of the curve before it, whose points they are the errors of; not in the legend.
+    ErrorBars,
+}
+
+impl CurveMarks {
+    /// Whether the legend has an entry.
+    fn is_listed(self) -> bool {
+        !matches!(self, CurveMarks::Named | CurveMarks::ErrorBars)
+    }
 }
 
 impl Curve {
@@ -263,7 +272,7 @@ impl Figure {
 
     /// Entries of the legend: number and name of each curve.
     fn legend_entries(&self) -> Vec<(usize, String)> {
-        let listed = self.curves.iter().enumerate().filter(|(_, curve)| curve.marks != CurveMarks::Named);
+        let listed = self.curves.iter().enumerate().filter(|(_, curve)| curve.marks.is_listed());
         let all_points = || self.curves.iter().flat_map(|curve| &curve.points);
         let (smallest_x, smallest_y) =
             (smallest_shown(&self.x, all_points().map(|p| p.0)), smallest_shown(&self.y, all_points().map(|p| p.1)));
@@ -301,6 +310,10 @@ impl Figure {
         match self.curves[k].marks {
             CurveMarks::Expected => CurveStyle { colour: GREY, width: 1, repeat: 0 },
             CurveMarks::Named => CurveStyle { colour: INK, width: 1, repeat: 0 },
+            CurveMarks::ErrorBars if k > 0 && self.curves[k - 1].marks == CurveMarks::Named => {
+                CurveStyle { colour: INK, width: 1, repeat: 0 }
+            }
+            CurveMarks::ErrorBars => CurveStyle { repeat: 0, ..style(before.saturating_sub(1), 1) },
             CurveMarks::Fit => style(before.saturating_sub(1), 1),
             CurveMarks::Line | CurveMarks::Dots => style(before, (2 + 2 * after as u32).min(widest)),
         }
@@ -321,7 +334,7 @@ impl Figure {
                 area.draw(&PathElement::new([(left + from, y), (left + to, y)], colour.stroke_width(width)))
             };
             match (marks, dash_pattern(repeat)) {
-                (CurveMarks::Named, _) => {}
+                (CurveMarks::Named | CurveMarks::ErrorBars, _) => {}
                 (CurveMarks::Dots, _) => area.draw(&draw_dot((left + 10, y), 4, colour, repeat))?,
                 (_, None) => stroke(0, 20)?,
                 (_, Some((dash, gap))) => {

@@ -1,4 +1,4 @@
-//! `cd-post accuracy-study`: errors of the runs of one scene relative to the finest of them, and their cost.
+//! Errors of the runs of one scene relative to the finest of them, and their tables and figure.
 
 use std::path::{Path, PathBuf};
 
@@ -8,6 +8,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::names::rounded_number;
 use cd_formats::snapshot::Snapshot;
 
+use crate::commands::accuracy_study::bias::{MeanPair, OBSERVABLES};
 use crate::derive::SeriesValue;
 use crate::math::{FittedLine, median};
 use crate::snapshots::list_snapshots;
@@ -92,13 +93,15 @@ impl SnapshotMeans {
 }
 
 /// Measured values of a run, before the comparison.
-struct MeasuredRun {
-    case: PathBuf,
-    name: String,
+pub struct MeasuredRun {
+    pub case: PathBuf,
+    pub name: String,
     group: String,
     /// Value of the option that the group varies.
     value: f64,
     accuracy: Option<Accuracy>,
+    /// Time step, s; NaN if the snapshot does not contain it.
+    dt: f64,
     /// Time of all stages of all steps, s.
     seconds: f64,
     /// Snapshots, in the order of the series.
@@ -113,17 +116,23 @@ struct MeasuredRun {
 
 /// Errors of a run against the finest.
 #[derive(Debug, Clone, PartialEq)]
-struct RunErrors {
-    name: String,
-    group: String,
-    row: ErrorRow,
+pub struct RunErrors {
+    pub name: String,
+    pub group: String,
+    pub row: ErrorRow,
+    /// Means of [`OBSERVABLES`] and their differences from the finest; undefined in a table.
+    pub pairs: [MeanPair; OBSERVABLES.len()],
+    /// Time step, s; NaN in a table.
+    pub dt: f64,
+    /// Whether the run has `accuracy: reference`; not known from a table.
+    pub is_reference: bool,
 }
 
 /// Values of a run, one for each of [`COLUMNS`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct ErrorRow {
-    value: f64,
-    seconds: f64,
+pub struct ErrorRow {
+    pub value: f64,
+    pub seconds: f64,
     z: f64,
     nu: f64,
     pressure: f64,
@@ -198,28 +207,35 @@ pub struct AccuracyStudyOptions<'a> {
     pub from: Option<f64>,
     /// Positions are compared at the first snapshot from this time on, s; without it, at the first after the start.
     pub early: Option<f64>,
+    /// Table of `cd-pre study` with the parameters of the cases.
+    pub parameters: Option<&'a Path>,
+    /// Relative errors for which settings are recommended; empty for 3 %, 1 % and 0.3 %.
+    pub errors: &'a [f64],
+    /// Observables that shall have these errors, of [`OBSERVABLES`]; empty for Z, nu and pressure.
+    pub observables: &'a [String],
 }
 
-/// Compares cases, or outputs of this command for several realisations of a scene, and writes accuracy.csv, orders.csv
-/// and accuracy.svg with this title. Returns the table as text, and messages for the user. Errors: tables or snapshots that
-/// are missing or cannot be compared.
-pub fn write(
+/// Compares cases, or outputs of this command for several realisations of a scene. Also returns a description of the errors.
+///
+/// Errors: tables or snapshots that are missing or cannot be compared.
+pub fn compare_folders(
     folders: &[PathBuf],
     selection: &AccuracyStudyOptions,
-    title: &str,
-    output: &Path,
-) -> Result<(String, Vec<String>), Faults> {
+) -> Result<(Vec<RunErrors>, String), Faults> {
     let are_realisations = folders.iter().any(|folder| existing_table(folder).exists());
-    let (compared, errors) =
-        if are_realisations { compare_realisations(folders, selection)? } else { compare_runs(folders, selection)? };
+    if are_realisations { compare_realisations(folders, selection) } else { compare_runs(folders, selection) }
+}
+
+/// Writes accuracy.csv, orders.csv and accuracy.svg with this title. Returns messages for the user.
+pub fn write_errors(compared: &[RunErrors], title: &str, output: &Path) -> Result<Vec<String>, Faults> {
     // The finest has no error.
     let has_error = |run: &&RunErrors| run.row.positions != 0.0 || run.row.worst != 0.0;
     let others: Vec<RunErrors> = compared.iter().filter(has_error).cloned().collect();
-    atomic::write(&table_path(output), table_text(&compared).as_bytes())?;
+    atomic::write(&table_path(output), table_text(compared).as_bytes())?;
     atomic::write(&output.join("orders.csv"), order_table(&others).as_bytes())?;
     let figure = error_figure(&others, title);
     atomic::write(&output.join("accuracy.svg"), figure.to_svg().as_bytes())?;
-    Ok((summary_text(&compared, &errors), figure.repeated_style_warning().into_iter().collect()))
+    Ok(figure.repeated_style_warning().into_iter().collect())
 }
 
 fn table_path(folder: &Path) -> PathBuf {
@@ -232,10 +248,10 @@ fn existing_table(folder: &Path) -> PathBuf {
     if !table_path(folder).exists() && former.exists() { former } else { table_path(folder) }
 }
 
-/// Compares each case, measured from its series.csv, TIMER.csv, ERRORS.csv and snapshots, with the finest: the one of
-/// `accuracy: reference`, else the last. Also returns a description of the errors.
+/// Compares each case with the finest: the one of `accuracy: reference`, else the last. Also returns a description of the
+/// errors.
 fn compare_runs(cases: &[PathBuf], selection: &AccuracyStudyOptions) -> Result<(Vec<RunErrors>, String), Faults> {
-    let &AccuracyStudyOptions { groups, values, from, early } = selection;
+    let &AccuracyStudyOptions { groups, values, .. } = selection;
     let mut faults = Faults::default();
     for (name, count) in [("--groups", groups.len()), ("--values", values.len())] {
         if count != 0 && count != cases.len() {
@@ -252,12 +268,25 @@ fn compare_runs(cases: &[PathBuf], selection: &AccuracyStudyOptions) -> Result<(
     };
     let runs: Vec<MeasuredRun> = cases.iter().enumerate().filter_map(measured_run).collect();
     faults.into_result(())?;
-    let finest = runs.iter().position(|run| run.accuracy == Some(Accuracy::Reference)).unwrap_or(runs.len() - 1);
-    let exact = ReferenceRun::new(&runs[finest], from, early)?;
+    let finest = reference_index(&runs).unwrap_or(runs.len() - 1);
+    Ok((compare_with(&runs, finest, selection)?, format!("errors against {}", runs[finest].name)))
+}
+
+/// Index of the run of `accuracy: reference`, if there is one.
+pub fn reference_index(runs: &[MeasuredRun]) -> Option<usize> {
+    runs.iter().position(|run| run.accuracy == Some(Accuracy::Reference))
+}
+
+/// Compares runs with the one at the index `finest`.
+pub fn compare_with(
+    runs: &[MeasuredRun],
+    finest: usize,
+    selection: &AccuracyStudyOptions,
+) -> Result<Vec<RunErrors>, Faults> {
+    let exact = ReferenceRun::new(&runs[finest], selection.from, selection.early)?;
     let mut faults = Faults::default();
     let compared: Vec<RunErrors> = runs.iter().filter_map(|run| faults.gather_result(exact.compare_run(run))).collect();
-    faults.into_result(())?;
-    Ok((compared, format!("errors against {}", runs[finest].name)))
+    faults.into_result(compared)
 }
 
 /// Compares realisations with the same runs in each: errors become root mean squares, seconds means.
@@ -266,7 +295,7 @@ fn compare_realisations(
     selection: &AccuracyStudyOptions,
 ) -> Result<(Vec<RunErrors>, String), Faults> {
     let mut faults = Faults::default();
-    let AccuracyStudyOptions { groups, values, from, early } = selection;
+    let AccuracyStudyOptions { groups, values, from, early, .. } = selection;
     if !groups.is_empty() || !values.is_empty() || from.is_some() || early.is_some() {
         let found = "--groups, --values, --from or --early with folders that this command has written";
         faults.push(Fault::new(Path::new("options"), None, "accuracy-study", found, "expected --title and -o alone"));
@@ -295,7 +324,17 @@ fn read_table(path: &Path) -> Result<Vec<RunErrors>, Faults> {
         let [name, group] = [(); 2].map(|()| fields.next().unwrap_or_default().to_string());
         let value = |field: &str| if field.is_empty() { Some(f64::NAN) } else { field.parse().ok() };
         match fields.map(value).collect::<Option<Vec<f64>>>().and_then(|values| values.try_into().ok()) {
-            Some(columns) => runs.push(RunErrors { name, group, row: ErrorRow::from_columns(columns) }),
+            Some(columns) => {
+                let row = ErrorRow::from_columns(columns);
+                runs.push(RunErrors {
+                    name,
+                    group,
+                    row,
+                    pairs: [MeanPair::UNDEFINED; OBSERVABLES.len()],
+                    dt: f64::NAN,
+                    is_reference: false,
+                });
+            }
             None => faults.push(Fault::new(path, Some(number), "row", line, "expected a name, a group and numbers")),
         }
     }
@@ -304,7 +343,7 @@ fn read_table(path: &Path) -> Result<Vec<RunErrors>, Faults> {
 
 /// Root mean square of each error over the realisations, and mean of the seconds; value and order of the runs are taken
 /// from the first realisation.
-fn average_realisations(folders: &[PathBuf], realisations: &[Vec<RunErrors>]) -> Result<Vec<RunErrors>, Faults> {
+pub fn average_realisations(folders: &[PathBuf], realisations: &[Vec<RunErrors>]) -> Result<Vec<RunErrors>, Faults> {
     let mut faults = Faults::default();
     let mismatch_fault = |folder: &Path, found: String| {
         let expected = format!("expected the runs of {}", folders[0].display());
@@ -345,8 +384,8 @@ fn series_path(case: &Path) -> PathBuf {
     case.join("POSTPRO/series.csv")
 }
 
-/// Measures a case from its files.
-fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<MeasuredRun, Faults> {
+/// Measures a case from its series.csv, TIMER.csv, ERRORS.csv and snapshots.
+pub fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<MeasuredRun, Faults> {
     let energies = ["n_grains", "Ec_mean", "E_grav", "E_uniform", "E_fields"];
     let shown = ["Z_interval", "nu", "pressure_interval", "a", "b", "c", "bed_nu", "bed_pressure_interval"];
     let series =
@@ -371,6 +410,7 @@ fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<M
         group,
         value,
         accuracy: last.meta.parameters.accuracy,
+        dt: last.meta.options.get("dt").and_then(|dt| dt.parse().ok()).unwrap_or(f64::NAN),
         seconds,
         observed: (0..series["time"].len()).map(snapshot_means).collect(),
         estimated: estimated_error(&case.join("ERRORS.csv"))?,
@@ -503,26 +543,24 @@ impl ReferenceRun<'_> {
             let values = compared_pairs.iter().map(|(found, exact)| (value(found), value(exact)));
             values.filter(|(found, exact)| found.is_finite() && exact.is_finite()).collect::<Vec<_>>()
         };
-        let relative_error_of_mean = |value: &dyn Fn(&Observables) -> f64| {
-            let [error, sum] = values_of(value).into_iter().fold([0.0; 2], |[error, sum], (found, exact)| {
-                [error + (found - exact), sum + exact] // both divided by the number of them
-            });
-            (error / sum).abs()
+        let mean_pair = |value: &dyn Fn(&Observables) -> f64| {
+            let values = values_of(value);
+            let [error, sum] =
+                values.iter().fold([0.0; 2], |[error, sum], (found, exact)| [error + (found - exact), sum + exact]);
+            let count = values.len() as f64;
+            MeanPair { difference: error / count, exact: sum / count }
         };
         let median_error = |value: &dyn Fn(&Observables) -> f64| {
             let error = median(values_of(value).iter().map(|(found, exact)| (found - exact).abs()));
             error / median(values_of(value).iter().map(|(_, exact)| exact.abs()))
         };
-        let (bed_nu, bed_pressure) =
-            (relative_error_of_mean(&|o| o.bed_nu), relative_error_of_mean(&|o| o.bed_pressure));
+        let bed: [MeanPair; 2] = [mean_pair(&|o| o.bed_nu), mean_pair(&|o| o.bed_pressure)];
         // The ball around a bed depends on its highest grain: use the means of the bed.
-        let is_bed = bed_nu.is_finite() && bed_pressure.is_finite();
-        let [nu, pressure] = if is_bed {
-            [bed_nu, bed_pressure]
-        } else {
-            [relative_error_of_mean(&|o| o.nu), relative_error_of_mean(&|o| o.pressure)]
-        };
-        let z = relative_error_of_mean(&|o| o.z);
+        let is_bed = bed.iter().all(|pair| pair.relative_error().is_finite());
+        let [nu, pressure] = if is_bed { bed } else { [mean_pair(&|o| o.nu), mean_pair(&|o| o.pressure)] };
+        let [a, b, c] = [0, 1, 2].map(|k| mean_pair(&|o| o.semi_axes[k]));
+        let pairs = [mean_pair(&|o| o.z), nu, pressure, a, b, c, mean_pair(&|o| o.energy)];
+        let [z, nu, pressure, a, b, c, energy] = pairs.map(|pair| pair.relative_error());
         let pressure_single = median_error(&|o| if is_bed { o.bed_pressure } else { o.pressure });
         let positions_early = match &self.early {
             Some(exact) => early_positions(&run.case, exact.time)?
@@ -537,8 +575,8 @@ impl ReferenceRun<'_> {
             z,
             nu,
             pressure,
-            semi_axes: [0, 1, 2].map(|k| relative_error_of_mean(&|o| o.semi_axes[k])),
-            energy: relative_error_of_mean(&|o| o.energy),
+            semi_axes: [a, b, c],
+            energy,
             positions_early,
             positions,
             worst,
@@ -546,7 +584,8 @@ impl ReferenceRun<'_> {
             estimated: run.estimated,
             single_over_estimated: pressure_single / run.estimated,
         };
-        Ok(RunErrors { name: run.name.clone(), group: run.group.clone(), row })
+        let is_reference = run.accuracy == Some(Accuracy::Reference);
+        Ok(RunErrors { name: run.name.clone(), group: run.group.clone(), row, pairs, dt: run.dt, is_reference })
     }
 }
 
@@ -633,7 +672,7 @@ fn error_figure(runs: &[RunErrors], title: &str) -> Figure {
 }
 
 /// Short table for the terminal; `errors`: description of the errors.
-fn summary_text(runs: &[RunErrors], errors: &str) -> String {
+pub fn summary_text(runs: &[RunErrors], errors: &str) -> String {
     let shown: [(&str, ErrorValue); 7] = [
         ("seconds", |row| row.seconds),
         ("Z", |row| row.z),
@@ -670,7 +709,15 @@ mod tests {
     fn run(group: &str, value: f64, seconds: f64, error: f64) -> RunErrors {
         let undefined = ErrorRow::from_columns([f64::NAN; COLUMNS.len()]);
         let row = ErrorRow { value, seconds, worst: error, positions_early: error * error, ..undefined };
-        RunErrors { name: format!("{group}{value}"), group: group.into(), row }
+        let pairs = [MeanPair::UNDEFINED; OBSERVABLES.len()];
+        RunErrors {
+            name: format!("{group}{value}"),
+            group: group.into(),
+            row,
+            pairs,
+            dt: f64::NAN,
+            is_reference: false,
+        }
     }
 
     #[test]
@@ -774,6 +821,7 @@ mod tests {
             group: String::new(),
             value: f64::NAN,
             accuracy: None,
+            dt: f64::NAN,
             seconds: 1.0,
             observed: vec![SnapshotMeans { time, interval: 0.5, observables: observables(4.0, pressure) }],
             estimated: 0.01,
