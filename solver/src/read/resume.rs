@@ -566,6 +566,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     state.ledger = meta.ledger;
     state.postpro = meta.postpro;
     state.rest_since = meta.rest_since;
+    state.accuracy_control = meta.accuracy_control;
     state.primary_response = state.primary_response.map(|initial| meta.primary_response.unwrap_or(initial));
     state.bodies_entered = meta.bodies_entered;
     state.cell = meta.cell.or(state.cell);
