@@ -13,7 +13,7 @@
 
 use cd_formats::accuracy::{AccuracyControl, ChosenOptions, TargetErrors};
 use cd_formats::compute::{Adaptive, Compute, ContactSolver};
-use cd_formats::names::{count_text, rounded_number};
+use cd_formats::names::{count_text, short_number};
 
 use crate::laws::ContactLaw;
 use crate::scene::Scene;
@@ -65,7 +65,7 @@ const Z_MULTIPLE_EXPONENT: f64 = 1.26;
 
 /// Ranges of the chosen options. Above, errors were not measured; below, nothing is gained.
 const TOL_RANGE: [f64; 2] = [1e-3, 0.2];
-const PENETRATION_RANGE: [f64; 2] = [1e-4, 2e-2];
+const PENETRATION_RANGE: [f64; 2] = [1e-6, 2e-2];
 const PENETRATION_TOL_RANGE: [f64; 2] = [5e-5, 1e-2];
 const GRAVITY_ERROR_RANGE: [f64; 2] = [1e-5, 3e-2];
 
@@ -316,7 +316,7 @@ pub fn chosen_text(options: &Compute) -> String {
     let adaptive = options.adaptive();
     let [tol, penetration_tol, gravity_error, travel, penetration] =
         [options.tol(), options.penetration_tol(), options.gravity_error(), adaptive.travel, adaptive.penetration]
-            .map(rounded_number);
+            .map(short_number);
     let gravity = if options.self_gravity { format!(", gravity_error {gravity_error}") } else { String::new() };
     format!(
         "tol {tol}, penetration_tol {penetration_tol}, adaptive with travel {travel} and penetration {penetration}{gravity}"

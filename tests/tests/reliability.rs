@@ -278,6 +278,8 @@ fn a_snapshot_that_lacks_what_its_laws_need_is_not_resumed() {
         reject(&|s| s.meta.time = time, "meta, time: ");
     }
     reject(&|s| s.bodies.body_x[0][0] = 1e308, "expected numbers below 1e100");
+    let no_choice = cd_formats::accuracy::AccuracyControl::default();
+    reject(&|s| s.meta.accuracy_control = Some(no_choice), "meta, accuracy_control, tol: ");
     assert_eq!(case.solve(&["--resume"]), 0);
 }
 

@@ -323,6 +323,14 @@ fn check_completeness(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result
         let expected = format!("expected {} s, which step {} reaches", number_text(time), meta.step);
         expect_meta(is_reached, "time", meta.time, expected);
     }
+    if let Some(control) = &meta.accuracy_control {
+        for (name, value) in
+            [("tol", control.tol), ("penetration", control.penetration), ("gravity_error", control.gravity_error)]
+        {
+            let name = format!("accuracy_control, {name}");
+            expect_meta(value > 0.0 && value < 1.0, &name, value, "expected more than 0 and less than 1".into());
+        }
+    }
     faults.into_result(())
 }
 
