@@ -111,7 +111,7 @@ pub struct TargetErrors {
 }
 
 impl TargetErrors {
-    /// Smallest and largest target that is accepted: below, chance prevails in any run; above, no digit is right.
+    /// Smallest and largest target that is accepted: below, chance usually prevails; above, a mean says little.
     pub const RANGE: [f64; 2] = [1e-4, 0.3];
 
     /// Names of the observables, in the order of [`Self::values`].

@@ -1,5 +1,5 @@
-//! Choice of options for `target_error`: the run starts with values for which the target was reached in the scenes of
-//! `examples/accuracy-study`, and adapts them to the errors that it measures.
+//! Choice of options for `target_error`: the run starts with values that were fitted to the scenes which
+//! `docs/explanation/accuracy.md` lists under target errors, and adapts them to the errors that it measures.
 //!
 //! - Now and then a step is also solved to a much smaller residual, from the same state. The differences in the number of
 //!   contacts that carry force and in Σ f·l are the errors of Z and pressure by `tol`, which is adapted to them. Comparisons
@@ -32,8 +32,8 @@ struct StepError {
     exponent: f64,
 }
 
-/// Errors by the length of steps of z, nu, pressure, semi_axes and energy, upper values of the scenes of
-/// `examples/accuracy-study`.
+/// Errors by the length of steps of z, nu, pressure, semi_axes and energy, fitted to the larger biases of these scenes; single
+/// scenes exceed them.
 const STEP_ERRORS: [StepError; 5] = [
     StepError { error: 3.5e-2, exponent: 0.6 },
     StepError { error: 3.5e-2, exponent: 0.8 },
