@@ -322,3 +322,39 @@ pub fn chosen_text(options: &Compute) -> String {
         "tol {tol}, penetration_tol {penetration_tol}, adaptive with travel {travel} and penetration {penetration}{gravity}"
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Control after ten comparisons in which the virial erred by `error`, with a `tol` of 0.01.
+    fn control_with_error(error: f64) -> AccuracyControl {
+        let mut control = AccuracyControl { tol: 0.01, ..AccuracyControl::default() };
+        (0..10).for_each(|_| control.virial_error.add(error));
+        control
+    }
+
+    #[test]
+    fn tol_follows_the_measured_error() {
+        let targets = TargetErrors { pressure: Some(0.02), ..TargetErrors::default() };
+        // Half of the target is the share of unconverged solutions.
+        let cases = [(0.002, 0.02), (0.008, 0.01), (-0.0125, 0.0064), (0.1, 0.0025)];
+        for (error, expected) in cases {
+            let tol = adapted_tol(&targets, &control_with_error(error));
+            assert!((tol - expected).abs() < 1e-12, "{error}: {tol}");
+        }
+        // Z has no target, so that its error does not count.
+        let mut control = control_with_error(0.008);
+        (0..10).for_each(|_| control.contacts_excess.add(0.5));
+        assert_eq!(adapted_tol(&targets, &control), 0.01);
+    }
+
+    #[test]
+    fn tol_stays_in_its_range() {
+        let targets = TargetErrors { pressure: Some(0.02), ..TargetErrors::default() };
+        for (tol, error, expected) in [(1.1e-3, 1.0, TOL_RANGE[0]), (0.15, 0.0, TOL_RANGE[1])] {
+            let control = AccuracyControl { tol, ..control_with_error(error) };
+            assert_eq!(adapted_tol(&targets, &control), expected);
+        }
+    }
+}

@@ -75,8 +75,9 @@ fn contact_time_limit(scene: &Scene, state: &State, solved: &SolvedContact) -> f
     let gap = (contact.gap + theta * state.h * velocity.x).max(0.0);
     let travel = (adaptive.travel * radius + 0.5 * gap) / velocity.norm();
     // Velocities of the step's start move bodies for (1-θ) h to the contact configuration; at least 0.1, so that
-    // θ = 1 keeps a limit.
-    let approach_speed = (-velocity.x).max(0.0) * (1.0 - theta).max(0.1);
+    // θ = 1 keeps a limit. `f64::max` of -0 and 0 may be either, and a distance over -0 is -∞.
+    let closing_velocity = if velocity.x < 0.0 { -velocity.x } else { 0.0 };
+    let approach_speed = closing_velocity * (1.0 - theta).max(0.1);
     travel.min((adaptive.penetration * radius + gap) / approach_speed)
 }
 

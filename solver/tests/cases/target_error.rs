@@ -41,7 +41,8 @@ fn a_resumed_run_and_other_threads_make_the_same_choices() {
     }
 }
 
-/// A smaller target is reached by smaller steps and residuals, at a larger cost.
+/// A smaller target is reached by smaller steps and more sweeps. `tol` itself may end larger: shorter steps leave smaller errors
+/// at the same residual.
 #[test]
 fn a_smaller_target_takes_more_sweeps() {
     let runs = [0.1, 0.02, 0.005].map(|error| {
@@ -49,13 +50,11 @@ fn a_smaller_target_takes_more_sweeps() {
         case.write();
         assert_eq!(case.solve(&["--threads", "1"]), 0);
         let control = last_control(&case);
-        (control.penetration, control.tol, case.column("time").len(), control.step_sweeps)
+        (control.penetration, case.column("time").len(), control.step_sweeps)
     });
     for pair in runs.windows(2) {
-        let [(penetration, tol, steps, sweeps), (next_penetration, next_tol, next_steps, next_sweeps)] =
-            [pair[0], pair[1]];
-        assert!(next_penetration < penetration && next_tol < tol, "{runs:?}");
-        assert!(next_steps > steps && next_sweeps > sweeps, "{runs:?}");
+        let [(penetration, steps, sweeps), (next_penetration, next_steps, next_sweeps)] = [pair[0], pair[1]];
+        assert!(next_penetration < penetration && next_steps > steps && next_sweeps > sweeps, "{runs:?}");
     }
 }
 
