@@ -11,6 +11,8 @@ pub enum AcceptedDeviation {
     OutsideLine,
     /// Comment whose `!` or `#` is not in column 1.
     IndentedComment,
+    /// Comment behind the values of a line.
+    TrailingComment,
     /// Number of the step or time not in its columns.
     ShiftedHead,
     /// Body whose number is not its position.
@@ -52,6 +54,9 @@ impl AcceptedDeviation {
                     count_text(count, "line"),
                     if one { "begins" } else { "begin" }
                 )
+            }
+            AcceptedDeviation::TrailingComment => {
+                format!("{} behind a blank and ! {are} skipped", count_text(count, "comment"))
             }
             AcceptedDeviation::UnsortedTable => format!(
                 "{} {} a table whose times do not increase; its lines are taken by increasing time, in LMGC90 in their order",

@@ -242,6 +242,8 @@ impl<'a> LineScanner<'a> {
         let indented_comments: BTreeSet<usize> = indented.collect();
         let mut forms = AcceptedDeviations::default();
         indented_comments.iter().for_each(|&line| forms.add(AcceptedDeviation::IndentedComment, line));
+        let commented = lines.iter().filter(|line| line.width_before_comment < line.text.len());
+        commented.for_each(|line| forms.add(AcceptedDeviation::TrailingComment, line.number));
         let last = lines.last().map_or(1, |line| line.number);
         let (object, faults) = ("file".into(), Faults::default());
         LineScanner { path, lines, next: 0, last, object, faults, omitted_faults: None, forms, indented_comments }

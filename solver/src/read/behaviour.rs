@@ -158,6 +158,7 @@ fn set_laws(
         (0..tact.laws.len()).filter(|&k| !is_checked[k] && tact.laws[k].model().is_err()).map(|k| &tact.laws[k]),
     );
     scene.notes.extend(uncomputed_laws_note(&uncomputed_laws));
+    scene.notes.extend(unnamed_laws_note(tact));
     faults.0.extend(tact.check_laws(file, |row| contactors.can_meet(row)).0);
     scene.notes.extend(rows_without_law_note(tact, contactors));
     scene.notes.extend(idle_rows_notes(tact, contactors));
@@ -239,6 +240,20 @@ fn uncomputed_pair(names: [&str; 2]) -> Option<&'static str> {
         }
         _ => None,
     }
+}
+
+/// Note about laws that could be computed, but that no row of the table names.
+fn unnamed_laws_note(tact: &TactBehav) -> Option<String> {
+    let is_named = |law: &LawRecord| tact.visibility.iter().any(|row| row.law == law.nickname);
+    let laws: Vec<&LawRecord> = tact.laws.iter().filter(|law| !is_named(law) && law.model().is_ok()).collect();
+    let names: Vec<String> = laws.iter().map(|law| format!("{} ({})", law.nickname, law.kind)).collect();
+    let are = if laws.len() == 1 { "is" } else { "are" };
+    Some(format!(
+        "TACT_BEHAV.DAT:{}: {} {are} in no visibility row: {}",
+        laws.first()?.line,
+        count_text(laws.len(), "law"),
+        names.join(", ")
+    ))
 }
 
 /// Note about laws that are not computed and that no contact needs.

@@ -52,9 +52,9 @@ impl<'a> FolderReader<'a> {
     }
 
     /// Value of a file that `parse` gets as a text, or the default if there is none.
-    pub fn read_optional<T: Default>(&mut self, name: &str, parse: Parser<T>) -> Option<T> {
+    pub fn read_optional<T: Default>(&mut self, name: &str, parse: Parser<T>, notice: &str) -> Option<T> {
         let read = |path: &Path| AsciiText::read_file(path).and_then(|text| parse(path, &text));
-        self.read_optional_file(name, read, None)
+        self.read_optional_file(name, read, Some(notice))
     }
 
     /// Value of a file, or the default if there is none; `notice`: notice about the default, if it is not expected.

@@ -65,10 +65,14 @@ impl DatboxFiles {
         let (mut files, bodies) = FolderReader::new(datbox)?;
         let bulk = files.read("BULK_BEHAV.DAT", BulkBehav::parse_with_notices);
         let tact = files.read("TACT_BEHAV.DAT", TactBehav::parse_with_notices);
-        let driven = files.read_optional("DRV_DOF.DAT", DrvDof::parse_with_notices);
+        let driven = files.read_optional("DRV_DOF.DAT", DrvDof::parse_with_notices, "no motion or load is imposed");
         let at_rest = Some("all bodies are at rest at step 0, time 0, with the positions and axes of BODIES.DAT");
         let dof = files.read_optional_file("DOF.INI", Dof::read_with_notices, at_rest);
-        let history = files.read_optional("Vloc_Rloc.INI", VlocRloc::parse_with_notices);
+        let history = files.read_optional(
+            "Vloc_Rloc.INI",
+            VlocRloc::parse_with_notices,
+            "no contacts are known from an earlier step",
+        );
         faults.0.append(&mut files.faults.0);
         let notices = files.notices;
         match (options, bulk, tact, bodies, driven, dof, history) {

@@ -95,7 +95,7 @@ fn forms_that_lmgc90_reads_give_its_force() {
             "unknown-law-without-row",
             &["TACT_BEHAV.DAT:5: 1 law is not computed: mac01 (IQS_BW_CLB); no contact needs it"],
         ),
-        ("wire-without-row", &[]),
+        ("wire-without-row", &["TACT_BEHAV.DAT:5: 1 law is in no visibility row: wire0 (ELASTIC_WIRE)"]),
         ("contactor-number-over-all", &["Vloc_Rloc.INI:2: 1 contact is numbered over the contactors of all bodies"]),
         ("point", &["BODIES.DAT:11: 1 PT3Dx carries nothing: no row of TACT_BEHAV.DAT joins it by wires or rods"]),
     ] {
@@ -136,11 +136,12 @@ fn what_no_record_and_no_contact_has_is_skipped() {
 #[test]
 fn files_may_be_absent() {
     let case = folder("base");
+    let contacts = "Vloc_Rloc.INI: absent; no contacts are known from an earlier step";
     fs::remove_file(file(&case, "Vloc_Rloc.INI")).unwrap();
-    weighs(runs(&case, &[]), SPHERE_WEIGHT, 1);
+    weighs(runs(&case, &[contacts]), SPHERE_WEIGHT, 1);
+    let motion = "DOF.INI: absent; all bodies are at rest at step 0, time 0, with the positions and axes of BODIES.DAT";
     fs::remove_file(file(&case, "DOF.INI")).unwrap();
-    let notice = "DOF.INI: absent; all bodies are at rest at step 0, time 0, with the positions and axes of BODIES.DAT";
-    weighs(runs(&case, &[notice]), SPHERE_WEIGHT, 1);
+    weighs(runs(&case, &[motion, contacts]), SPHERE_WEIGHT, 1);
     // A shape in its principal axes has no direction without them.
     let case = folder("patches");
     fs::remove_file(file(&case, "DOF.INI")).unwrap();
@@ -154,6 +155,16 @@ fn files_may_be_absent() {
         &["CASE/DATBOX/DOF.INI: file: absent, and body 2 is given in its principal axes; \
            expected the directions of these axes, a, b, g"],
     );
+}
+
+#[test]
+fn comments_behind_values_are_skipped() {
+    let case = folder("base");
+    edit(&case, "TACT_BEHAV.DAT", |text| text.replace("01\n", "01 ! mu\n"));
+    let text = fs::read_to_string(file(&case, "TACT_BEHAV.DAT")).unwrap();
+    let line = text.lines().position(|line| line.ends_with(" ! mu")).unwrap() + 1;
+    let notice = format!("TACT_BEHAV.DAT:{line}: 1 comment behind a blank and ! is skipped");
+    weighs(runs(&case, &[&notice]), SPHERE_WEIGHT, 1);
 }
 
 #[test]
