@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 pub use crate::accuracy::{Accuracy, Adaptive};
 use crate::deforming_cell::CellControl;
 use crate::error::Faults;
+use crate::hollow_radius::{RadiusControl, check_radii};
 use crate::messages::parse_number;
 use crate::names::{number_text, rounded_number};
 use crate::orbit::OrbitSpec;
@@ -464,6 +465,9 @@ options! {
     /// Deformation of a cell with three periods, such as (z: Stress(value: 1e3, gain: 0.1), shear_xz: 1.0): rates of the logarithmic strain or stresses that are held along x, y and z, and shear rates. Default: the cell keeps its shape.
     #[serde(skip_serializing_if = "Option::is_none")]
     cell: Option<CellControl> = None, CellControl, [value_name = "RON"];
+    /// Radii of hollow cylinders that change, such as [(body: 7, control: Stress(value: 1e3, gain: 0.1))]: rates of the logarithm of the radius, or pressures on the inside that are held. Default: they are constant.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    radii: Vec<RadiusControl> = Vec::new(), RadiusControls, [value_name = "RON"];
     /// Newtonian attraction between all free bodies.
     self_gravity: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Summation of self-gravity. direct: every pair; fmm: fast multipole method; auto: the faster of the two.
@@ -519,6 +523,8 @@ pub type Events = FlagList<Event>;
 pub type Fields = FlagList<ExternalField>;
 /// Probes of a run.
 pub type Probes = FlagList<Probe>;
+/// Controls of the radii of hollow cylinders.
+pub type RadiusControls = FlagList<RadiusControl>;
 /// Sinks of a run.
 pub type Sinks = FlagList<Sink>;
 /// Sources of a run.
@@ -558,7 +564,8 @@ impl Compute {
     /// `probes`, `threads` and `text`. Options of [`OPTIONS_WRITTEN_IF_GIVEN`] are included only if they are given.
     pub fn result_options(&self) -> BTreeMap<String, String> {
         const OPTIONS_OUTSIDE_RESULTS: [&str; 6] = ["steps", "end_time", "until", "probes", "threads", "text"];
-        let is_written = |name: &str, value: &str| value != NO_VALUE || !OPTIONS_WRITTEN_IF_GIVEN.contains(&name);
+        let is_written =
+            |name: &str, value: &str| ![NO_VALUE, "[]"].contains(&value) || !OPTIONS_WRITTEN_IF_GIVEN.contains(&name);
         let values = self
             .option_values()
             .into_iter()
@@ -647,6 +654,10 @@ impl Compute {
         if let Some(cell) = &self.cell {
             self.check_cell(cell, &format!("{prefix}cell"), report);
         }
+        check_radii(&self.radii, self.dt, &format!("{prefix}radii"), report);
+        let has_shape = self.radii.is_empty() || !self.text;
+        let expected = "text: false with it: LMGC90 has no such cylinder";
+        report.require(has_shape, &format!("{prefix}radii"), "given with text: true", expected);
         let mut expect = |holds: bool, name: &str, found: String, expected: &str| {
             report.require(holds, &format!("{prefix}{name}"), found, expected);
         };
@@ -799,7 +810,7 @@ pub const NO_VALUE: &str = "None";
 
 /// Options without a default that files and snapshots contain only if they are given: files of scenes without them equal
 /// those of earlier versions. `impacts` has a default, and is left out of COMPUTE.RON alone.
-pub const OPTIONS_WRITTEN_IF_GIVEN: [&str; 2] = ["zperiode", "cell"];
+pub const OPTIONS_WRITTEN_IF_GIVEN: [&str; 3] = ["zperiode", "cell", "radii"];
 
 /// Requirement on a rotation in a periodic scene, since neighbours across its boundary would be separated.
 pub const ROTATION_ABOUT_PERIOD: &str =

@@ -86,6 +86,9 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
         let path = format!("walls.{k}");
         check_material_and_colour(scene, report, &path, wall.material(), wall.colour());
         check_wall(report, &path, wall);
+        if let SceneWall::Cylinder { radial: Some(control), .. } = wall {
+            control.check_in(scene.compute.dt, &format!("{path}.radial"), report);
+        }
     }
     check_contacts(scene, report);
     let is_some_free = scene.grains.is_empty() || scene.grains.iter().any(|grains| !grains.is_imposed());
@@ -749,6 +752,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             strain_rate,
             revolution,
             surface_spin,
+            radial,
             ends,
         } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
@@ -763,9 +767,15 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_along_axis(report, &format!("{path}.strain_rate"), strain_rate.as_deref(), ("1/s", axis), is_free);
             let servos = [("pressure", pressure, "the pressure"), ("strain_rate", strain_rate, "the strain rate")];
             for (name, servo, noun) in servos {
-                let expected = format!("a solid one: {noun} is that of its end");
+                let expected = format!("a solid one: {noun} is that of its end; radial controls the radius of a hollow one");
                 let is_solid = servo.is_none() || !hollow;
                 report.require(is_solid, &format!("{path}.{name}"), "of a hollow cylinder", &expected);
+            }
+            if radial.is_some() {
+                let radial_path = format!("{path}.radial");
+                report.require(*hollow, &radial_path, "of a solid cylinder", "a hollow one");
+                report.require(ends.is_none(), &radial_path, "given with ends, whose size is constant", "no ends: add two plates");
+                report.require(!wall.has_load(), &radial_path, "given with a force or moment", "an imposed motion");
             }
             if let Some(ends) = ends {
                 let end_path = format!("{path}.ends");

@@ -2,6 +2,7 @@
 //! about a point, and velocities of their surfaces.
 
 use cd_formats::drv_dof::Evolution;
+use cd_formats::hollow_radius::RadiusControl;
 use cd_formats::ids::BodyId;
 
 use crate::math::{Quat, Twist, Vec3, rotate_by_vector};
@@ -22,6 +23,26 @@ pub struct ImposedVelocity {
     pub hinged_centre: Option<Vec3>,
     /// Velocity of the surface beyond that of the body, components as of `velocity`.
     pub surface: Option<Box<[Option<Evolution>; 6]>>,
+    /// Whether it is a hollow cylinder whose radius changes.
+    pub changes_radius: bool,
+}
+
+/// Hollow cylinder whose radius changes.
+#[derive(Debug, Clone, Copy)]
+pub struct ChangingRadius {
+    pub body: BodyId,
+    pub control: RadiusControl,
+    /// Axis in the frame of the body.
+    pub axis: Vec3,
+    /// Half of its height, m.
+    pub half_height: f64,
+}
+
+impl ChangingRadius {
+    /// Area of the inside without the ends at a `radius` (m), m².
+    pub fn area(&self, radius: f64) -> f64 {
+        std::f64::consts::TAU * radius * 2.0 * self.half_height
+    }
 }
 
 /// Strain rate of a plate, or of the end of a solid cylinder: the rate of its distance D from a plate opposite to it, d ln D/dt.
@@ -52,12 +73,35 @@ pub struct SurfaceMotion {
     pub body: BodyId,
     pub v: Vec3,
     pub w: Vec3,
+    /// Growth of a hollow cylinder.
+    pub growth: Option<RadialGrowth>,
+}
+
+/// Growth of a hollow cylinder.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RadialGrowth {
+    /// Axis in fixed axes.
+    pub axis: Vec3,
+    /// Radial speed of the inside, m/s, > 0 outwards.
+    pub speed: f64,
+}
+
+impl RadialGrowth {
+    /// Whether a contact with this normal is on the round side: its normal is across the axis, that of an end along it.
+    pub fn is_side(axis: &Vec3, n: &Vec3) -> bool {
+        n.dot(axis).abs() <= 0.5
+    }
+
+    /// Velocity of the inside at a contact with the normal `n`, which points inwards on the round side, m/s.
+    fn velocity(&self, n: &Vec3) -> Vec3 {
+        if Self::is_side(&self.axis, n) { n * -self.speed } else { Vec3::zeros() }
+    }
 }
 
 impl ImposedVelocity {
     /// Imposed components without servos.
     pub fn new(body: BodyId, velocity: [Option<Evolution>; 6]) -> ImposedVelocity {
-        ImposedVelocity { body, velocity, strain: None, pivot: None, hinged_centre: None, surface: None }
+        ImposedVelocity { body, velocity, strain: None, pivot: None, hinged_centre: None, surface: None, changes_radius: false }
     }
 
     /// Whether some component, or the surface, is ever other than at rest.
@@ -65,6 +109,7 @@ impl ImposedVelocity {
         self.velocity.iter().any(|component| *component != Some(Evolution::constant(0.0)))
             || self.depends_on_position()
             || self.surface.is_some()
+            || self.changes_radius
     }
 
     /// Whether the velocity depends on positions, so that it changes also while all functions of time are constant.
@@ -122,10 +167,17 @@ impl WallPivot {
 }
 
 impl SurfaceMotion {
-    /// Velocity of the surface at the distance `arm` (m) from the centre, without its part along the normal `n`, m/s.
-    pub fn tangential_velocity(&self, arm: &Vec3, n: &Vec3) -> Vec3 {
+    /// Velocity of the surface at the distance `arm` (m) from the centre, without its part along the normal `n` but that of a
+    /// growth, m/s.
+    pub fn velocity(&self, arm: &Vec3, n: &Vec3) -> Vec3 {
         let v = self.v + self.w.cross(arm);
-        v - n * n.dot(&v)
+        let tangential = v - n * n.dot(&v);
+        self.growth.map_or(tangential, |growth| tangential + growth.velocity(n))
+    }
+
+    /// Velocity of a growth along the normal `n`, m/s.
+    pub fn normal_velocity(&self, n: &Vec3) -> f64 {
+        self.growth.map_or(0.0, |growth| growth.velocity(n).dot(n))
     }
 }
 
@@ -147,6 +199,10 @@ pub enum PressedArea {
     Constant(f64),
     /// Rectangle on a plate; the sides along its first and second axis.
     Rectangle(Box<[[AreaSide; 2]; 2]>),
+    /// Section of a hollow cylinder whose radius changes.
+    Section(BodyId),
+    /// Inside of such a cylinder without its ends.
+    Inside(ChangingRadius),
 }
 
 /// Side of the rectangle on which a pressure acts.
@@ -161,9 +217,9 @@ pub struct AreaSide {
 }
 
 impl ImposedLoad {
-    /// Force or moment at the `value` of its function, with bodies at `x` (m), N or N m.
-    pub fn load_at(&self, value: f64, x: &[Vec3]) -> f64 {
-        self.area.as_ref().map_or(value, |area| value * area.size(self.body, x))
+    /// Force or moment at the `value` of its function, with bodies at `x` (m) and the `radius` of hollow cylinders, m; N or N m.
+    pub fn load_at(&self, value: f64, x: &[Vec3], radius: impl Fn(BodyId) -> f64) -> f64 {
+        self.area.as_ref().map_or(value, |area| value * area.size(self.body, x, radius))
     }
 }
 
@@ -176,10 +232,12 @@ pub struct WallArea {
 }
 
 impl PressedArea {
-    /// Area of the wall `body`, with bodies at `x` (m), m².
-    pub fn size(&self, body: BodyId, x: &[Vec3]) -> f64 {
+    /// Area of the wall `body`, with bodies at `x` (m) and the `radius` of hollow cylinders, m; m².
+    pub fn size(&self, body: BodyId, x: &[Vec3], radius: impl Fn(BodyId) -> f64) -> f64 {
         match self {
             PressedArea::Constant(area) => *area,
+            PressedArea::Section(drum) => std::f64::consts::PI * radius(*drum) * radius(*drum),
+            PressedArea::Inside(changing) => changing.area(radius(body)),
             PressedArea::Rectangle(sides) => {
                 let extent = |side: &AreaSide| side.extent(&x[body.index()], x);
                 let lengths = sides.map(|[one, other]| extent(&one) + extent(&other));

@@ -5,6 +5,7 @@ use std::ops::Add;
 use rayon::prelude::*;
 
 use super::cell_stress::mean_normal_stresses;
+use super::radius_stress::update_mean_pressures;
 use super::collectives::{conflicting_bodies_of_ranks, contact_of_ranks};
 use super::conflict::conflicting_bodies;
 use super::context::{SolvedProblem, StepContext};
@@ -120,6 +121,7 @@ pub fn update_ledger(
     if let (Some(step), Some(cell)) = (&q_c.cell_step, &mut state.cell) {
         cell.mean_stress = mean_normal_stresses(scene, q_c, step, outcome, cell.mean_stress);
     }
+    update_mean_pressures(scene, q_c, &outcome.contacts, state);
     if state.step.is_multiple_of(scene.options.output_every) {
         state.interval = OutputInterval { start: state.time, ..OutputInterval::default() };
     }
