@@ -61,7 +61,12 @@ pub fn check_radii(radii: &[RadiusControl], dt: f64, path: &str, report: &mut Fa
     for (k, RadiusControl { body, control }) in radii.iter().enumerate() {
         let path = format!("{path}.{k}");
         let is_new = *body > 0 && radii[..k].iter().all(|other| other.body != *body);
-        report.require(is_new, &format!("{path}.body"), format!("{body}"), "the number, from 1, of a body without a row");
+        report.require(
+            is_new,
+            &format!("{path}.body"),
+            format!("{body}"),
+            "the number, from 1, of a body without a row",
+        );
         control.check_in(dt, &format!("{path}.control"), report);
     }
 }

@@ -6,10 +6,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cd_formats::deforming_cell::CellState;
-use cd_formats::hollow_radius::RadiusState;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldShapes;
 use cd_formats::geometry::periodic_cell::PeriodicCell;
+use cd_formats::hollow_radius::RadiusState;
 use cd_formats::ids::BodyId;
 use cd_formats::index_types;
 use cd_formats::law_table::LawModel;

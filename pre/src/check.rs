@@ -767,14 +767,20 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_along_axis(report, &format!("{path}.strain_rate"), strain_rate.as_deref(), ("1/s", axis), is_free);
             let servos = [("pressure", pressure, "the pressure"), ("strain_rate", strain_rate, "the strain rate")];
             for (name, servo, noun) in servos {
-                let expected = format!("a solid one: {noun} is that of its end; radial controls the radius of a hollow one");
+                let expected =
+                    format!("a solid one: {noun} is that of its end; radial controls the radius of a hollow one");
                 let is_solid = servo.is_none() || !hollow;
                 report.require(is_solid, &format!("{path}.{name}"), "of a hollow cylinder", &expected);
             }
             if radial.is_some() {
                 let radial_path = format!("{path}.radial");
                 report.require(*hollow, &radial_path, "of a solid cylinder", "a hollow one");
-                report.require(ends.is_none(), &radial_path, "given with ends, whose size is constant", "no ends: add two plates");
+                report.require(
+                    ends.is_none(),
+                    &radial_path,
+                    "given with ends, whose size is constant",
+                    "no ends: add two plates",
+                );
                 report.require(!wall.has_load(), &radial_path, "given with a force or moment", "an imposed motion");
             }
             if let Some(ends) = ends {

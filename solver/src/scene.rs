@@ -19,8 +19,8 @@ use cd_formats::snapshot::{LawName, MaterialName, WallCircle};
 use cd_formats::wall_mesh::WallMesh;
 
 pub use self::imposed_motion::{
-    AreaSide, ChangingRadius, ImposedLoad, ImposedVelocity, PressedArea, RadialGrowth, StrainDrive, SurfaceMotion, WallArea,
-    WallPivot,
+    AreaSide, ChangingRadius, ImposedLoad, ImposedVelocity, PressedArea, RadialGrowth, StrainDrive, SurfaceMotion,
+    WallArea, WallPivot,
 };
 use crate::features::BARE;
 use crate::geometry::Polyhedron;

@@ -8,11 +8,11 @@ use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::case::{CaseFolder, case_fault};
 use cd_formats::compute::{Compute, Event, EventAction};
 use cd_formats::deforming_cell::{CellControl, CellState};
-use cd_formats::hollow_radius::RadiusState;
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::groups::{DisjointSets, FragmentSize, largest_remnant};
+use cd_formats::hollow_radius::RadiusState;
 use cd_formats::ids::BodyId;
 use cd_formats::law_table::is_law_of_points;
 use cd_formats::names::{count_text, vector_text};
@@ -175,8 +175,14 @@ impl SourceCase {
         } else {
             Some(Compute::default())
         };
-        let (Some((path, mut snapshot)), Some(mut bodies), Some(mut bulk), Some(tact), Some(driven), Some(file_options)) =
-            (snapshot, bodies, bulk, tact, driven, file_options)
+        let (
+            Some((path, mut snapshot)),
+            Some(mut bodies),
+            Some(mut bulk),
+            Some(tact),
+            Some(driven),
+            Some(file_options),
+        ) = (snapshot, bodies, bulk, tact, driven, file_options)
         else {
             return Err(faults);
         };

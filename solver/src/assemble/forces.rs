@@ -354,7 +354,8 @@ fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Ve
             let value = (1.0 - theta) * load.value.value_at(state.time)
                 + theta * load.value.value_at(scene.time_at(state.step + q_c.step_multiple));
             let mut vector = Vec3::zeros();
-            vector[load.component % 3] = load.load_at(value, &q_c.x, |drum| q_c.changing_radius(drum).unwrap_or_default());
+            vector[load.component % 3] =
+                load.load_at(value, &q_c.x, |drum| q_c.changing_radius(drum).unwrap_or_default());
             let (force, torque) = match load.component {
                 0..3 => (vector, Vec3::zeros()),
                 _ => (Vec3::zeros(), q_c.q[load.body.index()] * vector),

@@ -100,11 +100,7 @@ fn posed_contactor<'a>(
         listing_radius: own_reach + affine_travel,
         path: bounds.centre_path(i) + turn.cross(&arm) - bounds.affine_path(&arm),
         turn,
-        rotating_extent: if matches!(part.geometry, ContactorShape::Sphere { .. }) {
-            0.0
-        } else {
-            bounding_radius
-        },
+        rotating_extent: if matches!(part.geometry, ContactorShape::Sphere { .. }) { 0.0 } else { bounding_radius },
         radius: bounding_radius,
         bend: (0.5 * turn.norm_squared() * arm.norm()).min(own_travel),
         growth,

@@ -15,8 +15,8 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use cd_formats::deforming_cell::CellState;
-use cd_formats::hollow_radius::RadiusState;
 use cd_formats::geometry::periodic_cell::PeriodicCell;
+use cd_formats::hollow_radius::RadiusState;
 use rayon::prelude::*;
 
 use crate::math::rotation::{angular_momentum, angular_velocity, constrained_rotation, free_rotation};

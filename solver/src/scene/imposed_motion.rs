@@ -101,7 +101,15 @@ impl RadialGrowth {
 impl ImposedVelocity {
     /// Imposed components without servos.
     pub fn new(body: BodyId, velocity: [Option<Evolution>; 6]) -> ImposedVelocity {
-        ImposedVelocity { body, velocity, strain: None, pivot: None, hinged_centre: None, surface: None, changes_radius: false }
+        ImposedVelocity {
+            body,
+            velocity,
+            strain: None,
+            pivot: None,
+            hinged_centre: None,
+            surface: None,
+            changes_radius: false,
+        }
     }
 
     /// Whether some component, or the surface, is ever other than at rest.

@@ -5,12 +5,12 @@ use std::ops::Add;
 use rayon::prelude::*;
 
 use super::cell_stress::mean_normal_stresses;
-use super::radius_stress::update_mean_pressures;
 use super::collectives::{conflicting_bodies_of_ranks, contact_of_ranks};
 use super::conflict::conflicting_bodies;
 use super::context::{SolvedProblem, StepContext};
 use super::ends::StepOutcome;
 use super::implicit_step::implicit_step_work;
+use super::radius_stress::update_mean_pressures;
 use super::totals::{ITEMS_PER_TASK, Overlap};
 use crate::assemble::{GravityReport, potential_energy};
 use crate::detect::NarrowPhaseError;
