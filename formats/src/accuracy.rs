@@ -1,4 +1,5 @@
-//! Presets of accuracy, and the option `adaptive` of COMPUTE.RON; [`crate::presets`] has the values of the presets.
+//! Presets of accuracy, and the options `adaptive` and `target_error` of COMPUTE.RON; [`crate::presets`] has the values of
+//! the presets.
 
 use serde::{Deserialize, Serialize};
 
@@ -86,5 +87,129 @@ impl std::str::FromStr for Adaptive {
     type Err = crate::ron_text::FlagError;
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         option_from_flag("adaptive", text)
+    }
+}
+
+/// Option `target_error`: largest relative errors of means over time, without the scatter of single realisations. The run
+/// chooses the other options that trade speed for accuracy.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TargetErrors {
+    /// Neighbours per grain.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub z: Option<f64>,
+    /// Solid fraction.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nu: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pressure: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub semi_axes: Option<f64>,
+    /// Kinetic and potential energy.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub energy: Option<f64>,
+}
+
+impl TargetErrors {
+    /// Smallest and largest target that is accepted: below, chance usually prevails; above, a mean says little.
+    pub const RANGE: [f64; 2] = [1e-4, 0.3];
+
+    /// Names of the observables, in the order of [`Self::values`].
+    pub const NAMES: [&str; 5] = ["z", "nu", "pressure", "semi_axes", "energy"];
+
+    /// Target of each observable.
+    pub fn values(&self) -> [Option<f64>; 5] {
+        [self.z, self.nu, self.pressure, self.semi_axes, self.energy]
+    }
+}
+
+impl std::str::FromStr for TargetErrors {
+    type Err = crate::ron_text::FlagError;
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        option_from_flag("target_error", text)
+    }
+}
+
+/// Values that a run chooses for [`TargetErrors`], of options that are not set themselves.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ChosenOptions {
+    pub adaptive: Option<Adaptive>,
+    pub tol: Option<f64>,
+    pub penetration_tol: Option<f64>,
+    pub gravity_error: Option<f64>,
+}
+
+/// Mean of values, of which later ones have more weight.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct RunningMean {
+    pub mean: f64,
+    /// Mean of the squares.
+    pub squared: f64,
+    /// Number of values.
+    pub count: u64,
+}
+
+impl RunningMean {
+    /// Weight of a new value, after the first ones.
+    const WEIGHT: f64 = 0.2;
+
+    /// Adds a value.
+    pub fn add(&mut self, value: f64) {
+        self.count += 1;
+        let weight = (1.0 / self.count as f64).max(Self::WEIGHT);
+        self.mean += weight * (value - self.mean);
+        self.squared += weight * (value * value - self.squared);
+    }
+
+    /// Size of the mean as far as it exceeds twice its standard error; of fewer than three values its whole size.
+    pub fn significant_size(&self) -> f64 {
+        // Sum of the squared weights: 1/n of the first n values, w/(2 - w) in the end.
+        let share = (1.0 / self.count.max(1) as f64).max(Self::WEIGHT / (2.0 - Self::WEIGHT));
+        let variance = (self.squared - self.mean * self.mean).max(0.0) / (1.0 - share).max(0.5);
+        let uncertainty = if self.count < 3 { 0.0 } else { 2.0 * (share * variance).sqrt() };
+        (self.mean.abs() - uncertainty).max(0.0)
+    }
+}
+
+/// State of the choice of options for [`TargetErrors`].
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct AccuracyControl {
+    /// Options in force unless they are set explicitly: `tol`, `penetration` of `adaptive`, and `gravity_error`.
+    pub tol: f64,
+    pub penetration: f64,
+    pub gravity_error: f64,
+    /// Largest number of `dt` in a step.
+    pub longest_multiple: u64,
+    /// Number of steps that were also solved to a much smaller residual, the comparisons.
+    pub comparisons: u64,
+    /// Sweeps of the last comparison, and of the steps since.
+    pub last_sweeps: u64,
+    pub sweeps_since: u64,
+    /// Relative excess of contacts that carry force over the better solution.
+    pub contacts_excess: RunningMean,
+    /// Relative error of Σ f·l against the better solution.
+    pub virial_error: RunningMean,
+    /// Sweeps of all comparisons, and of all steps.
+    pub comparison_sweeps: u64,
+    pub step_sweeps: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::RunningMean;
+
+    /// A constant is significant in full; values that alternate about zero are not; a mean beyond the scatter is in part.
+    #[test]
+    fn only_means_beyond_their_scatter_are_significant() {
+        let size = |values: &[f64]| {
+            let mut mean = RunningMean::default();
+            (0..30).flat_map(|_| values).for_each(|value| mean.add(*value));
+            mean.significant_size()
+        };
+        assert!((size(&[0.25]) - 0.25).abs() < 1e-12);
+        assert_eq!(size(&[0.1, -0.1]), 0.0);
+        let part = size(&[1.0, 1.2]);
+        assert!(part > 0.9 && part < 1.1, "{part}");
+        assert_eq!(RunningMean::default().significant_size(), 0.0);
     }
 }

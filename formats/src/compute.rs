@@ -10,7 +10,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::accuracy::{Accuracy, Adaptive};
+use crate::accuracy::ChosenOptions;
+pub use crate::accuracy::{Accuracy, Adaptive, TargetErrors};
 use crate::deforming_cell::CellControl;
 use crate::error::Faults;
 use crate::hollow_radius::{RadiusControl, check_radii};
@@ -365,10 +366,15 @@ macro_rules! options {
         /// The options of a run; see `docs/reference/options.md`.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         #[serde(deny_unknown_fields, default)]
-        pub struct Compute { $($(#[doc = $help])+ $(#[serde($($rule)+)])? pub $name: $type,)+ }
+        pub struct Compute {
+            $($(#[doc = $help])+ $(#[serde($($rule)+)])? pub $name: $type,)+
+            /// Values that the run has chosen for `target_error`; in no file.
+            #[serde(skip)]
+            pub chosen: ChosenOptions,
+        }
 
         impl Default for Compute {
-            fn default() -> Self { Compute { $($name: $default,)+ } }
+            fn default() -> Self { Compute { $($name: $default,)+ chosen: ChosenOptions::default() } }
         }
 
         /// Options as flags; a given flag overrides the file.
@@ -430,6 +436,9 @@ options! {
     theta: f64 = 0.5, f64, [value_parser = parse_number, value_name = "X"];
     /// Preset for the options that trade speed for accuracy and are not set explicitly: draft, standard, fine or reference. Without a preset these options are those of standard, except that all steps are dt and tol is 1e-2.
     accuracy: Option<Accuracy> = None, Accuracy, [value_enum, value_name = "PRESET"];
+    /// Largest relative errors of means over time, such as (pressure: 1e-2), of z, nu, pressure, semi_axes or energy: the run chooses the options that trade speed for accuracy and are not set explicitly. Not with accuracy.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    target_error: Option<TargetErrors> = None, TargetErrors, [value_name = "RON"];
     /// Adaptive steps: at most `max_multiple` times dt, as long as bodies move past their neighbours by at most `travel` and into each other by at most `penetration`, in radii: (max_multiple: 16, travel: 0.1, penetration: 1e-3). Default: set by accuracy.
     adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];
     /// Relative tolerance of the contact solver: violation of the contact laws over that without contact impulses, |F(r)|/|F(r_0)|; divided by n in steps of n times dt. Default: set by accuracy.
@@ -668,6 +677,22 @@ impl Compute {
             to_ron(&self.adaptive()),
             "max_multiple from 1 to 1000000, travel and penetration > 0",
         );
+        if let Some(targets) = self.target_error {
+            let [smallest, largest] = TargetErrors::RANGE;
+            let values = || targets.values().into_iter().flatten();
+            expect(
+                values().next().is_some() && values().all(|error| (smallest..=largest).contains(&error)),
+                "target_error",
+                to_ron(&targets),
+                "z, nu, pressure, semi_axes or energy, each from 1e-4 to 0.3",
+            );
+            expect(
+                self.accuracy.is_none(),
+                "target_error",
+                to_ron(&targets),
+                "either target_error or accuracy, which both choose other options",
+            );
+        }
         expect(self.max_sweeps() > 0, "max_sweeps", format!("{}", self.max_sweeps()), "at least 1");
         expect(self.check_every != Some(0), "check_every", to_ron(&self.check_every), "at least 1");
         let is_reported = gravity_error.is_nan() || gravity_error < MIN_GRAVITY_ERROR;
@@ -810,7 +835,7 @@ pub const NO_VALUE: &str = "None";
 
 /// Options without a default that files and snapshots contain only if they are given: files of scenes without them equal
 /// those of earlier versions. `impacts` has a default, and is left out of COMPUTE.RON alone.
-pub const OPTIONS_WRITTEN_IF_GIVEN: [&str; 3] = ["zperiode", "cell", "radii"];
+pub const OPTIONS_WRITTEN_IF_GIVEN: [&str; 4] = ["zperiode", "cell", "target_error", "radii"];
 
 /// Requirement on a rotation in a periodic scene, since neighbours across its boundary would be separated.
 pub const ROTATION_ABOUT_PERIOD: &str =

@@ -177,18 +177,18 @@ impl Faults {
             let sentence = [&fault.object, &fault.found, &fault.expected].map(|text| without_numbers(text));
             fault.line.map(|line| ((fault.file.clone(), sentence), (line, fault.column)))
         };
-        let mut positions: HashMap<_, (Vec<(usize, Option<usize>)>, HashSet<_>)> = HashMap::new();
+        let mut positions: HashMap<_, Vec<_>> = HashMap::new();
+        let mut known = HashSet::new();
         for (group, position) in faults.iter().filter_map(|fault| group_and_position(fault)) {
-            let (in_order, known) = positions.entry(group).or_default();
-            if known.insert(position) {
-                in_order.push(position);
+            if known.insert((group.clone(), position)) {
+                positions.entry(group).or_default().push(position);
             }
         }
         let mut printed_groups = HashSet::new();
         let (mut text, mut line_count) = (String::new(), 0);
         for fault in faults {
             let group = group_and_position(fault).map(|(group, _)| group);
-            let positions = group.as_ref().map_or(&[][..], |group| &positions[group].0);
+            let positions = group.as_ref().map_or(&[][..], |group| &positions[group][..]);
             let mut others = String::new();
             if positions.len() > MAX_ALIKE_FAULTS {
                 if !printed_groups.insert(group) {

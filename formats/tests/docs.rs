@@ -133,6 +133,7 @@ fn meta_is_described_field_by_field() {
     meta.attraction = Some(Default::default());
     meta.primary_response = Some(Default::default());
     meta.revolutions.push(Default::default());
+    meta.accuracy_control = Some(Default::default());
     meta.parameters.adaptive = Some(Default::default());
     let mut fields = Vec::new();
     names(&serde_json::to_value(&meta).unwrap(), &mut fields);

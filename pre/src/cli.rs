@@ -104,8 +104,8 @@ enum Command {
         /// Number of seeds with which each setting runs; with one, errors have no bars.
         #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
         replicates: u32,
-        /// Options that are varied, of dt, tol, adaptive, penetration_tol, theta, gravity_error, narrow_phase and accuracy, the
-        /// presets; default: those that have an effect in the scene.
+        /// Options that are varied, of dt, tol, adaptive, penetration_tol, theta, gravity_error, narrow_phase, target_error and
+        /// accuracy, the presets; default: those that have an effect in the scene.
         #[arg(long, value_delimiter = ',', value_name = "OPTION,...")]
         options: Vec<String>,
         /// Time step of the reference, s; default: a quarter of the shortest of the other settings.

@@ -16,6 +16,7 @@ use cd_formats::messages::{print_error, print_line, print_warning, reserve_stdou
 use cd_formats::settings::former_names_of_setting;
 use clap::{CommandFactory, Parser};
 
+use crate::accuracy_control::begin_control;
 use crate::math::simd::SimdWidth;
 use crate::ranks::launch::begin_session;
 use crate::ranks::{Communicator, SingleRank, all_gather_unsized, set_communicator};
@@ -233,7 +234,7 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
     let reading_threads = flags.threads.filter(|&threads| threads <= MAX_THREADS).unwrap_or(0);
     let reading_pool = start_threads(reading_threads, &SingleRank)?;
     let (mut scene, mut state) = reading_pool.install(|| read::read_case(case, &flags))?;
-    if arguments.step_loop && scene.options.adaptive().is_on() {
+    if arguments.step_loop && (scene.options.adaptive().is_on() || scene.options.target_error.is_some()) {
         scene.options.adaptive = Some(Adaptive { max_multiple: 1, ..scene.options.adaptive() });
         scene.notes.push("adaptive: steps are dt in a step loop, whose forces may change in each of them".into());
     }
@@ -254,6 +255,7 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
     } else if !arguments.force && !arguments.plan {
         write::check_no_results(case, &scene)?;
     }
+    begin_control(&mut scene, &mut state);
     check_run(&scene, &state)?;
     if let Some(step) = arguments.dump_problem {
         write::check_dump_step(&scene, &state, step)?;

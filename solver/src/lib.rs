@@ -29,6 +29,7 @@
 //! stages; `laws`, `gravity`, `geometry` and `math` are kernels; `scene` contains the data that are constant during a run
 //! and `state` the data that change.
 
+mod accuracy_control;
 mod activity;
 mod agreement;
 pub mod assemble;

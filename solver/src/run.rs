@@ -16,6 +16,7 @@ use cd_formats::snapshot::RunParameters;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
+use crate::accuracy_control::{Comparison, adapt_to_step, compare_next_step, target_lines};
 use crate::assemble::{potential_energy, take_unended_impacts};
 use crate::contact_division::undivided_reason;
 use crate::detect;
@@ -148,7 +149,10 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         let mut times = StageTimes { writing: std::mem::take(&mut writing), ..StageTimes::default() };
         let previous_step = state.step;
         progress.begin_step(state.step);
-        let Some(report) = step(scene, &mut state, &mut times) else {
+        let comparison = compare_next_step(scene, &state, &mut times);
+        let is_stopped = matches!(comparison, Comparison::Stopped);
+        let report = if is_stopped { None } else { step(scene, &mut state, &mut times) };
+        let Some(report) = report else {
             write_end(&mut results, &mut statistics, scene, &mut state)?;
             write_last(&mut results, scene, &mut state)?;
             return Err(stopped_failure(&state, last, &progress));
@@ -163,6 +167,14 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             progress.report_unconverged(&state, &report, &scene.options);
         }
         progress.show_step(&state, &report);
+        if state.accuracy_control.is_some() {
+            let better = if let Comparison::Done(report) = &comparison { Some(&**report) } else { None };
+            let mut options = scene.options.clone();
+            if adapt_to_step(&mut options, &mut state, &report, better) {
+                present.to_mut().options = options;
+            }
+        }
+        let scene = &*present;
         results
             .write(|files| files.add_postpro(scene, &mut state, &report, previous_step))
             .map_err(RunFailure::Unwritten)?;
@@ -301,7 +313,8 @@ fn summarise_run(case: &Path, scene: &Scene, state: &State, statistics: &RunStat
         if statistics.steps > 0 || state.step > scene.start.step && !errors::has_errors_file(case) {
             errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
         }
-        Ok(summary_text(scene, state, statistics, &balance, &sources))
+        let targets = target_lines(scene, state, &sources);
+        Ok(summary_text(scene, state, statistics, &balance, &sources, &targets))
     })
 }
 
@@ -393,6 +406,7 @@ pub fn record_changed_forces(
         uniform_gravity,
         theta: _,
         accuracy: _,
+        target_error: _,
         adaptive: _,
         tol: _,
         penetration_tol: _,

@@ -8,6 +8,7 @@ use std::cmp::Ordering;
 use std::ops::Range;
 use std::sync::Arc;
 
+use cd_formats::accuracy::AccuracyControl;
 use cd_formats::compute::EventAction;
 use cd_formats::deforming_cell::CellState;
 use cd_formats::field::{FieldModel, PrimaryResponse};
@@ -464,6 +465,8 @@ pub struct State {
     pub bodies_entered: bool,
     /// Time since when all bodies have been at rest, s, if a condition at rest ends the run.
     pub rest_since: Option<f64>,
+    /// Choice of options for `target_error`, if the run has it.
+    pub accuracy_control: Option<AccuracyControl>,
 }
 
 /// Steps between two measurements of the errors of shortcuts.

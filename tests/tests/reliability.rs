@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Output, Stdio};
 
 use cd_formats::lock::FolderLock;
-use cd_tests::case::{Case, assert_same_results, copy, files, pre};
+use cd_tests::case::{Case, assert_same_results, copy, files, from_outbox, pre};
 use cd_tests::process::{Executables, STDOUT, run_requested_program};
 
 /// Ball on a plate, `radius` in m: 40 steps, a snapshot every 10.
@@ -270,14 +270,46 @@ fn a_snapshot_that_lacks_what_its_laws_need_is_not_resumed() {
         |names: &str, reason: &str| format!("arrays {names}: are missing; expected them, because {reason}; {advice}");
     reject(&|s| s.memory = None, &lacks("contact_bonded to contact_moment", "a law has bonds or moments"));
     reject(&|s| s.interval = None, &lacks("interval_body, interval_virial", "meta has interval_start"));
-    for h in [0.0, -1.0, 1e300, 3.1e-3] {
+    // Twice dt is a step of adaptive runs only.
+    for h in [0.0, -1.0, 1e300, 3.1e-3, 4e-3] {
         reject(&|s| s.meta.h = h, "meta, h: ");
     }
     for time in [-1.0, 1e300, 0.021] {
         reject(&|s| s.meta.time = time, "meta, time: ");
     }
     reject(&|s| s.bodies.body_x[0][0] = 1e308, "expected numbers below 1e100");
+    let no_choice = cd_formats::accuracy::AccuracyControl::default();
+    reject(&|s| s.meta.accuracy_control = Some(no_choice), "meta, accuracy_control, tol: ");
     assert_eq!(case.solve(&["--resume"]), 0);
+}
+
+#[test]
+fn a_start_that_is_not_of_the_text_files_is_rejected() {
+    let cubes = scene(0.1).replace("sizes: Single(0.1)", "shape: Box(lengths: (0.2, 0.2, 0.2))");
+    let from = Case::from_scene(&cubes).solved(&["--steps", "10"]);
+    let case = Case::empty();
+    assert_eq!(from_outbox(from.path(), case.path(), "(bodies: [()])"), 0);
+    fs::remove_file(case.datbox("SHA256SUMS")).unwrap();
+    let path = case.datbox("START.npz");
+    let sound = cd_formats::snapshot::Snapshot::read(&path).unwrap();
+    let reject = |edit: &dyn Fn(&mut cd_formats::snapshot::BodyArrays), expected: &str| {
+        let mut snapshot = sound.clone();
+        edit(&mut snapshot.bodies);
+        fs::write(&path, snapshot.to_bytes()).unwrap();
+        let (code, said) = solve_process(case.path(), &["--steps", "1"]);
+        assert!(code == 2 && said.contains(expected), "{expected}: {code} {said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+    };
+    reject(&|b| b.body_id[1] = 9, "body 9: is not in DATBOX; expected 1 to 4");
+    reject(&|b| b.body_id[1] = 1, "body 1: occurs twice; expected once");
+    reject(&|b| b.body_x[1][0] += 1e-3, "body 2: at [");
+    reject(&|b| b.body_v[1][0] += 1e-3, "body 2: velocity [");
+    reject(&|b| b.body_w_world[1][0] += 1e-3, "body 2: angular velocity [");
+    let (c, s) = (1.0, 0.5e-3);
+    let tilted = |[w, x, y, z]: [f64; 4]| [w * c - x * s, x * c + w * s, y * c + z * s, z * c - y * s];
+    reject(&|b| b.body_q[1] = tilted(b.body_q[1]), "body 2: turned by 1.0e-3 rad; expected axes a, b, g as in DOF.INI");
+    fs::write(&path, sound.to_bytes()).unwrap();
+    assert_eq!(case.solve(&["--steps", "1"]), 0);
 }
 
 #[test]

@@ -29,7 +29,8 @@ const DATA: [&str; 2] = ["scene", "state"];
 /// In the order in which a step first enters them.
 const STAGES: [&str; 4] = ["integrate", "detect", "assemble", "solve"];
 const FILE_STAGES: [&str; 2] = ["read", "write"];
-const OUTSIDE: [&str; 11] = [
+const OUTSIDE: [&str; 12] = [
+    "accuracy_control",
     "run",
     "plan",
     "probe",
@@ -47,6 +48,7 @@ const OUTSIDE: [&str; 11] = [
 /// periodic cells and surfaces of walls are the same there as in the files; and disjoint sets.
 fn is_shared_type(path: &str) -> bool {
     [
+        "cd_formats::accuracy::",
         "cd_formats::compute::",
         "cd_formats::deforming_cell::",
         "cd_formats::doubts::EVENT_SLACK",

@@ -152,6 +152,9 @@ pub struct SnapshotMeta {
     /// Time since when all bodies have been at rest, s; only if a condition `AtRest` ends the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest_since: Option<f64>,
+    /// Choice of options for `target_error`; only in runs with this option.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accuracy_control: Option<crate::accuracy::AccuracyControl>,
     /// Response of the primary on an orbit; only if its field has `response`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub primary_response: Option<PrimaryResponse>,
@@ -297,6 +300,9 @@ pub struct RunParameters {
     /// Preset; only if it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<crate::compute::Accuracy>,
+    /// Target errors; only if they are given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_error: Option<crate::compute::TargetErrors>,
     /// Limits of adaptive steps; only if steps can differ.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "adaptive_fields")]
     pub adaptive: Option<crate::compute::Adaptive>,
@@ -421,6 +427,7 @@ impl Default for SnapshotMeta {
             fallback: FallbackState::default(),
             postpro: PostproSums::default(),
             rest_since: None,
+            accuracy_control: None,
             primary_response: None,
             revolutions: Vec::new(),
             cell: None,

@@ -27,8 +27,8 @@ const MAKEFILE: &str = include_str!("Makefile.in");
 const WRITTEN_MARK: &str = " Written by cd-pre accuracy-study.";
 
 /// Options of a study, in the order of its groups; `accuracy` stands for the presets.
-pub const STUDY_OPTIONS: [&str; 8] =
-    ["dt", "tol", "adaptive", "penetration_tol", "theta", "gravity_error", "narrow_phase", "accuracy"];
+pub const STUDY_OPTIONS: [&str; 9] =
+    ["dt", "tol", "adaptive", "penetration_tol", "theta", "gravity_error", "narrow_phase", "target_error", "accuracy"];
 
 /// Values of the options that are plain numbers, which each differ by a factor that shows in the errors.
 const PLAIN_VALUES: [(&str, &[&str]); 4] = [
@@ -37,6 +37,10 @@ const PLAIN_VALUES: [(&str, &[&str]); 4] = [
     ("theta", &["0.6", "0.75", "1"]),
     ("gravity_error", &["1e-1", "1e-2", "1e-3", "1e-4"]),
 ];
+
+/// Observables and errors of the option `target_error`.
+const TARGETS: [(&str, &str); 6] =
+    [("z", "3e-2"), ("z", "1e-2"), ("nu", "3e-2"), ("nu", "1e-2"), ("pressure", "3e-2"), ("pressure", "1e-2")];
 
 /// Longest steps of the option `adaptive`, in multiples of `dt`.
 const MAX_MULTIPLES: [u64; 3] = [4, 16, 64];
@@ -335,6 +339,27 @@ impl AccuracyStudy<'_> {
                     parameters: vec![StudyParameter { name: option.into(), paths: Vec::new(), values, companions }],
                 }
             }
+            "target_error" => {
+                let records = TARGETS.map(|(observable, error)| format!("({observable}: {error})"));
+                let companions = vec![StudyParameter {
+                    name: String::new(),
+                    paths: path,
+                    values: records.into(),
+                    companions: Vec::new(),
+                }];
+                let values = TARGETS.map(|(observable, error)| format!("\"{observable}-{error}\""));
+                StudyGroup {
+                    comment: "Target errors, for which the run chooses the other options.".into(),
+                    name,
+                    set: self.unset_values(),
+                    parameters: vec![StudyParameter {
+                        name: option.into(),
+                        paths: Vec::new(),
+                        values: values.into(),
+                        companions,
+                    }],
+                }
+            }
             _ => {
                 let known = PLAIN_VALUES.iter().find(|(name, _)| *name == option).map_or(&["fast"][..], |(_, all)| all);
                 let values = known.iter().map(|value| value.to_string()).collect();
@@ -369,6 +394,14 @@ impl AccuracyStudy<'_> {
             values: presets.iter().map(Accuracy::to_string).collect(),
             companions: companions.collect(),
         }
+    }
+
+    /// Paths of the options that the scene sets and a preset or target decides, without a value.
+    fn unset_values(&self) -> Vec<(String, String)> {
+        let options =
+            self.compute.accuracy_options().into_iter().filter(|option| option.is_set).map(|option| option.name);
+        let preset = self.compute.accuracy.map(|_| "accuracy");
+        options.chain(preset).map(|name| (format!("compute.{name}"), "None".into())).collect()
     }
 
     /// Paths of the options that the scene sets and a preset decides, with the values of this preset.

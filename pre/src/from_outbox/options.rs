@@ -1,6 +1,6 @@
 //! Options of a run as its snapshot records them: flags of cd-solve override COMPUTE.RON, and only the snapshot has them.
 
-use cd_formats::compute::{Compute, Event, EventAction, GravityMethod, event_schedule};
+use cd_formats::compute::{Compute, Event, EventAction, GravityMethod, NO_VALUE, event_schedule};
 use cd_formats::doubts::EVENT_SLACK;
 use cd_formats::names::number_text;
 use cd_formats::snapshot::{RunParameters, SnapshotMeta};
@@ -26,6 +26,7 @@ pub fn run_options(
     let RunParameters {
         theta,
         accuracy,
+        target_error,
         adaptive,
         tol,
         penetration_tol,
@@ -60,6 +61,7 @@ pub fn run_options(
     let mut options = Compute {
         theta,
         accuracy,
+        target_error,
         solver,
         sweep_precision: sweep_precision.unwrap_or_default(),
         check_every: check_every.or(file.check_every),
@@ -79,14 +81,17 @@ pub fn run_options(
         fields,
         ..file.clone()
     };
+    // With `target_error` the run has chosen the values of options that are not given.
+    let is_given = |name: &str| meta.options.get(name).is_some_and(|value| value != NO_VALUE);
+    let is_fixed = |name: &str| target_error.is_none() || is_given(name);
     let (adaptive, file_adaptive) = (adaptive.unwrap_or_default(), options.adaptive());
-    if adaptive != file_adaptive && (adaptive.is_on() || file_adaptive.is_on()) {
+    if is_fixed("adaptive") && adaptive != file_adaptive && (adaptive.is_on() || file_adaptive.is_on()) {
         options.adaptive = Some(adaptive);
     }
-    if tol != options.tol() {
+    if is_fixed("tol") && tol != options.tol() {
         options.tol = Some(tol);
     }
-    if penetration_tol > 0.0 && penetration_tol != options.penetration_tol() {
+    if is_fixed("penetration_tol") && penetration_tol > 0.0 && penetration_tol != options.penetration_tol() {
         options.penetration_tol = Some(penetration_tol);
     }
     if max_sweeps != options.max_sweeps() {
@@ -95,7 +100,7 @@ pub fn run_options(
     if narrow_phase.is_some_and(|method| method != options.narrow_phase()) {
         options.narrow_phase = narrow_phase;
     }
-    if gravity_error != options.gravity_error() {
+    if is_fixed("gravity_error") && gravity_error != options.gravity_error() {
         options.gravity_error = Some(gravity_error);
     }
     // A snapshot has no `gravity_refresh` where it is 1, as it is by default for the direct sum, chosen for few bodies.

@@ -292,7 +292,14 @@ fn accuracy_text(scene: &Scene) -> String {
         format!("{name} {value}{}", if is_set { " (set)" } else { "" })
     };
     let options: Vec<String> = scene.options.accuracy_options().into_iter().map(option_text).collect();
-    let preset = scene.options.accuracy.map_or("no preset".into(), |accuracy| accuracy.to_string());
+    let preset = match (scene.options.accuracy, scene.options.target_error) {
+        (Some(accuracy), _) => accuracy.to_string(),
+        (None, Some(_)) => {
+            "chosen at the start by the target errors; comparisons take an eighth of the sweeps, in short runs a third"
+                .into()
+        }
+        (None, None) => "no preset".into(),
+    };
     format!("{preset}: {}", options.join(", "))
 }
 

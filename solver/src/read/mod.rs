@@ -229,6 +229,7 @@ fn initial_state(
         exit_velocities: Vec::new(),
         bodies_entered: false,
         rest_since: None,
+        accuracy_control: None,
     }
 }
 

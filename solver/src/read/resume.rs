@@ -323,6 +323,14 @@ fn check_completeness(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result
         let expected = format!("expected {} s, which step {} reaches", number_text(time), meta.step);
         expect_meta(is_reached, "time", meta.time, expected);
     }
+    if let Some(control) = &meta.accuracy_control {
+        for (name, value) in
+            [("tol", control.tol), ("penetration", control.penetration), ("gravity_error", control.gravity_error)]
+        {
+            let name = format!("accuracy_control, {name}");
+            expect_meta(value > 0.0 && value < 1.0, &name, value, "expected more than 0 and less than 1".into());
+        }
+    }
     faults.into_result(())
 }
 
@@ -567,6 +575,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     state.ledger = meta.ledger;
     state.postpro = meta.postpro;
     state.rest_since = meta.rest_since;
+    state.accuracy_control = meta.accuracy_control;
     state.primary_response = state.primary_response.map(|initial| meta.primary_response.unwrap_or(initial));
     state.bodies_entered = meta.bodies_entered;
     state.cell = meta.cell.or(state.cell);

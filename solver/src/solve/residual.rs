@@ -946,6 +946,7 @@ mod tests {
     use super::*;
     use crate::math::simd::Scalar;
     use crate::solve::{StoppingCriteria, solve_nlgs};
+    use nalgebra::Matrix3;
     use proptest::prelude::*;
 
     /// A ball of radius 1/2 and mass 1 that comes down at 1 m/s on a plate without friction, rolls at 2 rad/s and spins
@@ -993,20 +994,36 @@ mod tests {
         }
     }
 
-    /// E of the impulse 1 N s along n and a moment.
-    fn judged(problem: &ContactProblem, m: [f64; 3]) -> f64 {
-        let (r, m) = ([Vec3::z()], [Vec3::from(m)]);
-        let evaluator = ResidualEvaluator::new(problem, &[ContactId(0)], SimdWidth::detect());
+    /// E of the impulse `r_n` along n, N s, and a moment, of the problem in axes turned by `rotation`.
+    fn judged(problem: &ContactProblem, rotation: &Matrix3<f64>, r_n: f64, m: [f64; 3]) -> f64 {
+        let mut problem = problem.clone();
+        for body in &mut problem.bodies {
+            (body.v, body.w) = (rotation * body.v, rotation * body.w);
+        }
+        for row in &mut problem.rows {
+            row.normal = rotation * row.normal;
+        }
+        for roll in &mut problem.rolling_constraints {
+            roll.shift = rotation * roll.shift;
+        }
+        let (r, m) = ([problem.rows[0].normal * r_n], [rotation * Vec3::from(m)]);
+        let evaluator = ResidualEvaluator::new(&problem, &[ContactId(0)], SimdWidth::detect());
         evaluator.residual_with(&r, &m, &evaluator.motions_with(&r, &m)).value
     }
 
     #[test]
     fn moments_are_judged_by_their_law() {
-        for turning in [Vec3::zeros(), Vec3::new(3.0, -1.0, 2.0)] {
+        let oblique = Matrix3::new(2.0, -1.0, 2.0, 2.0, 2.0, -1.0, -1.0, 2.0, 2.0) / 3.0;
+        for (turning, rotation) in [
+            (Vec3::zeros(), Matrix3::identity()),
+            (Vec3::new(3.0, -1.0, 2.0), Matrix3::identity()),
+            (Vec3::new(3.0, -1.0, 2.0), oblique),
+        ] {
             let problem = ball_on_plate(turning);
+            let judged = |r_n: f64, m: [f64; 3]| judged(&problem, &rotation, r_n, m);
             // The ball continues to roll, against the bound, and stops spinning. |F(0)| = rho 1 m/s, rho = 3/8; numbers up to
             // 10.
-            assert!(judged(&problem, [0.0, -0.05, -0.01]) < 1e-14);
+            assert!(judged(1.0, [0.0, -0.05, -0.01]) < 1e-13);
             for (m, expected) in [
                 ([0.0; 3], 0.1f64.hypot(0.375 * 0.05)), // z = -rho R w = -(0, 0.375, 0.01875)
                 ([0.0, -0.1, -0.01], 0.1),              // twice the bound
@@ -1015,9 +1032,12 @@ mod tests {
                 ([0.0, -0.05, -0.02], 0.375 * 0.05),    // spins in the opposite direction
                 ([0.0, -0.05, -2.0], 3.8),              // beyond the other: s = -4, z = -4 + 0.375 * 9.95 = -0.26875
             ] {
-                let found = judged(&problem, m);
+                let found = judged(1.0, m);
                 assert!((found - expected / 0.375).abs() < 1e-13, "{m:?}: {found} {}", expected / 0.375);
             }
+            // Without a normal impulse a moment is all error: |m|/R, added in squares to |F(0)|.
+            let found = judged(0.0, [0.03, 0.0, -0.04]);
+            assert!((found - 0.375f64.hypot(0.05 / 0.5) / 0.375).abs() < 1e-13, "{found}");
         }
     }
 

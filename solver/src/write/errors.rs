@@ -466,7 +466,7 @@ pub fn summary_lines(sources: &[ErrorSource], noise: ForceNoise) -> [(&'static s
 }
 
 /// Fraction in percent with two digits.
-fn percent(x: f64) -> String {
+pub fn percent(x: f64) -> String {
     let digits = (1.0 - libm::log10((100.0 * x).abs().max(1e-99)).floor()).max(0.0) as usize;
     if x >= 1e-4 { format!("{:.digits$} %", 100.0 * x) } else { format!("{:.1e} %", 100.0 * x) }
 }

@@ -49,6 +49,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
         parameters: RunParameters {
             theta: options.theta,
             accuracy: options.accuracy,
+            target_error: options.target_error,
             adaptive: Some(options.adaptive()).filter(Adaptive::is_on),
             tol: options.tol(),
             penetration_tol: options.penetration_tol(),
@@ -86,6 +87,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
         fallback: state.fallback,
         postpro: state.postpro,
         rest_since: state.rest_since,
+        accuracy_control: state.accuracy_control,
         primary_response: state.primary_response,
         revolutions: scene.wall_circles(),
         cell: state.cell,

@@ -59,6 +59,7 @@ mod solvers;
 mod statics;
 mod step_loop;
 mod symmetry;
+mod target_error;
 mod tunnelling;
 mod walls;
 mod wires;

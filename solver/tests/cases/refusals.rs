@@ -5,7 +5,7 @@ use std::fs;
 use std::process::Command;
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
-use cd_formats::compute::{Compute, Event, EventAction, ExternalField, SweepPrecision};
+use cd_formats::compute::{Compute, Event, EventAction, ExternalField, SweepPrecision, TargetErrors};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 
 use crate::case::{AXES, Case};
@@ -760,4 +760,29 @@ fn the_precision_of_sweeps_matters_to_polyhedra_and_not_to_springs() {
         String::from_utf8(output.stdout).unwrap().contains("sweep_precision: without effect; needs solver auto or nlgs")
     };
     assert!(!has_no_effect("IQS_CLB", &[0.3]) && has_no_effect("ELASTIC_REPELL_CLB", &[1e5, 0.3]));
+}
+
+#[test]
+fn target_errors_out_of_range_are_rejected() {
+    let mut case = sound();
+    let cases = [
+        (TargetErrors::default(), "()", "z, nu, pressure, semi_axes or energy, each from 1e-4 to 0.3"),
+        (
+            TargetErrors { nu: Some(0.5), ..TargetErrors::default() },
+            "(nu:0.5)",
+            "z, nu, pressure, semi_axes or energy, each from 1e-4 to 0.3",
+        ),
+    ];
+    for (targets, found, expected) in cases {
+        case.options.target_error = Some(targets);
+        case.write();
+        let (code, text) = spawn(&case, &[]);
+        assert_eq!(code, 2);
+        assert!(text.contains("target_error") && text.contains(&format!("{found}; expected {expected}")), "{text}");
+    }
+    case.options.target_error = Some(TargetErrors { nu: Some(0.01), ..TargetErrors::default() });
+    case.write();
+    let (code, text) = spawn(&case, &["--accuracy", "draft"]);
+    assert_eq!(code, 2);
+    assert!(text.contains("expected either target_error or accuracy"), "{text}");
 }

@@ -211,7 +211,7 @@ pub struct AccuracyStudyOptions<'a> {
     pub parameters: Option<&'a Path>,
     /// Relative errors for which settings are recommended; empty for 3 %, 1 % and 0.3 %.
     pub errors: &'a [f64],
-    /// Observables that shall have these errors, of [`OBSERVABLES`]; empty for Z, nu and pressure.
+    /// Observables that shall have these errors, of `OBSERVABLES`; empty for Z, nu and pressure.
     pub observables: &'a [String],
 }
 

@@ -181,7 +181,8 @@ impl From<String> for UnknownValue {
     /// Shortens long words: a value that is not known from another one has its words in its own.
     fn from(mut words: String) -> UnknownValue {
         if words.len() > MAX_REASON_BYTES {
-            words.truncate(words.floor_char_boundary(MAX_REASON_BYTES));
+            let end = (0..=MAX_REASON_BYTES).rev().find(|&byte| words.is_char_boundary(byte)).unwrap_or_default();
+            words.truncate(end);
             words += "...";
         }
         UnknownValue(words)

@@ -1,0 +1,324 @@
+//! Choice of options for `target_error`: the run starts with values that were fitted to the scenes which
+//! `docs/explanation/accuracy.md` lists under target errors, and adapts them to the errors that it measures.
+//!
+//! - Now and then a step is also solved to a much smaller residual, from the same state. The differences in the number of
+//!   contacts that carry force and in Σ f·l are the errors of Z and pressure by `tol`, which is adapted to them. Comparisons
+//!   take a fraction of the sweeps.
+//! - `penetration_tol` limits the overlaps that unconverged solutions leave. Their mean depth δ changes ν by 2 δ/r̄, and
+//!   lengths and potential energy by a quarter of it.
+//! - `adaptive` limits the length of steps; its errors are known from the same scenes only.
+//! - `gravity_error` is reduced if the virial of self-gravity errs by a considerable part of the target.
+//!
+//! Everything follows from the state of the run, so that a resumed run makes the same choices.
+
+use cd_formats::accuracy::{AccuracyControl, ChosenOptions, TargetErrors};
+use cd_formats::compute::{Adaptive, Compute, ContactSolver};
+use cd_formats::names::{count_text, short_number};
+
+use crate::laws::ContactLaw;
+use crate::scene::Scene;
+use crate::state::State;
+use crate::step::{StageTimes, StepReport, step};
+use crate::write::errors::{ErrorSource, percent};
+
+/// Shares of the target for errors by the length of steps and by unconverged solutions.
+const STEP_SHARE: f64 = 0.6;
+const CONTACT_SHARE: f64 = 0.5;
+
+/// Error of an observable by the length of steps: `error` at a `penetration` of `adaptive` of 1e-2, proportional to
+/// `penetration` to the power `exponent`.
+struct StepError {
+    error: f64,
+    exponent: f64,
+}
+
+/// Errors by the length of steps of z, nu, pressure, semi_axes and energy, fitted to the larger biases of these scenes; single
+/// scenes exceed them.
+const STEP_ERRORS: [StepError; 5] = [
+    StepError { error: 3.5e-2, exponent: 0.6 },
+    StepError { error: 3.5e-2, exponent: 0.8 },
+    StepError { error: 2.5e-2, exponent: 0.6 },
+    StepError { error: 5e-3, exponent: 0.5 },
+    StepError { error: 1e-2, exponent: 0.8 },
+];
+
+/// Errors of the observables by overlaps, as multiples of that of ν: volume and, in self-gravity, pressure follow the
+/// length to the powers 3 and -4, semi-axes and potential energy to the powers 1 and -1. Z rises twice as much as ν in a
+/// triaxial cell.
+const OVERLAP_FACTORS: [f64; 5] = [2.0, 1.0, 1.0, 0.25, 0.25];
+
+impl StepError {
+    /// Error at a `penetration` of `adaptive`.
+    fn error_at(&self, penetration: f64) -> f64 {
+        self.error * libm::pow(penetration / 1e-2, self.exponent)
+    }
+
+    /// `penetration` of `adaptive` with an error.
+    fn penetration_for(&self, error: f64) -> f64 {
+        1e-2 * libm::pow(error / self.error, 1.0 / self.exponent)
+    }
+}
+
+/// Largest number of `dt` in a step for an error of Z of one percent, and the power of the error to which it is proportional.
+const Z_MULTIPLE: f64 = 4.0;
+const Z_MULTIPLE_EXPONENT: f64 = 1.26;
+
+/// Ranges of the chosen options. Above, errors were not measured; below, nothing is gained.
+const TOL_RANGE: [f64; 2] = [1e-3, 0.2];
+const PENETRATION_RANGE: [f64; 2] = [1e-6, 2e-2];
+const PENETRATION_TOL_RANGE: [f64; 2] = [5e-5, 1e-2];
+const GRAVITY_ERROR_RANGE: [f64; 2] = [1e-5, 3e-2];
+
+/// Residual of the solutions with which steps are compared, and the largest number of their sweeps.
+const COMPARISON_TOL: f64 = 3e-4;
+const MAX_COMPARISON_SWEEPS: u64 = 1000;
+/// Sweeps that the first comparison is expected to take.
+const FIRST_COMPARISON_SWEEPS: u64 = 200;
+/// Sweeps of steps for each sweep of a comparison: for the first comparisons, and later.
+const SWEEPS_PER_COMPARISON_SWEEP: [u64; 2] = [2, 8];
+const FIRST_COMPARISONS: u64 = 4;
+
+/// Prepares a run with `target_error`, at its start or from a snapshot; a run without it forgets the choice.
+pub fn begin_control(scene: &mut Scene, state: &mut State) {
+    state.accuracy_control = scene.options.target_error.map(|targets| {
+        let initial = || initial_control(&targets);
+        state.accuracy_control.unwrap_or_else(initial)
+    });
+    update_options(&mut scene.options, state);
+}
+
+/// Options at the start of a run.
+fn initial_control(targets: &TargetErrors) -> AccuracyControl {
+    let smallest_over = |value: fn(usize, f64) -> f64, [low, high]: [f64; 2]| {
+        let targets = targets.values().into_iter().enumerate();
+        targets.filter_map(|(k, error)| error.map(|error| value(k, error))).fold(high, f64::min).max(low)
+    };
+    AccuracyControl {
+        // Z counts weak contacts, of which loose solutions have more; forces hardly depend on it.
+        tol: smallest_over(
+            |k, error| match k {
+                0 => 0.1 * libm::pow(CONTACT_SHARE * error / 1.2e-2, 5.0),
+                _ => 0.1 * libm::pow(error / 1e-2, 0.6),
+            },
+            TOL_RANGE,
+        ),
+        penetration: smallest_over(|k, error| STEP_ERRORS[k].penetration_for(STEP_SHARE * error), PENETRATION_RANGE),
+        gravity_error: smallest_over(|_, error| 2.0 * error, GRAVITY_ERROR_RANGE),
+        ..AccuracyControl::default()
+    }
+}
+
+/// `penetration_tol` for the targets: the mean depth of overlaps becomes two to three times as large.
+fn penetration_tol(targets: &TargetErrors) -> f64 {
+    let limits = targets.values().into_iter().zip(OVERLAP_FACTORS);
+    let limits = limits.filter_map(|(error, factor)| error.map(|error| error / (10.0 * factor)));
+    let [low, high] = PENETRATION_TOL_RANGE;
+    limits.fold(high, f64::min).max(low)
+}
+
+/// Puts the present choice in force.
+pub fn update_options(options: &mut Compute, state: &State) {
+    let (Some(targets), Some(control)) = (options.target_error, &state.accuracy_control) else {
+        options.chosen = ChosenOptions::default();
+        return;
+    };
+    let AccuracyControl { tol, penetration, gravity_error, .. } = *control;
+    // Z counts neighbours over an interval: in longer steps more of them carry force at once, however slowly they move.
+    let max_multiple = targets.z.map_or(Adaptive::MAX_STEP_MULTIPLE, |error| {
+        (Z_MULTIPLE * libm::pow(error / 1e-2, Z_MULTIPLE_EXPONENT)).floor().max(1.0) as u64
+    });
+    options.chosen = ChosenOptions {
+        adaptive: Some(Adaptive { max_multiple, travel: 0.1 * libm::pow(penetration / 1e-3, 0.6), penetration }),
+        tol: Some(tol),
+        penetration_tol: Some(penetration_tol(&targets)),
+        gravity_error: Some(gravity_error),
+    };
+}
+
+/// Result of the comparison that precedes a step.
+pub enum Comparison {
+    /// No comparison is due.
+    NotDue,
+    /// Report of the step with the better solution.
+    Done(Box<StepReport>),
+    /// The program was requested to stop.
+    Stopped,
+}
+
+/// Makes the next step with a better solution, on a copy of the state, if a comparison is due.
+pub fn compare_next_step(scene: &Scene, state: &State, times: &mut StageTimes) -> Comparison {
+    let Some(control) = &state.accuracy_control else { return Comparison::NotDue };
+    let is_early = control.comparisons < FIRST_COMPARISONS;
+    let expected = if control.comparisons == 0 { FIRST_COMPARISON_SWEEPS } else { control.last_sweeps };
+    let ratio = SWEEPS_PER_COMPARISON_SWEEP[usize::from(!is_early)];
+    if control.sweeps_since < ratio * expected || scene.options.tol() <= COMPARISON_TOL {
+        return Comparison::NotDue;
+    }
+    let mut better = scene.clone();
+    let options = &mut better.options;
+    // Laws with restitution or irreversible losses are solved to a small part of `tol` anyway.
+    let is_strict = |law: &ContactLaw| law.has_restitution() || law.has_irreversible_loss();
+    options.tol = Some(if state.laws.iter().any(is_strict) { 0.1 * scene.options.tol() } else { COMPARISON_TOL });
+    options.penetration_tol = Some(f64::MAX);
+    options.max_sweeps = Some(MAX_COMPARISON_SWEEPS);
+    if options.solver == ContactSolver::Auto {
+        options.solver = ContactSolver::Nlgs;
+    }
+    match step(&better, &mut state.clone(), times) {
+        Some(report) => Comparison::Done(Box::new(report)),
+        None => Comparison::Stopped,
+    }
+}
+
+/// Adds a step and its comparison, if there was one, and adapts the options; returns whether they have changed.
+pub fn adapt_to_step(
+    options: &mut Compute,
+    state: &mut State,
+    report: &StepReport,
+    better: Option<&StepReport>,
+) -> bool {
+    let (Some(targets), Some(control)) = (options.target_error, &mut state.accuracy_control) else { return false };
+    let before = *control;
+    control.sweeps_since += report.sweeps;
+    control.step_sweeps += report.sweeps;
+    control.longest_multiple = control.longest_multiple.max((report.h / options.dt).round() as u64);
+    if let Some(sample) = report.gravity.sampled {
+        let allowed = 0.1 * targets.values().into_iter().flatten().fold(f64::INFINITY, f64::min);
+        if sample.virial.abs() > allowed {
+            control.gravity_error = (0.25 * control.gravity_error).max(GRAVITY_ERROR_RANGE[0]);
+        }
+    }
+    if let Some(better) = better {
+        add_comparison(control, report, better);
+        if before.comparisons > 0 {
+            control.tol = adapted_tol(&targets, control);
+        }
+    }
+    let has_changed = (control.tol, control.gravity_error) != (before.tol, before.gravity_error);
+    if has_changed {
+        update_options(options, state);
+    }
+    has_changed
+}
+
+/// Adds a comparison to the running means.
+fn add_comparison(control: &mut AccuracyControl, report: &StepReport, better: &StepReport) {
+    let relative = |value: f64, reference: f64| {
+        let error = (value - reference) / reference.abs();
+        if error.is_finite() { error } else { 0.0 }
+    };
+    control.contacts_excess.add(relative(report.contacts_active as f64, better.contacts_active as f64));
+    control.virial_error.add(relative(report.virial, better.virial));
+    control.comparisons += 1;
+    control.last_sweeps = better.sweeps.max(1);
+    control.comparison_sweeps += better.sweeps;
+    control.sweeps_since = 0;
+}
+
+/// `tol` after a comparison: smaller if an error by it is more than its share, larger if it is much less.
+fn adapted_tol(targets: &TargetErrors, control: &AccuracyControl) -> f64 {
+    let demand = |error: f64, target: Option<f64>| target.map_or(0.0, |target| error / (CONTACT_SHARE * target));
+    let demand = demand(control.contacts_excess.significant_size(), targets.z)
+        .max(demand(control.virial_error.significant_size(), targets.pressure));
+    let factor = match demand {
+        demand if demand > 1.0 => (1.0 / (demand * demand)).max(0.25),
+        demand if demand < 0.5 => 2.0,
+        _ => 1.0,
+    };
+    (control.tol * factor).clamp(TOL_RANGE[0], TOL_RANGE[1])
+}
+
+/// Errors of an observable by source.
+struct EstimatedParts {
+    parts: [(&'static str, &'static str, f64); 4],
+}
+
+impl EstimatedParts {
+    /// Estimates for the observable `k` of [`TargetErrors::NAMES`].
+    fn new(k: usize, scene: &Scene, control: &AccuracyControl, sources: &[ErrorSource]) -> Self {
+        let source = |name: &str| sources.iter().find(|source| source.name == name).map_or(0.0, |source| source.error);
+        let contacts = match k {
+            0 => control.contacts_excess.significant_size(),
+            2 => control.virial_error.significant_size(),
+            _ => 0.0,
+        };
+        let has_long_steps = control.longest_multiple > 1;
+        let steps = if has_long_steps { STEP_ERRORS[k].error_at(scene.options.adaptive().penetration) } else { 0.0 };
+        let balance = if k == 4 { source("energy") } else { 0.0 };
+        let gravity = if k == 2 || k == 4 { source("gravity") } else { 0.0 };
+        EstimatedParts {
+            parts: [
+                ("contacts", "tol", contacts),
+                ("overlaps", "dt or tol", OVERLAP_FACTORS[k] * source("step")),
+                ("length of steps", "dt", steps + balance),
+                ("gravity", "gravity_error", gravity),
+            ],
+        }
+    }
+
+    fn total(&self) -> f64 {
+        self.parts.iter().map(|(_, _, error)| error).sum()
+    }
+
+    /// Total, its parts, and whether the target is reached.
+    fn text(&self, target: f64) -> String {
+        let parts = self.parts.iter().filter(|(_, _, error)| *error > 0.0);
+        let parts: Vec<String> = parts.map(|(name, _, error)| format!("{name} {}", percent(*error))).collect();
+        let verdict = if self.total() <= target {
+            "reached".into()
+        } else {
+            let largest = self.parts.iter().max_by(|a, b| a.2.total_cmp(&b.2));
+            largest.map_or(String::new(), |(name, option, _)| format!("not reached, mainly {name}: lower {option}"))
+        };
+        let estimate =
+            if parts.is_empty() { "0".into() } else { format!("{} ({})", percent(self.total()), parts.join(", ")) };
+        format!("{estimate}; {verdict}")
+    }
+}
+
+/// Lines of the summary about the targets: what was requested, what is estimated and from what, the options, and the cost of the
+/// comparisons. Empty without `target_error`.
+pub fn target_lines(scene: &Scene, state: &State, sources: &[ErrorSource]) -> Vec<(&'static str, String)> {
+    let (Some(targets), Some(control)) = (scene.options.target_error, &state.accuracy_control) else {
+        return Vec::new();
+    };
+    let chance = sources.iter().find(|source| source.name == "chance").map_or(0.0, |source| source.error);
+    let mut lines = Vec::new();
+    for (k, target) in targets.values().into_iter().enumerate() {
+        let Some(target) = target else { continue };
+        let text = EstimatedParts::new(k, scene, control, sources).text(target);
+        lines.push(("target error", format!("{} {}: estimated {text}", TargetErrors::NAMES[k], percent(target))));
+        if k == 2 && chance > target {
+            let runs = (chance / target).powi(2).ceil();
+            let text = format!(
+                "of the pressure of one run {}, more than the target: {} give a mean with this standard error",
+                percent(chance),
+                count_text(runs as usize, "realisation")
+            );
+            lines.push(("chance", text));
+        }
+    }
+    lines.push(("chosen options", chosen_text(&scene.options)));
+    let share = control.comparison_sweeps as f64 / (control.comparison_sweeps + control.step_sweeps).max(1) as f64;
+    let comparisons = match control.comparisons {
+        0 => {
+            "none: the run has too few sweeps for one; errors by tol are those of the scenes from which tol was chosen"
+                .into()
+        }
+        count => format!("{}, {:.0} % of all sweeps", count_text(count as usize, "step"), 100.0 * share),
+    };
+    lines.push(("comparisons", comparisons));
+    lines
+}
+
+/// Options in force at the end.
+pub fn chosen_text(options: &Compute) -> String {
+    let adaptive = options.adaptive();
+    let [tol, penetration_tol, gravity_error, travel, penetration] =
+        [options.tol(), options.penetration_tol(), options.gravity_error(), adaptive.travel, adaptive.penetration]
+            .map(short_number);
+    let gravity = if options.self_gravity { format!(", gravity_error {gravity_error}") } else { String::new() };
+    format!(
+        "tol {tol}, penetration_tol {penetration_tol}, adaptive with travel {travel} and penetration {penetration}{gravity}"
+    )
+}
