@@ -664,9 +664,9 @@ impl Compute {
             self.check_cell(cell, &format!("{prefix}cell"), report);
         }
         check_radii(&self.radii, self.dt, &format!("{prefix}radii"), report);
-        let has_shape = self.radii.is_empty() || !self.text;
-        let expected = "text: false with it: LMGC90 has no such cylinder";
-        report.require(has_shape, &format!("{prefix}radii"), "given with text: true", expected);
+        if !self.radii.is_empty() {
+            self.check_options_of_radii(&format!("{prefix}radii"), report);
+        }
         let mut expect = |holds: bool, name: &str, found: String, expected: &str| {
             report.require(holds, &format!("{prefix}{name}"), found, expected);
         };
@@ -761,6 +761,26 @@ impl Compute {
             report.require(holds, path, found, expected);
         }
         cell.check_in(self.dt, path, report);
+    }
+
+    /// Reports at `path` the options with which no radius of a hollow cylinder can change.
+    pub fn check_options_of_radii(&self, path: &str, report: &mut FaultReport) {
+        let requirements = [
+            (!self.text, "given with text: true", "text: false with it: LMGC90 has no such cylinder"),
+            (
+                self.impacts.is_simultaneous(),
+                "given with impacts: in_order",
+                "impacts: simultaneous: the order of impacts is not computed at a surface that grows or shrinks",
+            ),
+            (
+                self.periods().iter().all(Option::is_none),
+                "given with a period",
+                "no period: the pressure is that on the whole height, and a closed cylinder has no images",
+            ),
+        ];
+        for (holds, found, expected) in requirements {
+            report.require(holds, path, found, expected);
+        }
     }
 
     /// Reports the values of the event at `path` that no run could use.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::deforming_cell::AxisControl;
+use crate::names::rounded_number;
 use crate::report::FaultReport;
 
 /// Control of the radius of a hollow cylinder.
@@ -56,6 +57,37 @@ impl RadiusState {
     }
 }
 
+/// Least radius of a hollow cylinder of this `height` (m) around bodies, m: that of the largest of the balls in them, and that
+/// of a cylinder with their whole `volume`, m³. 0 without bodies.
+///
+/// Ten balls of the radius 1 m in a height of 3 m do not fit into a radius below 2.108 m.
+pub fn least_radius(balls: impl Iterator<Item = f64>, volume: f64, height: f64) -> f64 {
+    balls.fold((volume / (std::f64::consts::PI * height)).sqrt(), f64::max)
+}
+
+/// Bound on the radial speed in the time `span` (s) from a `radius` (m) on, m/s. A servo may reach its largest rate at the start;
+/// its growth later is not counted.
+pub fn largest_radial_speed(control: &AxisControl, radius: f64, span: f64) -> f64 {
+    match *control {
+        AxisControl::Rate(rate) => rate.abs() * radius * libm::exp((rate * span).max(0.0)),
+        AxisControl::Stress { gain, max_rate, .. } => max_rate.unwrap_or(gain) * radius,
+    }
+}
+
+/// Found and expected text of a fault if a control shrinks a `radius` (m) in the time `span` (s) to less than the `least` one, m.
+/// None for servos, which stop at the bodies.
+pub fn shrinkage_fault(control: &AxisControl, radius: f64, span: f64, least: f64) -> Option<(String, String)> {
+    let AxisControl::Rate(rate) = *control else { return None };
+    let end = radius * libm::exp(rate * span);
+    (rate < 0.0 && end < least).then(|| {
+        let [rate, radius, end, span, least] = [rate, radius, end, span, least].map(rounded_number);
+        let found = format!("Rate({rate}) shrinks the radius from {radius} m to {end} m in {span} s");
+        let expected =
+            format!("at least {least} m, the size of the bodies inside: a slower rate, a shorter run, or Stress");
+        (found, expected)
+    })
+}
+
 /// Reports controls at `path` that no run could use in steps of `dt` (s).
 pub fn check_radii(radii: &[RadiusControl], dt: f64, path: &str, report: &mut FaultReport) {
     for (k, RadiusControl { body, control }) in radii.iter().enumerate() {
@@ -65,7 +97,7 @@ pub fn check_radii(radii: &[RadiusControl], dt: f64, path: &str, report: &mut Fa
             is_new,
             &format!("{path}.body"),
             format!("{body}"),
-            "the number, from 1, of a body without a row",
+            "the number, from 1, of a hollow cylinder, each at most once",
         );
         control.check_in(dt, &format!("{path}.control"), report);
     }
@@ -74,6 +106,27 @@ pub fn check_radii(radii: &[RadiusControl], dt: f64, path: &str, report: &mut Fa
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bodies_limit_the_rate_at_which_a_radius_shrinks() {
+        let ball_volume = 4.0 / 3.0 * std::f64::consts::PI;
+        let least = least_radius([1.0; 10].into_iter(), 10.0 * ball_volume, 3.0);
+        assert!((least - (40.0f64 / 9.0).sqrt()).abs() < 1e-15, "{least}"); // 10 * 4/3 π = 3 π R²
+        assert_eq!(least_radius([1.0].into_iter(), ball_volume, 100.0), 1.0);
+        assert_eq!(least_radius(std::iter::empty(), 0.0, 1.0), 0.0);
+        let fault = |control, span| shrinkage_fault(&control, 3.0, span, least);
+        // 3 exp(-0.1 t) is 2.108 at t = 3.53.
+        assert_eq!(fault(AxisControl::Rate(-0.1), 3.5), None);
+        let (found, expected) = fault(AxisControl::Rate(-0.1), 4.0).unwrap();
+        assert_eq!(found, "Rate(-0.1) shrinks the radius from 3 m to 2.01096 m in 4 s");
+        assert!(expected.starts_with("at least 2.10819 m"), "{expected}");
+        assert_eq!(fault(AxisControl::Rate(0.1), 1e9), None);
+        let servo = AxisControl::Stress { value: 1.0, gain: 1.0, average: 0.0, max_rate: None };
+        assert_eq!(fault(servo, 1e9), None);
+        assert_eq!(largest_radial_speed(&servo, 3.0, 1e9), 3.0);
+        assert_eq!(largest_radial_speed(&AxisControl::Rate(-0.5), 3.0, 1.0), 1.5);
+        assert!((largest_radial_speed(&AxisControl::Rate(0.5), 3.0, 2.0) - 1.5 * libm::exp(1.0)).abs() < 1e-15);
+    }
 
     #[test]
     fn a_strain_rate_changes_the_radius_exponentially() {

@@ -479,13 +479,13 @@ fn grain_of_row(
     }
 }
 
-/// Wall of a row of the snapshot.
 /// Shape of the body of a row, with the current radius if it is a hollow cylinder whose radius changes.
 fn with_current_radius(solid: Arc<SolidShape>, radii: &[RadiusState], row: usize) -> Arc<SolidShape> {
     let current = radii.iter().find(|radius| radius.body == row + 1);
     current.map_or(solid.clone(), |current| Arc::new(solid.with_hollow_radius(current.radius)))
 }
 
+/// Wall of a row of the snapshot.
 fn wall_of_row(bodies: &BodyArrays, row: usize, solid: Option<Arc<SolidShape>>) -> Wall {
     let shape = match (solid, bodies.body_shape[row]) {
         (Some(solid), _) => WallShape::Polyhedron(solid),

@@ -8,6 +8,7 @@ use cd_formats::names::{count_text, number_text, vector_text};
 use cd_formats::report::{FaultReport, is_beyond_range, is_rounded_to_zero};
 use nalgebra::Vector3;
 
+use crate::radial::check_radial;
 use crate::scene::{
     ContactSurface, Envelope, GrainOrientations, GrainPlacement, GrainShape, Grains, Law, ModelScale, RadiusKind,
     Revolution, Rotation, Scene, SceneWall, SizeDistribution, TimeFunction,
@@ -86,9 +87,7 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
         let path = format!("walls.{k}");
         check_material_and_colour(scene, report, &path, wall.material(), wall.colour());
         check_wall(report, &path, wall);
-        if let SceneWall::Cylinder { radial: Some(control), .. } = wall {
-            control.check_in(scene.compute.dt, &format!("{path}.radial"), report);
-        }
+        check_radial(scene, wall, &format!("{path}.radial"), report);
     }
     check_contacts(scene, report);
     let is_some_free = scene.grains.is_empty() || scene.grains.iter().any(|grains| !grains.is_imposed());
@@ -99,6 +98,8 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
         "at least one group of grains whose motion is not all imposed",
     );
     scene.compute.check_in(report, "compute.");
+    let expected = "radial of a hollow cylinder, of which cd-pre makes this option";
+    report.require(scene.compute.radii.is_empty(), "compute.radii", "given in a scene", expected);
     if scene.compute.cell.is_some() {
         check_bodies_of_cell(scene, report);
     }
@@ -752,7 +753,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             strain_rate,
             revolution,
             surface_spin,
-            radial,
+            radial: _,
             ends,
         } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
@@ -771,17 +772,6 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
                     format!("a solid one: {noun} is that of its end; radial controls the radius of a hollow one");
                 let is_solid = servo.is_none() || !hollow;
                 report.require(is_solid, &format!("{path}.{name}"), "of a hollow cylinder", &expected);
-            }
-            if radial.is_some() {
-                let radial_path = format!("{path}.radial");
-                report.require(*hollow, &radial_path, "of a solid cylinder", "a hollow one");
-                report.require(
-                    ends.is_none(),
-                    &radial_path,
-                    "given with ends, whose size is constant",
-                    "no ends: add two plates",
-                );
-                report.require(!wall.has_load(), &radial_path, "given with a force or moment", "an imposed motion");
             }
             if let Some(ends) = ends {
                 let end_path = format!("{path}.ends");
@@ -1160,7 +1150,7 @@ impl SceneWall {
     }
 
     /// Whether a force or moment other than that of a revolution acts on the wall.
-    fn has_load(&self) -> bool {
+    pub(crate) fn has_load(&self) -> bool {
         let has_moment = match self {
             SceneWall::Plate { moment, .. } => moment.iter().any(Option::is_some),
             SceneWall::Cylinder { moment, .. } => moment.is_some(),

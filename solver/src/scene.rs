@@ -1001,6 +1001,7 @@ impl Scene {
             (servos(|drive| drive.pivot.is_some()), "revolution"),
             (servos(|drive| drive.hinged_centre.is_some()), "hinge"),
             (servos(|drive| drive.surface.is_some()), "moving surface"),
+            (self.radii.len(), "radial motion"),
             (self.links.len(), "link"),
         ];
         let plural = |n: usize| if n == 1 { "" } else { "s" };

@@ -1,63 +1,85 @@
 //! Hollow cylinders whose radius changes: the option `radii`.
 
+use std::f64::consts::PI;
 use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
-use cd_formats::hollow_radius::{RadiusControl, RadiusState};
+use cd_formats::hollow_radius::{RadiusControl, RadiusState, largest_radial_speed, least_radius, shrinkage_fault};
 
+use super::COMPUTE_FILE;
 use crate::math::Vec3;
-use crate::scene::{BodyId, ChangingRadius, ContactorShape, Scene};
+use crate::scene::{BodyId, BodyPart, ChangingRadius, ContactorShape, Scene};
 
-/// Adds the hollow cylinders of the option `radii` to the scene. Faults: bodies whose radius cannot change.
-pub fn set_changing_radii(datbox: &Path, scene: &mut Scene, faults: &mut Faults) {
+/// Adds the hollow cylinders of the option `radii` to the scene, for a run from the time `start`, s. Faults: bodies whose
+/// radius cannot change, and rates that shrink one through the bodies inside.
+pub fn set_changing_radii(datbox: &Path, scene: &mut Scene, start: f64, faults: &mut Faults) {
     for (k, control) in scene.options.radii.clone().into_iter().enumerate() {
-        match changing_radius(scene, control) {
+        let span = scene.end_time() - start;
+        match changing_radius(scene, control, span) {
             Ok(changing) => {
+                let speed = largest_radial_speed(&control.control, initial_radius(scene, changing.body), span);
                 let drives = scene.drives.iter_mut().filter(|drive| drive.body == changing.body);
-                drives.for_each(|drive| drive.changes_radius = true);
+                drives.for_each(|drive| drive.radial_speed = speed);
                 scene.radii.push(changing);
             }
             Err((found, expected)) => {
                 let object = format!("radii, row {}, body {}", k + 1, control.body);
-                faults.push(Fault::new(&datbox.join("COMPUTE.RON"), None, object, found, expected));
+                let expected = format!("expected {expected}");
+                faults.push(Fault::new(&datbox.join(COMPUTE_FILE), None, object, found, expected));
             }
         }
     }
 }
 
-/// Hollow cylinder with this control. Errors: found and expected text of a fault.
-fn changing_radius(scene: &Scene, control: RadiusControl) -> Result<ChangingRadius, (&'static str, &'static str)> {
-    let hollow = "expected a body with one contactor DNLYC besides PT3Dx, whose motion is all imposed";
+/// Hollow cylinder with this control in a run of the time `span`, s. Errors: found and expected text of a fault.
+fn changing_radius(scene: &Scene, control: RadiusControl, span: f64) -> Result<ChangingRadius, (String, String)> {
+    let fault = |found: &str, expected: &str| Err((found.to_string(), expected.to_string()));
+    let hollow = "the number of a body with one contactor DNLYC besides PT3Dx, whose motion is all imposed";
     let index = control.body.wrapping_sub(1);
     if index >= scene.bodies.len() || !scene.has_parts() {
-        return Err(("no hollow cylinder", hollow));
+        return fault("no hollow cylinder", hollow);
     }
     let body = BodyId::new(index);
-    let [part] = scene.all_parts_of(body) else { return Err(("not one hollow cylinder", hollow)) };
-    let ContactorShape::Cylinder { half_height, hollow: true, .. } = part.geometry else {
-        return Err(("no hollow cylinder", hollow));
+    let [part] = scene.all_parts_of(body) else { return fault("not one hollow cylinder", hollow) };
+    let ContactorShape::Cylinder { half_height, radius, hollow: true } = part.geometry else {
+        return fault("no hollow cylinder", hollow);
     };
     if !scene.bodies[index].is_imposed() {
-        return Err(("a hollow cylinder that forces move", hollow));
+        return fault("a hollow cylinder that forces move", hollow);
     }
-    let classes = 0..scene.visibility.classes as u16;
-    if !classes.into_iter().any(|class| scene.visibility.interaction_rule(class, part.class).is_some()) {
-        let expected = "expected a law in TACT_BEHAV.DAT for it: nothing inside would resist";
-        return Err(("a hollow cylinder without contacts", expected));
+    let is_inside = |inner: &&BodyPart| {
+        let can_touch = scene.visibility.interaction_rule(inner.class, part.class).is_some();
+        can_touch && scene.bodies[inner.body.index()].can_be_pushed()
+    };
+    let inner: Vec<&BodyPart> = scene.parts.iter().filter(is_inside).collect();
+    if inner.is_empty() {
+        let expected = "a law in TACT_BEHAV.DAT for it and a body that moves: nothing inside would resist";
+        return fault("a hollow cylinder without contacts", expected);
     }
-    if !scene.options.impacts.is_simultaneous() {
-        return Err(("a radius that changes, with impacts: in_order", "expected impacts: simultaneous"));
+    let balls = inner.iter().map(|inner| inner.geometry.inner_radius());
+    let mut bodies: Vec<BodyId> = inner.iter().map(|inner| inner.body).collect();
+    bodies.dedup();
+    let volumes = bodies.iter().map(|body| 4.0 / 3.0 * PI * scene.bodies[body.index()].radius.powi(3));
+    // Sources and sinks change what is inside.
+    let exchanges = !scene.options.sources.is_empty() || !scene.options.sinks.is_empty();
+    let volume = if exchanges { 0.0 } else { volumes.sum() };
+    let least = least_radius(balls, volume, 2.0 * half_height);
+    match shrinkage_fault(&control.control, radius, span, least) {
+        Some(fault) => Err(fault),
+        None => Ok(ChangingRadius { body, control, axis: part.axes * Vec3::z(), half_height, least }),
     }
-    Ok(ChangingRadius { body, control, axis: part.axes * Vec3::z(), half_height })
+}
+
+/// Radius at the start of a run of a hollow cylinder, m.
+fn initial_radius(scene: &Scene, body: BodyId) -> f64 {
+    let ContactorShape::Cylinder { radius, .. } = scene.all_parts_of(body)[0].geometry else {
+        unreachable!("a changing radius is that of a hollow cylinder")
+    };
+    radius
 }
 
 /// Radii at the start of a run.
 pub fn initial_radii(scene: &Scene) -> Vec<RadiusState> {
-    let initial = |changing: &ChangingRadius| {
-        let ContactorShape::Cylinder { radius, .. } = scene.all_parts_of(changing.body)[0].geometry else {
-            unreachable!("a changing radius is that of a hollow cylinder")
-        };
-        RadiusState::new(radius, &changing.control)
-    };
+    let initial = |changing: &ChangingRadius| RadiusState::new(initial_radius(scene, changing.body), &changing.control);
     scene.radii.iter().map(initial).collect()
 }

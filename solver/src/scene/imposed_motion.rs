@@ -23,8 +23,8 @@ pub struct ImposedVelocity {
     pub hinged_centre: Option<Vec3>,
     /// Velocity of the surface beyond that of the body, components as of `velocity`.
     pub surface: Option<Box<[Option<Evolution>; 6]>>,
-    /// Whether it is a hollow cylinder whose radius changes.
-    pub changes_radius: bool,
+    /// Bound on the radial speed of a hollow cylinder whose radius changes, m/s; 0 of others.
+    pub radial_speed: f64,
 }
 
 /// Hollow cylinder whose radius changes.
@@ -36,6 +36,8 @@ pub struct ChangingRadius {
     pub axis: Vec3,
     /// Half of its height, m.
     pub half_height: f64,
+    /// Least radius into which the bodies fit that can touch it, m.
+    pub least: f64,
 }
 
 impl ChangingRadius {
@@ -108,7 +110,7 @@ impl ImposedVelocity {
             pivot: None,
             hinged_centre: None,
             surface: None,
-            changes_radius: false,
+            radial_speed: 0.0,
         }
     }
 
@@ -117,7 +119,7 @@ impl ImposedVelocity {
         self.velocity.iter().any(|component| *component != Some(Evolution::constant(0.0)))
             || self.depends_on_position()
             || self.surface.is_some()
-            || self.changes_radius
+            || self.radial_speed > 0.0
     }
 
     /// Whether the velocity depends on positions, so that it changes also while all functions of time are constant.
