@@ -114,7 +114,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     behaviour::check_cell(&datbox, &scene, &mut faults);
     behaviour::check_impacts(&datbox, &scene, &mut faults);
     let mut motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
-    radii::set_changing_radii(&datbox, &mut scene, dof.time, &mut faults);
+    radii::set_changing_radii(&datbox.join(COMPUTE_FILE), &mut scene, dof.time, &mut faults);
     servo_walls::set_servo_walls(&datbox, &driven, &mut scene, dof.time, &mut motion, &mut faults);
     scene.notes.extend(bodies::period_gap_notes(&scene, &motion.q));
     bodies::check_plates_are_level(&datbox, &bodies, &scene, &motion.q, &mut faults);

@@ -6,13 +6,12 @@ use std::path::Path;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::hollow_radius::{RadiusControl, RadiusState, largest_radial_speed, least_radius, shrinkage_fault};
 
-use super::COMPUTE_FILE;
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, ChangingRadius, ContactorShape, Scene};
 
-/// Adds the hollow cylinders of the option `radii` to the scene, for a run from the time `start`, s. Faults: bodies whose
+/// Adds the hollow cylinders of the option `radii` of `file` to the scene, for a run from the time `start`, s. Faults: bodies whose
 /// radius cannot change, and rates that shrink one through the bodies inside.
-pub fn set_changing_radii(datbox: &Path, scene: &mut Scene, start: f64, faults: &mut Faults) {
+pub fn set_changing_radii(file: &Path, scene: &mut Scene, start: f64, faults: &mut Faults) {
     for (k, control) in scene.options.radii.clone().into_iter().enumerate() {
         let span = scene.end_time() - start;
         match changing_radius(scene, control, span) {
@@ -25,7 +24,7 @@ pub fn set_changing_radii(datbox: &Path, scene: &mut Scene, start: f64, faults: 
             Err((found, expected)) => {
                 let object = format!("radii, row {}, body {}", k + 1, control.body);
                 let expected = format!("expected {expected}");
-                faults.push(Fault::new(&datbox.join(COMPUTE_FILE), None, object, found, expected));
+                faults.push(Fault::new(file, None, object, found, expected));
             }
         }
     }
