@@ -24,6 +24,8 @@ pub struct RadiusState {
     pub body: usize,
     /// Radius R, m.
     pub radius: f64,
+    /// Height of the inside between plates, or of the cylinder, in the contact configuration, m.
+    pub height: f64,
     /// Radial speed Ṙ of the inside, m/s, > 0 outwards.
     pub speed: f64,
     /// Mean pressure of the servo, Pa.
@@ -31,10 +33,10 @@ pub struct RadiusState {
 }
 
 impl RadiusState {
-    /// Returns the state at the start of a run with this radius, m.
-    pub fn new(radius: f64, control: &RadiusControl) -> RadiusState {
+    /// Returns the state at the start of a run with this radius and height, m.
+    pub fn new(radius: f64, height: f64, control: &RadiusControl) -> RadiusState {
         let speed = radius * control.control.strain_rate(0.0);
-        RadiusState { body: control.body, radius, speed, mean_stress: 0.0 }
+        RadiusState { body: control.body, radius, height, speed, mean_stress: 0.0 }
     }
 
     /// Returns the radius after the time `span` (s) with its speed.
@@ -53,7 +55,7 @@ impl RadiusState {
 
     /// Whether all numbers are finite and the radius is more than 0.
     pub fn is_sound(&self) -> bool {
-        [self.radius, self.speed, self.mean_stress].iter().all(|x| x.is_finite()) && self.radius > 0.0
+        [self.radius, self.height, self.speed, self.mean_stress].iter().all(|x| x.is_finite()) && self.radius > 0.0
     }
 }
 
@@ -131,7 +133,7 @@ mod tests {
     #[test]
     fn a_strain_rate_changes_the_radius_exponentially() {
         let control = RadiusControl { body: 1, control: AxisControl::Rate(-0.5) };
-        let mut radius = RadiusState::new(2.0, &control);
+        let mut radius = RadiusState::new(2.0, 1.0, &control);
         assert_eq!(radius.speed, -1.0);
         for _ in 0..10 {
             radius = radius.with_strain_rate(-0.5, 0.1).moved_by(0.1);

@@ -369,7 +369,8 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
         *cell = CellState { mean_stress: cell.mean_stress, ..step.end_state(h, time_after) };
     }
     for (radius, step) in state.radii.iter_mut().zip(&q_c.radii) {
-        *radius = RadiusState { mean_stress: radius.mean_stress, ..step.state.moved_by(time_after) };
+        *radius =
+            RadiusState { mean_stress: radius.mean_stress, height: radius.height, ..step.state.moved_by(time_after) };
     }
     // No impulse acts from the contact configuration to the step's end: only the moments that impose rotations change this
     // energy.

@@ -196,6 +196,7 @@ fn initial_state(
 ) -> State {
     let angular_momentum_of = |i: &BodyId| scene.bodies[i.index()].angular_momentum(&q[i.index()], &w[i.index()]);
     let angular_momentum = scene.free_rotors.iter().map(angular_momentum_of).collect();
+    let radii = radii::initial_radii(scene, &x);
     State {
         step: dof.step,
         time: dof.time,
@@ -217,7 +218,7 @@ fn initial_state(
         laws: scene.laws.clone(),
         primary_response: scene.initial_response(),
         cell: behaviour::initial_cell(scene),
-        radii: radii::initial_radii(scene),
+        radii,
         loads: Vec::new(),
         bonding: BondingMode::New,
         events_done: 0,

@@ -7,7 +7,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::hollow_radius::{RadiusControl, RadiusState, largest_radial_speed, least_radius, shrinkage_fault};
 
 use crate::math::Vec3;
-use crate::scene::{BodyId, BodyPart, ChangingRadius, ContactorShape, Scene};
+use crate::scene::{AreaSide, BodyId, BodyPart, ChangingRadius, ContactorShape, Scene};
 
 /// Adds the hollow cylinders of the option `radii` of `file` to the scene, for a run from the time `start`, s. Faults: bodies whose
 /// radius cannot change, and rates that shrink one through the bodies inside.
@@ -55,6 +55,9 @@ fn changing_radius(scene: &Scene, control: RadiusControl, span: f64) -> Result<C
         let expected = "a law in TACT_BEHAV.DAT for it and a body that moves: nothing inside would resist";
         return fault("a hollow cylinder without contacts", expected);
     }
+    // Plates are set with the servos of walls.
+    let axis = part.axes * Vec3::z();
+    let ends = [axis, -axis].map(|direction| AreaSide { direction, half_length: half_height, neighbour: None });
     let balls = inner.iter().map(|inner| inner.geometry.inner_radius());
     let mut bodies: Vec<BodyId> = inner.iter().map(|inner| inner.body).collect();
     bodies.dedup();
@@ -65,7 +68,7 @@ fn changing_radius(scene: &Scene, control: RadiusControl, span: f64) -> Result<C
     let least = least_radius(balls, volume, 2.0 * half_height);
     match shrinkage_fault(&control.control, radius, span, least) {
         Some(fault) => Err(fault),
-        None => Ok(ChangingRadius { body, control, axis: part.axes * Vec3::z(), half_height, least }),
+        None => Ok(ChangingRadius { body, control, axis, ends, least }),
     }
 }
 
@@ -77,8 +80,10 @@ fn initial_radius(scene: &Scene, body: BodyId) -> f64 {
     radius
 }
 
-/// Radii at the start of a run.
-pub fn initial_radii(scene: &Scene) -> Vec<RadiusState> {
-    let initial = |changing: &ChangingRadius| RadiusState::new(initial_radius(scene, changing.body), &changing.control);
+/// Radii at the start of a run with bodies at `x`, m.
+pub fn initial_radii(scene: &Scene, x: &[Vec3]) -> Vec<RadiusState> {
+    let initial = |changing: &ChangingRadius| {
+        RadiusState::new(initial_radius(scene, changing.body), changing.height(x), &changing.control)
+    };
     scene.radii.iter().map(initial).collect()
 }

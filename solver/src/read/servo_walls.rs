@@ -46,6 +46,7 @@ pub fn set_servo_walls(
         let imposed = scene.imposed_motion(drive, start_time, &motion.x, &motion.q, time_before, &pushed);
         (motion.v[i], motion.w[i]) = (imposed.v, imposed.w);
     }
+    set_ends_of_cylinders(scene, motion);
     set_wall_areas(&datbox.join("COMPUTE.RON"), scene, motion, faults);
 }
 
@@ -132,6 +133,23 @@ fn set_wall_areas(file: &Path, scene: &mut Scene, motion: &InitialMotion, faults
         }
     }
     scene.wall_areas = areas;
+}
+
+/// Sets the plates between which hollow cylinders whose radius changes have their pressure: those that their axis meets from
+/// their centre, if the axis keeps its direction.
+fn set_ends_of_cylinders(scene: &mut Scene, motion: &InitialMotion) {
+    let mut radii = std::mem::take(&mut scene.radii);
+    for changing in &mut radii {
+        let q = &motion.q[changing.body.index()];
+        let drive = scene.drives.iter().find(|drive| drive.body == changing.body);
+        let is_upright = drive.is_some_and(|drive| is_held(drive, 3) && is_held(drive, 4) && drive.pivot.is_none());
+        for end in &mut changing.ends {
+            end.direction = q * end.direction;
+            let plate = nearest_plate(scene, changing.body, motion, &end.direction).filter(|_| is_upright);
+            end.neighbour = plate.map(|(body, _, half_thickness)| (body, half_thickness));
+        }
+    }
+    scene.radii = radii;
 }
 
 /// Area of a wall and the axis of its normal.

@@ -34,16 +34,22 @@ pub struct ChangingRadius {
     pub control: RadiusControl,
     /// Axis in the frame of the body.
     pub axis: Vec3,
-    /// Half of its height, m.
-    pub half_height: f64,
+    /// Ends of its inside along the axis and against it: plates, or its own ends.
+    pub ends: [AreaSide; 2],
     /// Least radius into which the bodies fit that can touch it, m.
     pub least: f64,
 }
 
 impl ChangingRadius {
-    /// Area of the inside without the ends at a `radius` (m), m².
-    pub fn area(&self, radius: f64) -> f64 {
-        std::f64::consts::TAU * radius * 2.0 * self.half_height
+    /// Height of the inside between the plates, with bodies at `x` (m), m; at most that of the cylinder.
+    pub fn height(&self, x: &[Vec3]) -> f64 {
+        let centre = &x[self.body.index()];
+        self.ends.iter().map(|end| end.reach(centre, x)).sum()
+    }
+
+    /// Area of the inside without the ends at a `radius` (m), with bodies at `x` (m), m².
+    pub fn area(&self, radius: f64, x: &[Vec3]) -> f64 {
+        std::f64::consts::TAU * radius * self.height(x)
     }
 }
 
@@ -247,7 +253,7 @@ impl PressedArea {
         match self {
             PressedArea::Constant(area) => *area,
             PressedArea::Section(drum) => std::f64::consts::PI * radius(*drum) * radius(*drum),
-            PressedArea::Inside(changing) => changing.area(radius(body)),
+            PressedArea::Inside(changing) => changing.area(radius(body), x),
             PressedArea::Rectangle(sides) => {
                 let extent = |side: &AreaSide| side.extent(&x[body.index()], x);
                 let lengths = sides.map(|[one, other]| extent(&one) + extent(&other));
@@ -258,12 +264,17 @@ impl PressedArea {
 }
 
 impl AreaSide {
-    /// Distance of the side from the `centre` of the plate: to the face of the neighbour or the edge of the plate, m; never
-    /// negative.
-    fn extent(&self, centre: &Vec3, x: &[Vec3]) -> f64 {
+    /// Distance of the side from the `centre` of the plate: to the face of the neighbour or the edge of the plate, m; negative
+    /// if the neighbour has passed the centre.
+    fn reach(&self, centre: &Vec3, x: &[Vec3]) -> f64 {
         let distance =
             |(body, half_thickness): (BodyId, f64)| (x[body.index()] - centre).dot(&self.direction) - half_thickness;
-        self.neighbour.map_or(f64::INFINITY, distance).clamp(0.0, self.half_length)
+        self.neighbour.map_or(f64::INFINITY, distance).min(self.half_length)
+    }
+
+    /// [`Self::reach`], never negative.
+    fn extent(&self, centre: &Vec3, x: &[Vec3]) -> f64 {
+        self.reach(centre, x).max(0.0)
     }
 }
 

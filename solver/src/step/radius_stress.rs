@@ -19,7 +19,8 @@ pub fn update_mean_pressures(scene: &Scene, q_c: &ContactConfiguration, contacts
     for ((changing, step), radius) in scene.radii.iter().zip(&q_c.radii).zip(&mut state.radii) {
         let axis = q_c.q[changing.body.index()] * changing.axis;
         let impulse = side_impulse(contacts, changing.body, &axis);
-        let pressure = impulse / (q_c.h * changing.area(step.state.radius));
+        let pressure = impulse / (q_c.h * changing.area(step.state.radius, &q_c.x));
+        radius.height = changing.height(&q_c.x);
         radius.mean_stress = changing.control.control.mean_stress(radius.mean_stress, pressure, q_c.h);
     }
 }
