@@ -9,8 +9,8 @@ use cd_formats::hollow_radius::{RadiusControl, RadiusState, largest_radial_speed
 use crate::math::Vec3;
 use crate::scene::{AreaSide, BodyId, BodyPart, ChangingRadius, ContactorShape, Scene};
 
-/// Adds the hollow cylinders of the option `radii` of `file` to the scene, for a run from the time `start`, s. Faults: bodies whose
-/// radius cannot change, and rates that shrink one through the bodies inside.
+/// Adds the hollow cylinders of the option `radii` of `file` to the scene, for a run from the time `start`, s. Faults: bodies
+/// whose radius cannot change, and rates that shrink one through the bodies inside.
 pub fn set_changing_radii(file: &Path, scene: &mut Scene, start: f64, faults: &mut Faults) {
     for (k, control) in scene.options.radii.clone().into_iter().enumerate() {
         let span = scene.end_time() - start;

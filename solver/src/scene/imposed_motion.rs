@@ -283,6 +283,33 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_inside_of_a_cylinder_ends_at_its_plates() {
+        use cd_formats::deforming_cell::AxisControl;
+        let z = Vec3::z();
+        let plate = |number: usize| Some((BodyId::new(number), 0.1));
+        let changing = |neighbours: [Option<(BodyId, f64)>; 2]| ChangingRadius {
+            body: BodyId::new(0),
+            control: RadiusControl { body: 1, control: AxisControl::Rate(0.0) },
+            axis: z,
+            ends: [(z, neighbours[0]), (-z, neighbours[1])].map(|(direction, neighbour)| AreaSide {
+                direction,
+                half_length: 2.0,
+                neighbour,
+            }),
+            least: 0.0,
+        };
+        let heights = |neighbours, upper: f64| changing(neighbours).height(&[Vec3::zeros(), z * upper, z * -1.5]);
+        let is_near = |found: f64, expected: f64| (found - expected).abs() < 1e-15;
+        assert_eq!(heights([None, None], 1.0), 4.0);
+        assert!(is_near(heights([plate(1), plate(2)], 1.0), 0.9 + 1.4));
+        // A plate beyond the end of the cylinder, and one that has passed the centre.
+        assert!(is_near(heights([plate(1), None], 5.0), 4.0));
+        assert!(is_near(heights([plate(1), plate(2)], -0.5), 1.4 - 0.6));
+        let area = changing([None, None]).area(0.5, &[Vec3::zeros()]);
+        assert!(is_near(area, 4.0 * std::f64::consts::PI), "{area}");
+    }
+
+    #[test]
     fn a_strain_changes_the_distance_exponentially() {
         let strain =
             StrainDrive { component: 2, rate: Evolution::constant(-0.5), opposite: BodyId(0), closed_distance: 0.25 };
