@@ -281,8 +281,8 @@ fn narrow_cylinder_text(scene: &Scene, state: &State) -> Option<String> {
     let (changing, current) = radii.find(|(changing, current)| current.radius <= changing.least)?;
     let [radius, least] = [current.radius, changing.least].map(rounded_number);
     Some(format!(
-        "the radius of body {} has become {radius} m; the bodies inside need more than {least} m; use a larger number of \
-         bodies, a slower rate or a smaller gain",
+        "the radius of body {} has become {radius} m; the bodies inside need more than {least} m; use stiffer laws, a lower \
+         pressure or a slower rate",
         changing.body.number()
     ))
 }
