@@ -14,6 +14,7 @@ use crate::accuracy::ChosenOptions;
 pub use crate::accuracy::{Accuracy, Adaptive, TargetErrors};
 use crate::deforming_cell::CellControl;
 use crate::error::Faults;
+use crate::hollow_radius::{RadiusControl, check_radii};
 use crate::messages::parse_number;
 use crate::names::{number_text, rounded_number};
 use crate::orbit::OrbitSpec;
@@ -473,6 +474,9 @@ options! {
     /// Deformation of a cell with three periods, such as (z: Stress(value: 1e3, gain: 0.1), shear_xz: 1.0): rates of the logarithmic strain or stresses that are held along x, y and z, and shear rates. Default: the cell keeps its shape.
     #[serde(skip_serializing_if = "Option::is_none")]
     cell: Option<CellControl> = None, CellControl, [value_name = "RON"];
+    /// Radii of hollow cylinders that change, such as [(body: 7, control: Stress(value: 1e3, gain: 0.1))]: rates of the logarithm of the radius, or pressures on the inside that are held. Default: they are constant.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    radii: Vec<RadiusControl> = Vec::new(), RadiusControls, [value_name = "RON"];
     /// Newtonian attraction between all free bodies.
     self_gravity: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Summation of self-gravity. direct: every pair; fmm: fast multipole method; auto: the faster of the two.
@@ -528,6 +532,8 @@ pub type Events = FlagList<Event>;
 pub type Fields = FlagList<ExternalField>;
 /// Probes of a run.
 pub type Probes = FlagList<Probe>;
+/// Controls of the radii of hollow cylinders.
+pub type RadiusControls = FlagList<RadiusControl>;
 /// Sinks of a run.
 pub type Sinks = FlagList<Sink>;
 /// Sources of a run.
@@ -567,7 +573,8 @@ impl Compute {
     /// `probes`, `threads` and `text`. Options of [`OPTIONS_WRITTEN_IF_GIVEN`] are included only if they are given.
     pub fn result_options(&self) -> BTreeMap<String, String> {
         const OPTIONS_OUTSIDE_RESULTS: [&str; 6] = ["steps", "end_time", "until", "probes", "threads", "text"];
-        let is_written = |name: &str, value: &str| value != NO_VALUE || !OPTIONS_WRITTEN_IF_GIVEN.contains(&name);
+        let is_written =
+            |name: &str, value: &str| ![NO_VALUE, "[]"].contains(&value) || !OPTIONS_WRITTEN_IF_GIVEN.contains(&name);
         let values = self
             .option_values()
             .into_iter()
@@ -655,6 +662,10 @@ impl Compute {
         }
         if let Some(cell) = &self.cell {
             self.check_cell(cell, &format!("{prefix}cell"), report);
+        }
+        check_radii(&self.radii, self.dt, &format!("{prefix}radii"), report);
+        if !self.radii.is_empty() {
+            self.check_options_of_radii(&format!("{prefix}radii"), report);
         }
         let mut expect = |holds: bool, name: &str, found: String, expected: &str| {
             report.require(holds, &format!("{prefix}{name}"), found, expected);
@@ -752,6 +763,26 @@ impl Compute {
         cell.check_in(self.dt, path, report);
     }
 
+    /// Reports at `path` the options with which no radius of a hollow cylinder can change.
+    pub fn check_options_of_radii(&self, path: &str, report: &mut FaultReport) {
+        let requirements = [
+            (!self.text, "given with text: true", "text: false with it: LMGC90 has no such cylinder"),
+            (
+                self.impacts.is_simultaneous(),
+                "given with impacts: in_order",
+                "impacts: simultaneous: the order of impacts is not computed at a surface that grows or shrinks",
+            ),
+            (
+                self.periods().iter().all(Option::is_none),
+                "given with a period",
+                "no period: the pressure is that on the whole height, and a closed cylinder has no images",
+            ),
+        ];
+        for (holds, found, expected) in requirements {
+            report.require(holds, path, found, expected);
+        }
+    }
+
     /// Reports the values of the event at `path` that no run could use.
     fn check_event(&self, event: &Event, path: &str, report: &mut FaultReport) {
         let [time, every, until, action] = ["time", "every", "until", "action"].map(|name| format!("{path}.{name}"));
@@ -824,7 +855,7 @@ pub const NO_VALUE: &str = "None";
 
 /// Options without a default that files and snapshots contain only if they are given: files of scenes without them equal
 /// those of earlier versions. `impacts` has a default, and is left out of COMPUTE.RON alone.
-pub const OPTIONS_WRITTEN_IF_GIVEN: [&str; 3] = ["zperiode", "cell", "target_error"];
+pub const OPTIONS_WRITTEN_IF_GIVEN: [&str; 4] = ["zperiode", "cell", "target_error", "radii"];
 
 /// Requirement on a rotation in a periodic scene, since neighbours across its boundary would be separated.
 pub const ROTATION_ABOUT_PERIOD: &str =

@@ -59,7 +59,7 @@ impl AxisControl {
     }
 
     /// Reports values at `path` that no run could use in steps of `dt` (s).
-    fn check_in(&self, dt: f64, path: &str, report: &mut FaultReport) {
+    pub fn check_in(&self, dt: f64, path: &str, report: &mut FaultReport) {
         let is_positive = |x: f64| x.is_finite() && x > 0.0;
         match *self {
             AxisControl::Rate(rate) => check_rate(rate, dt, path, report),

@@ -98,6 +98,7 @@ pub mod foreign;
 pub mod former_names;
 pub mod geometry;
 pub mod groups;
+pub mod hollow_radius;
 pub mod ids;
 pub mod law_table;
 pub mod lock;

@@ -9,6 +9,7 @@ use cd_formats::deforming_cell::CellState;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldShapes;
 use cd_formats::geometry::periodic_cell::PeriodicCell;
+use cd_formats::hollow_radius::RadiusState;
 use cd_formats::ids::BodyId;
 use cd_formats::index_types;
 use cd_formats::law_table::LawModel;
@@ -312,6 +313,7 @@ impl Frame {
             .into_iter()
             .enumerate()
             .map(|(row, solid)| {
+                let solid = solid.map(|solid| with_current_radius(solid, &meta.radii, row));
                 let grain = |solid| grain_of_row(&bodies, row, detection_time, solid, &cell, meta.cell.as_ref());
                 if !is_present[row] {
                     departed.extend(exit_velocities[row].map(|v| Grain { v, ..grain(solid) }));
@@ -475,6 +477,12 @@ fn grain_of_row(
         rotation: body_rotation(bodies, row),
         solid,
     }
+}
+
+/// Shape of the body of a row, with the current radius if it is a hollow cylinder whose radius changes.
+fn with_current_radius(solid: Arc<SolidShape>, radii: &[RadiusState], row: usize) -> Arc<SolidShape> {
+    let current = radii.iter().find(|radius| radius.body == row + 1);
+    current.map_or(solid.clone(), |current| Arc::new(solid.with_hollow_radius(current.radius)))
 }
 
 /// Wall of a row of the snapshot.

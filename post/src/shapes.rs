@@ -82,6 +82,17 @@ impl SolidShape {
         self.faces.push((0..CYLINDER_SIDES).map(|k| lower_vertex(k) + 1).collect());
     }
 
+    /// Returns a hollow cylinder with another radius, m; other shapes as they are.
+    pub fn with_hollow_radius(&self, radius: f64) -> SolidShape {
+        let mut solid = self.clone();
+        if let Some(hollow) = &mut solid.hollow {
+            let scale = Vec3::new(radius / hollow.radius, radius / hollow.radius, 1.0);
+            solid.vertices.iter_mut().for_each(|vertex| vertex.component_mul_assign(&scale));
+            hollow.radius = radius;
+        }
+        solid
+    }
+
     /// Adds a plate; `to_body` maps its points to the body's frame.
     fn add_plate(&mut self, half_lengths: &[f64; 3], to_body: impl Fn(Vec3) -> Vec3) {
         let first = self.vertices.len() as u32;

@@ -8,6 +8,7 @@ use cd_formats::names::{count_text, number_text, vector_text};
 use cd_formats::report::{FaultReport, is_beyond_range, is_rounded_to_zero};
 use nalgebra::Vector3;
 
+use crate::radial::check_radial;
 use crate::scene::{
     ContactSurface, Envelope, GrainOrientations, GrainPlacement, GrainShape, Grains, Law, ModelScale, RadiusKind,
     Revolution, Rotation, Scene, SceneWall, SizeDistribution, TimeFunction,
@@ -86,6 +87,7 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
         let path = format!("walls.{k}");
         check_material_and_colour(scene, report, &path, wall.material(), wall.colour());
         check_wall(report, &path, wall);
+        check_radial(scene, wall, &format!("{path}.radial"), report);
     }
     check_contacts(scene, report);
     let is_some_free = scene.grains.is_empty() || scene.grains.iter().any(|grains| !grains.is_imposed());
@@ -96,6 +98,8 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
         "at least one group of grains whose motion is not all imposed",
     );
     scene.compute.check_in(report, "compute.");
+    let expected = "radial of a hollow cylinder, of which cd-pre makes this option";
+    report.require(scene.compute.radii.is_empty(), "compute.radii", "given in a scene", expected);
     if scene.compute.cell.is_some() {
         check_bodies_of_cell(scene, report);
     }
@@ -749,6 +753,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             strain_rate,
             revolution,
             surface_spin,
+            radial: _,
             ends,
         } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
@@ -763,7 +768,8 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_along_axis(report, &format!("{path}.strain_rate"), strain_rate.as_deref(), ("1/s", axis), is_free);
             let servos = [("pressure", pressure, "the pressure"), ("strain_rate", strain_rate, "the strain rate")];
             for (name, servo, noun) in servos {
-                let expected = format!("a solid one: {noun} is that of its end");
+                let expected =
+                    format!("a solid one: {noun} is that of its end; radial controls the radius of a hollow one");
                 let is_solid = servo.is_none() || !hollow;
                 report.require(is_solid, &format!("{path}.{name}"), "of a hollow cylinder", &expected);
             }
@@ -1144,7 +1150,7 @@ impl SceneWall {
     }
 
     /// Whether a force or moment other than that of a revolution acts on the wall.
-    fn has_load(&self) -> bool {
+    pub(crate) fn has_load(&self) -> bool {
         let has_moment = match self {
             SceneWall::Plate { moment, .. } => moment.iter().any(Option::is_some),
             SceneWall::Cylinder { moment, .. } => moment.is_some(),

@@ -13,6 +13,7 @@ use cd_formats::sinks_and_sources::set_random_orders;
 use crate::datbox_folder::{FROM_OUTBOX_FILES, lock_datbox, write_files};
 use crate::grain::Population;
 use crate::parse::parse_with_settings;
+use crate::radial::check_radial_rates;
 use crate::scene::{Law, Scene, models};
 use crate::summary::{print_warnings, scene_summary};
 use crate::{attraction, check, doubts, field_surfaces, population, reread, write};
@@ -95,6 +96,7 @@ fn scene_with_warnings(source: &Path, text: &str, settings: &[String]) -> Result
     set_random_orders(&mut scene.compute.sources, scene.seed);
     let population = population::populate(&scene, source.parent().unwrap_or(Path::new("")), &mut report);
     population::check_strain_rates(&population.walls, &mut report);
+    check_radial_rates(&scene, &population, &mut report);
     let warnings = std::mem::take(&mut report.warnings);
     report.faults.into_result((scene, population, warnings))
 }

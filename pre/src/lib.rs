@@ -71,6 +71,7 @@ pub mod particles;
 pub mod placement;
 pub mod population;
 pub mod pour;
+mod radial;
 pub mod random;
 pub mod reread;
 pub mod rotation;

@@ -3,6 +3,7 @@
 //! SI units and radians throughout. Only names and types are checked here, values in [`crate::check`].
 
 use cd_formats::compute::Compute;
+use cd_formats::deforming_cell::AxisControl;
 use cd_formats::law_table::{LawModel, SpherePacking};
 use cd_formats::orbit::OrbitSpec;
 use cd_formats::tact_behav::LawRecord;
@@ -562,6 +563,9 @@ pub enum SceneWall {
         /// Angular velocity of the surface beyond that of the cylinder, rad/s, about the axis.
         #[serde(default)]
         surface_spin: TimeFunction,
+        /// Control of the radius of a hollow cylinder: a rate of its logarithm, 1/s, or a pressure on the inside that is held.
+        #[serde(default)]
+        radial: Option<AxisControl>,
         /// Ends of a hollow cylinder as plates of their own.
         #[serde(default)]
         ends: Option<Box<DrumEnds>>,

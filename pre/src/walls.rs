@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cd_formats::bodies::{Body, Contactor, LocalFrame, ShapeRecord};
+use cd_formats::deforming_cell::AxisControl;
 use cd_formats::drv_dof::{Evolution as FileFunction, table_text};
 use cd_formats::report::FaultReport;
 use cd_formats::surface::MassProperties;
@@ -50,6 +51,8 @@ pub struct WallServos {
     pub hinge_axes: Option<Matrix3<f64>>,
     /// Velocity of the surface, components as of [`WallBody::motion`].
     pub surface: [Option<TimeFunction>; 6],
+    /// Control of the radius of a hollow cylinder.
+    pub radius: Option<AxisControl>,
 }
 
 impl WallServos {
@@ -414,6 +417,7 @@ fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
             strain_rate,
             revolution,
             surface_spin,
+            radial,
             ends: _,
         } => {
             let [vx, vy, vz] = velocity.clone();
@@ -421,6 +425,7 @@ fn bodies_of_wall(index: usize, wall: &SceneWall) -> Vec<WallBody> {
             let axes = axes_about(&(*axis).into(), None);
             let motion = [vx, vy, vz, TimeFunction::default(), TimeFunction::default(), spin.clone()];
             let mut servos = WallServos::normal_servos(&axes, pressure.as_deref(), strain_rate.as_deref());
+            servos.radius = *radial;
             servos.surface[5] = Some(surface_spin.clone()).filter(|spin| *spin != TimeFunction::default());
             let body = WallBody {
                 wall: index,
@@ -608,6 +613,7 @@ mod tests {
             strain_rate: None,
             revolution: None,
             surface_spin: TimeFunction::default(),
+            radial: None,
             ends: None,
         }])
         .try_into()

@@ -2,8 +2,10 @@
 
 use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
+use cd_formats::compute::Compute;
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof};
+use cd_formats::hollow_radius::RadiusControl;
 use cd_formats::tact_behav::{TactBehav, VisibilityRow, VisibilitySide};
 use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::Matrix3;
@@ -34,13 +36,21 @@ pub fn datbox_files(scene: &Scene, population: &Population) -> Vec<(String, Stri
         ("DRV_DOF.DAT", drv_dof.to_text()),
         ("DOF.INI", dof_file(population).to_text()),
         ("Vloc_Rloc.INI", VlocRloc::default().to_text()),
-        (COMPUTE_FILE, scene.compute.to_text()),
+        (COMPUTE_FILE, run_options(scene, population).to_text()),
     ]
     .map(|(name, text)| (name.to_string(), text))
     .into();
     files.extend(tables.table_files());
     files.extend(mesh_files);
     files
+}
+
+/// Options of the run, with the controls of the radii of walls.
+fn run_options(scene: &Scene, population: &Population) -> Compute {
+    let mut options = scene.compute.clone();
+    let walls = population.walls.iter().zip(population.grains.len() + 1..);
+    options.radii.extend(walls.filter_map(|(wall, body)| Some(RadiusControl { body, control: wall.servos.radius? })));
+    options
 }
 
 /// Bodies in their principal axes (the fixed ones for spheres, else those in DOF.INI), with inertia at density 1 and the

@@ -14,10 +14,10 @@ use self::region::ProbeRegion;
 use crate::activity;
 use crate::assemble::self_gravity_energy;
 use crate::math::{Vec3, to_world};
-use crate::scene::{BodyId, BodyPresence, Scene, WallArea};
+use crate::scene::{BodyId, BodyPresence, PressedArea, Scene, WallArea};
 use crate::sinks_and_sources::{BodyExchange, BodyFlow};
 use crate::state::State;
-use crate::step::StepStart;
+use crate::step::{StepStart, side_impulse};
 
 /// Probes and end conditions of a run, with their bodies.
 pub struct Probes {
@@ -225,14 +225,19 @@ fn contact_force(
     [force, torque].iter().flat_map(|v| [v.x, v.y, v.z]).collect()
 }
 
-/// Area of a wall between its neighbours, m², and size of the normal force of the contacts on it over that, Pa.
+/// Area of a wall between its neighbours, or of the inside of a hollow cylinder, m², and size of the normal force of the
+/// contacts on it over that, Pa.
 fn wall_pressure(scene: &Scene, state: &State, start: &StepStart, wall: &[BodyId]) -> Vec<f64> {
     let Some(WallArea { axis, area, body }) = scene.wall_areas.iter().find(|area| wall == [area.body]) else {
         return Vec::new();
     };
-    let area = area.size(*body, &start.x);
+    let size = area.size(*body, &start.x, |drum| state.contact_radius(scene, drum));
+    if let PressedArea::Inside(changing) = area {
+        let axis = start.q[body.index()] * changing.axis;
+        return vec![size, side_impulse(&state.contacts, *body, &axis) / (state.h * size)];
+    }
     let force = contact_force(scene, state, start, wall, None)[*axis];
-    vec![area, force.abs() / area]
+    vec![size, force.abs() / size]
 }
 
 /// Motion of several bodies as one rigid body.

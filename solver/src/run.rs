@@ -190,7 +190,9 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         results.write(|files| files.add_probes(&state, &values)).map_err(RunFailure::Unwritten)?;
         agreement::agree_on_step(communicator, &state).map_err(|mismatch| RunFailure::Broken(mismatch.to_string()))?;
         let condition = probes.met_condition(scene, &mut state, &values, start.elapsed());
-        if let Some(condition) = condition.or_else(|| small_cell_text(scene, &state)) {
+        if let Some(condition) =
+            condition.or_else(|| small_cell_text(scene, &state)).or_else(|| narrow_cylinder_text(scene, &state))
+        {
             statistics.met_condition = Some(condition);
             last = state.step;
         }
@@ -271,6 +273,18 @@ fn small_cell_text(scene: &Scene, state: &State) -> Option<String> {
              diameter{with_range}; use a larger cell or less strain"
         )
     })
+}
+
+/// Text about a hollow cylinder whose radius has become too small for the bodies inside; None for others.
+fn narrow_cylinder_text(scene: &Scene, state: &State) -> Option<String> {
+    let mut radii = scene.radii.iter().zip(&state.radii);
+    let (changing, current) = radii.find(|(changing, current)| current.radius <= changing.least)?;
+    let [radius, least] = [current.radius, changing.least].map(rounded_number);
+    Some(format!(
+        "the radius of body {} has become {radius} m; the bodies inside need more than {least} m; use stiffer laws, a lower \
+         pressure or a slower rate",
+        changing.body.number()
+    ))
 }
 
 /// Warns of the step, of rounding and of overlaps at the start of a run. Returns the ratio of overlap to smaller radius

@@ -19,7 +19,8 @@ use cd_formats::snapshot::{LawName, MaterialName, WallCircle};
 use cd_formats::wall_mesh::WallMesh;
 
 pub use self::imposed_motion::{
-    AreaSide, ImposedLoad, ImposedVelocity, PressedArea, StrainDrive, SurfaceMotion, WallArea, WallPivot,
+    AreaSide, ChangingRadius, ImposedLoad, ImposedVelocity, PressedArea, RadialGrowth, StrainDrive, SurfaceMotion,
+    WallArea, WallPivot,
 };
 use crate::features::BARE;
 use crate::geometry::Polyhedron;
@@ -457,6 +458,8 @@ pub struct Scene {
     pub loads: Vec<ImposedLoad>,
     /// Areas of the walls whose pressure a probe follows.
     pub wall_areas: Vec<WallArea>,
+    /// Hollow cylinders whose radius changes, in the order of the option `radii`.
+    pub radii: Vec<ChangingRadius>,
     pub laws: Vec<ContactLaw>,
     pub visibility: VisibilityTable,
     /// Whether there are free bodies without a rule, which pass through each other.
@@ -591,7 +594,7 @@ impl Scene {
             let surface = drive.surface.as_ref()?;
             let value = |k: usize| surface[k].as_ref().map_or(0.0, |value| value.value_at(time));
             let [v, w] = [0, 3].map(|first| Vec3::from_fn(|k, _| value(first + k)));
-            Some(SurfaceMotion { body: drive.body, v, w: q[drive.body.index()] * w })
+            Some(SurfaceMotion { body: drive.body, v, w: q[drive.body.index()] * w, growth: None })
         };
         self.drives.iter().filter_map(motion).collect()
     }
@@ -998,6 +1001,7 @@ impl Scene {
             (servos(|drive| drive.pivot.is_some()), "revolution"),
             (servos(|drive| drive.hinged_centre.is_some()), "hinge"),
             (servos(|drive| drive.surface.is_some()), "moving surface"),
+            (self.radii.len(), "radial motion"),
             (self.links.len(), "link"),
         ];
         let plural = |n: usize| if n == 1 { "" } else { "s" };

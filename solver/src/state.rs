@@ -13,6 +13,7 @@ use cd_formats::compute::EventAction;
 use cd_formats::deforming_cell::CellState;
 use cd_formats::field::{FieldModel, PrimaryResponse};
 use cd_formats::geometry::periodic_cell::PeriodicCell;
+use cd_formats::hollow_radius::RadiusState;
 use cd_formats::snapshot::{FallbackState, Ledger, PostproSums};
 use cd_formats::wall_mesh::TriangleList;
 use rayon::prelude::*;
@@ -442,6 +443,8 @@ pub struct State {
     pub primary_response: Option<PrimaryResponse>,
     /// Deforming cell at the end of the last step, if the run has one.
     pub cell: Option<CellState>,
+    /// Radii of the hollow cylinders of `Scene::radii` at the end of the last step.
+    pub radii: Vec<RadiusState>,
     /// Loads in the next step, set before each step of a step loop; not in snapshots.
     pub loads: Vec<BodyLoad>,
     /// Whether the next step bonds touching contacts: all, as an event requests, or those that no file knows at the
@@ -474,6 +477,18 @@ impl State {
     pub fn external_fields(&self, scene: &Scene, span: f64) -> Vec<FieldModel> {
         let response = self.primary_response.as_ref().map(|response| response.free_motion(span));
         scene.external_fields(self.time + span, response.as_ref())
+    }
+
+    /// Radius of a hollow cylinder that changes, m; 0 of other bodies.
+    pub fn radius_of(&self, body: BodyId) -> f64 {
+        let own = self.radii.iter().find(|radius| radius.body == body.number());
+        own.map_or(0.0, |radius| radius.radius)
+    }
+
+    /// [`Self::radius_of`] in the contact configuration of the last step.
+    pub fn contact_radius(&self, scene: &Scene, body: BodyId) -> f64 {
+        let own = self.radii.iter().find(|radius| radius.body == body.number());
+        own.map_or(0.0, |radius| radius.moved_by(-scene.options.theta * self.h).radius)
     }
 
     /// Velocities of all bodies, without the motion of images and surfaces.
@@ -531,6 +546,7 @@ impl State {
         let sums = [energy_start, contact_work, friction_work, outside_work, momentum_scale];
         let momenta = [self.ledger.momentum_expected, self.ledger.angular_momentum_expected];
         self.cell.is_none_or(|cell| cell.is_sound())
+            && self.radii.iter().all(RadiusState::is_sound)
             && are_finite(&self.x)
             && are_finite(&self.v)
             && are_finite(&self.w)

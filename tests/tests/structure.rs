@@ -57,6 +57,7 @@ fn is_shared_type(path: &str) -> bool {
         "cd_formats::geometry::periodic_cell::",
         "cd_formats::groups::DisjointSets",
         "cd_formats::sinks_and_sources::",
+        "cd_formats::hollow_radius::",
         "cd_formats::ids::BodyId",
         "cd_formats::postpro::",
         "cd_formats::probe::",

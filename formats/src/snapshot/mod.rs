@@ -23,6 +23,7 @@ use crate::deforming_cell::CellState;
 use crate::error::{Fault, Faults};
 use crate::field::PrimaryResponse;
 use crate::geometry::periodic_cell::PeriodicCell;
+use crate::hollow_radius::RadiusState;
 use crate::law_table::{LawError, LawModel};
 use npz::{ArrayElement, NpzReader, NpzWriter};
 use parts::{FirstBodies, PartRows, other_part, step_of};
@@ -163,6 +164,9 @@ pub struct SnapshotMeta {
     /// Deforming cell; only if the run has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cell: Option<CellState>,
+    /// Radii of hollow cylinders that change.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub radii: Vec<RadiusState>,
     /// Whether bodies have entered after the last step.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub bodies_entered: bool,
@@ -427,6 +431,7 @@ impl Default for SnapshotMeta {
             primary_response: None,
             revolutions: Vec::new(),
             cell: None,
+            radii: Vec::new(),
             bodies_entered: false,
             continues_run: false,
             options: BTreeMap::new(),

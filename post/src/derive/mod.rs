@@ -11,6 +11,7 @@
 //! | [`stress`] | stress of the whole and of each grain, pressure |
 //! | [`fabric`] | directions of contacts, mobilised friction, distributions |
 //! | [`energy`], [`gravity`] | kinetic and potential energies |
+//! | [`changing_cylinder`] | radius of a hollow cylinder that changes, and the pressure on its inside |
 //! | [`motion`] | centre of mass, momenta, spin, semi-axes |
 //! | [`fragments`], [`orbits`] | fragments, sets of grains connected by contacts, and their orbits about the largest |
 //! | [`bed`] | grains that rest between walls: level, solid fraction, layers |
@@ -24,6 +25,7 @@
 //! defined comes out as NaN; the writers leave it blank.
 
 pub mod bed;
+pub mod changing_cylinder;
 pub mod coordination;
 pub mod crater;
 pub mod enclosing;
@@ -84,11 +86,22 @@ impl SeriesValue for f64 {
     }
 }
 
-/// Defines [`Row`] with its columns: name, type, unit and meaning of each, in the order of the file. `if deforming_cell`: the
-/// file has the column only if the scene has such a cell.
+/// Condition on a scene for a column of `series.csv`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ColumnCondition {
+    /// Every scene.
+    Always,
+    /// The scene has a deforming cell.
+    DeformingCell,
+    /// The scene has a hollow cylinder whose radius changes.
+    ChangingRadius,
+}
+
+/// Defines [`Row`] with its columns: name, type, unit and meaning of each, in the order of the file. `if Condition`: the file
+/// has the column only if the scene meets this [`ColumnCondition`].
 macro_rules! columns {
-    (@needs_cell) => { false };
-    (@needs_cell deforming_cell) => { true };
+    (@condition) => { ColumnCondition::Always };
+    (@condition $condition:ident) => { ColumnCondition::$condition };
     ($($name:ident: $type:ty, $unit:literal, $help:literal $(if $condition:ident)?;)+) => {
         /// One row of `series.csv`: the observables of one snapshot.
         #[allow(non_snake_case)] // the symbols of the method are the names of the columns
@@ -100,8 +113,8 @@ macro_rules! columns {
             pub const COLUMNS: &'static [(&'static str, &'static str, &'static str)] =
                 &[$((stringify!($name), $unit, $help),)+];
 
-            /// Whether the file has each column of [`Row::COLUMNS`] only if the scene has a deforming cell.
-            pub const NEEDS_CELL: &'static [bool] = &[$(columns!(@needs_cell $($condition)?),)+];
+            /// Condition for each column of [`Row::COLUMNS`].
+            pub const CONDITIONS: &'static [ColumnCondition] = &[$(columns!(@condition $($condition)?),)+];
 
             /// The fields of the line, in the order of [`Row::COLUMNS`].
             pub fn texts(&self) -> Vec<String> {
@@ -207,18 +220,20 @@ columns! {
     pressure_sphere: f64, "Pa", "pressure of the contacts between grains in the smallest enclosing ball of all grains";
     Z_all: f64, "1", "mean number of neighbours that a grain touches with force, of all grains";
     n_pulling: u64, "1", "pairs of bodies that only pull at a distance";
-    cell_x: f64, "m", "length of a deforming cell along x" if deforming_cell;
-    cell_y: f64, "m", "length of a deforming cell along y" if deforming_cell;
-    cell_z: f64, "m", "length of a deforming cell along z" if deforming_cell;
-    cell_xy: f64, "m", "shear of a deforming cell: x of its edge along y" if deforming_cell;
-    cell_xz: f64, "m", "shear of a deforming cell: x of its edge along z" if deforming_cell;
-    cell_yz: f64, "m", "shear of a deforming cell: y of its edge along z" if deforming_cell;
-    strain_x: f64, "1", "logarithmic strain of a deforming cell along x since the start" if deforming_cell;
-    strain_y: f64, "1", "logarithmic strain of a deforming cell along y since the start" if deforming_cell;
-    strain_z: f64, "1", "logarithmic strain of a deforming cell along z since the start" if deforming_cell;
-    strain_xy: f64, "1", "shear strain xy of a deforming cell since the start" if deforming_cell;
-    strain_xz: f64, "1", "shear strain xz of a deforming cell since the start" if deforming_cell;
-    strain_yz: f64, "1", "shear strain yz of a deforming cell since the start" if deforming_cell;
+    cell_x: f64, "m", "length of a deforming cell along x" if DeformingCell;
+    cell_y: f64, "m", "length of a deforming cell along y" if DeformingCell;
+    cell_z: f64, "m", "length of a deforming cell along z" if DeformingCell;
+    cell_xy: f64, "m", "shear of a deforming cell: x of its edge along y" if DeformingCell;
+    cell_xz: f64, "m", "shear of a deforming cell: x of its edge along z" if DeformingCell;
+    cell_yz: f64, "m", "shear of a deforming cell: y of its edge along z" if DeformingCell;
+    strain_x: f64, "1", "logarithmic strain of a deforming cell along x since the start" if DeformingCell;
+    strain_y: f64, "1", "logarithmic strain of a deforming cell along y since the start" if DeformingCell;
+    strain_z: f64, "1", "logarithmic strain of a deforming cell along z since the start" if DeformingCell;
+    strain_xy: f64, "1", "shear strain xy of a deforming cell since the start" if DeformingCell;
+    strain_xz: f64, "1", "shear strain xz of a deforming cell since the start" if DeformingCell;
+    strain_yz: f64, "1", "shear strain yz of a deforming cell since the start" if DeformingCell;
+    cylinder_radius: f64, "m", "radius of the first hollow cylinder whose radius changes" if ChangingRadius;
+    cylinder_pressure: f64, "Pa", "pressure of the contacts on the inside of this cylinder" if ChangingRadius;
 }
 
 /// User's choices about the observables.
@@ -299,6 +314,7 @@ impl Row {
             .meta
             .cell
             .map_or([[f64::NAN; 3]; 4], |cell| [cell.periods, cell.shears, cell.log_strains(), cell.shear_strains]);
+        let [cylinder_radius, cylinder_pressure] = changing_cylinder::radius_and_pressure(frame);
         let mut row = Row {
             step: frame.meta.step,
             time: frame.meta.time,
@@ -398,6 +414,8 @@ impl Row {
             strain_xy: shear_strains[0],
             strain_xz: shear_strains[1],
             strain_yz: shear_strains[2],
+            cylinder_radius,
+            cylinder_pressure,
             interval: frame.interval.length,
             Z_interval: coordination::interval_coordination(frame, &region.members),
             pressure_interval: region.interval_pressure(frame),

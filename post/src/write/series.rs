@@ -1,16 +1,20 @@
 //! Tables: `POSTPRO/series.csv`, a header, then a line a snapshot; and tables of any numbers.
 
-use crate::derive::{Row, SeriesValue};
+use crate::derive::{ColumnCondition, Row, SeriesValue};
 
-/// Text of the file: names of [`Row::COLUMNS`], then the fields of each row. Columns of a deforming cell are left out if the
-/// scene has none.
+/// Text of the file: names of [`Row::COLUMNS`], then the fields of each row. Columns of a deforming cell, and of a
+/// hollow cylinder whose radius changes, are left out if the scene has none.
 ///
 /// Numbers are the shortest decimals that read back as the same f64; an undefined value is an
 /// empty field, never `NaN`.
 pub fn series_text(rows: &[Row]) -> String {
-    let has_cell = rows.iter().any(|row| !row.cell_x.is_nan());
+    let has_column = |condition: ColumnCondition| match condition {
+        ColumnCondition::Always => true,
+        ColumnCondition::DeformingCell => rows.iter().any(|row| !row.cell_x.is_nan()),
+        ColumnCondition::ChangingRadius => rows.iter().any(|row| !row.cylinder_radius.is_nan()),
+    };
     let line = |fields: Vec<String>| {
-        let fields = fields.into_iter().zip(Row::NEEDS_CELL).filter(|(_, needs_cell)| has_cell || !**needs_cell);
+        let fields = fields.into_iter().zip(Row::CONDITIONS).filter(|(_, condition)| has_column(**condition));
         fields.map(|(field, _)| field).collect::<Vec<_>>().join(",") + "\n"
     };
     let header = line(Row::COLUMNS.iter().map(|(name, _, _)| name.to_string()).collect());
@@ -80,9 +84,11 @@ mod tests {
         assert_eq!(lines.len(), 3);
         for (line, row) in lines[1..].iter().zip([full, empty]) {
             let fields: Vec<&str> = line.split(',').collect();
-            // Without a deforming cell there are no columns of it: three lengths, three shears and their strains.
-            assert_eq!(fields.len(), Row::COLUMNS.len() - 12);
-            let numbers = row.numbers().into_iter().zip(Row::NEEDS_CELL).filter(|(_, needs_cell)| !**needs_cell);
+            // Three lengths and three shears of a deforming cell, their strains, and radius and pressure of a cylinder are
+            // left out.
+            assert_eq!(fields.len(), Row::COLUMNS.len() - 14);
+            let is_written = |condition: &ColumnCondition| *condition == ColumnCondition::Always;
+            let numbers = row.numbers().into_iter().zip(Row::CONDITIONS).filter(|(_, condition)| is_written(condition));
             for (field, (number, _)) in fields.iter().zip(numbers) {
                 match field.parse::<f64>() {
                     Ok(read) => assert_eq!(read, number),

@@ -47,7 +47,7 @@ use crate::grain::Population;
 use crate::parse::parse_with_settings;
 use crate::population::populate;
 use crate::reread;
-use crate::scene::{self, Law, Material, Scene};
+use crate::scene::{self, Law, Material, Scene, SceneWall};
 use crate::summary::{contact_radii, group_lines, pair_law_lines, print_warnings};
 use crate::write;
 pub use changes::{BodyFilter, Changes, MotionRemoval, Selection, WallSelector};
@@ -81,6 +81,13 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let cell = request.continue_cells(&options, &mut sources, &mut report);
     reject_faults(&mut report)?;
     let parts = select_parts(&request.changes, &sources, &mut report);
+    let keeps_numbers = parts.first().is_some_and(|part| part.source_bodies.len() == part.source.bodies.0.len());
+    report.require(
+        options.radii.is_empty() || keeps_numbers,
+        "compute.radii",
+        "hollow cylinders of which the changes take some bodies only",
+        "all bodies of the first case, or no radii",
+    );
     reject_faults(&mut report)?;
     set_random_orders(&mut options.sources, request.changes.seed);
     // The options of the changes name files in the folder of the changes; the options of the case name files in its DATBOX.
@@ -104,7 +111,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let datbox = dir.join("DATBOX");
     overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
     let source_options = &sources[0].options;
-    let keeps_motion = options.theta == source_options.theta && options.cell == source_options.cell;
+    let same_walls = options.cell == source_options.cell && options.radii == source_options.radii;
+    let keeps_motion = options.theta == source_options.theta && same_walls;
     let keeps_steps = request.changes.contacts.is_empty() && keeps_motion;
     let content =
         DatboxContent { records: &records, tables: &tables, driven: &driven, options: &options, keeps_steps, cell };
@@ -469,6 +477,8 @@ fn check_changes(changes: &Changes, report: &mut FaultReport) {
         let path = format!("walls.{k}");
         crate::check::check_name_length(report, &format!("{path}.colour"), wall.colour());
         crate::check::check_wall(report, &path, wall);
+        let has_radial = matches!(wall, SceneWall::Cylinder { radial: Some(_), .. });
+        report.require(!has_radial, &format!("{path}.radial"), "of a new wall", "a row of compute.radii");
     }
     crate::check::check_names(report, "materials", changes.materials.iter().map(|material| &material.name));
     for (k, material) in changes.materials.iter().enumerate() {

@@ -12,6 +12,7 @@ use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::groups::{DisjointSets, FragmentSize, largest_remnant};
+use cd_formats::hollow_radius::RadiusState;
 use cd_formats::ids::BodyId;
 use cd_formats::law_table::is_law_of_points;
 use cd_formats::names::{count_text, vector_text};
@@ -122,6 +123,18 @@ fn first_step(datbox: &Path) -> Result<(u64, f64), Faults> {
     Ok((dof.step, dof.time))
 }
 
+/// Gives hollow cylinders whose radius changes the radius of the snapshot.
+fn set_current_radii(bodies: &mut Bodies, radii: &[RadiusState]) {
+    for current in radii {
+        let records = bodies.0.iter_mut().skip(current.body.wrapping_sub(1)).take(1);
+        for contactor in records.flat_map(|record| &mut record.contactors) {
+            if let ShapeRecord::Cylinder { radius, hollow: true, .. } = &mut contactor.shape {
+                *radius = current.radius;
+            }
+        }
+    }
+}
+
 impl SourceCase {
     /// Reads DATBOX and the snapshot of step `step`, or the last, of a case. Errors: a folder, file or snapshot that is
     /// missing, all faults of the files, and differences between them and the snapshot.
@@ -162,8 +175,14 @@ impl SourceCase {
         } else {
             Some(Compute::default())
         };
-        let (Some((path, mut snapshot)), Some(bodies), Some(mut bulk), Some(tact), Some(driven), Some(file_options)) =
-            (snapshot, bodies, bulk, tact, driven, file_options)
+        let (
+            Some((path, mut snapshot)),
+            Some(mut bodies),
+            Some(mut bulk),
+            Some(tact),
+            Some(driven),
+            Some(file_options),
+        ) = (snapshot, bodies, bulk, tact, driven, file_options)
         else {
             return Err(faults);
         };
@@ -207,6 +226,7 @@ impl SourceCase {
             bulk.gravity = gravity;
         }
         let cell = snapshot.meta.cell.take();
+        set_current_radii(&mut bodies, &snapshot.meta.radii);
         let case = case.to_path_buf();
         let has_masses_of_run = true;
         Ok(SourceCase {

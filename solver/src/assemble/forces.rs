@@ -176,7 +176,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         let Twist { v, w } = scene.imposed_motion(drive, end, &q_c.x, &q_c.q, h, &pushed);
         (free.v[i], free.w[i]) = (v, w);
     }
-    free.surfaces = scene.surface_motions(end, &q_c.q);
+    free.surfaces = q_c.end_surfaces(scene, end);
     free.reaction_work = scene.held_grains.iter().map(|i| reaction_work(scene, state, q_c, &free, i.index())).sum();
     free
 }
@@ -354,7 +354,8 @@ fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Ve
             let value = (1.0 - theta) * load.value.value_at(state.time)
                 + theta * load.value.value_at(scene.time_at(state.step + q_c.step_multiple));
             let mut vector = Vec3::zeros();
-            vector[load.component % 3] = load.load_at(value, &q_c.x);
+            vector[load.component % 3] =
+                load.load_at(value, &q_c.x, |drum| q_c.changing_radius(drum).unwrap_or_default());
             let (force, torque) = match load.component {
                 0..3 => (vector, Vec3::zeros()),
                 _ => (Vec3::zeros(), q_c.q[load.body.index()] * vector),

@@ -26,18 +26,18 @@ pub fn velocity_at_arms(
 }
 
 /// Velocity of the surface of the candidate relative to that of the antagonist, beyond those of the bodies, at a contact with
-/// these arms, world frame, m/s; across the normal.
+/// these arms, world frame, m/s; across the normal but for the growth of a hollow cylinder.
 #[cold]
 pub fn relative_surface_velocity(contact: &Contact, [at_a, at_b]: [&Vec3; 2], surfaces: &[SurfaceMotion]) -> Vec3 {
     let n = &contact.normal;
     surface_velocity(contact.candidate, at_a, n, surfaces) - surface_velocity(contact.antagonist, at_b, n, surfaces)
 }
 
-/// Velocity of the surface of a body beyond that of the body, at the distance `arm` (m) from its centre and across the normal
-/// `n`, m/s.
+/// Velocity of the surface of a body beyond that of the body, at the distance `arm` (m) from its centre at a contact with the
+/// normal `n`, m/s.
 pub fn surface_velocity(body: BodyId, arm: &Vec3, n: &Vec3, surfaces: &[SurfaceMotion]) -> Vec3 {
     let own = surfaces.iter().find(|surface| surface.body == body);
-    own.map_or(Vec3::zeros(), |surface| surface.tangential_velocity(arm, n))
+    own.map_or(Vec3::zeros(), |surface| surface.velocity(arm, n))
 }
 
 /// Vectors from the centres of the candidate and of the antagonist's image to the contact point, m.

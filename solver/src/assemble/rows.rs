@@ -61,7 +61,7 @@ pub fn contact_problem(
 ) -> ContactProblem {
     let mut block_data = block_data(scene, q_c);
     let [start_w, free_w] = [&q_c.w, free.w].map(|w| ContactConfiguration::without_spins(w, &q_c.pushed_at_centre));
-    let start_surfaces = scene.surface_motions(state.time, &q_c.q);
+    let start_surfaces = q_c.start_surfaces(scene, state.time);
     let start = Velocities { v: &state.v, w: &start_w, gradient: q_c.start_gradient(), surfaces: &start_surfaces };
     let free = Velocities { w: &free_w, ..free };
     let (solver_bodies, bounds) = body_data(scene, q_c, free, block_data.is_some());

@@ -128,12 +128,15 @@ fn contactor_pair(contact: &Contact) -> (BodyId, BodyId, ContactSides<u16>) {
 
 /// Whether a contact's gap closes at these velocities within `span` (s).
 fn gap_closes(contact: &Contact, q_c: &ContactConfiguration, velocities: Velocities, span: f64) -> bool {
-    let Velocities { v, w, gradient, .. } = velocities; // surfaces move along themselves
+    let Velocities { v, w, gradient, surfaces } = velocities;
     let [a, b] = [contact.candidate.index(), contact.antagonist.index()];
     let velocity_of_point = |i: usize, centre: Vec3| v[i] + w[i].cross(&(contact.point - centre));
     let image_velocity = gradient.map_or(Vec3::zeros(), |gradient| gradient * contact.image);
     let u = velocity_of_point(a, q_c.x[a]) - velocity_of_point(b, q_c.x[b] + contact.image) - image_velocity;
-    contact.gap + span * contact.normal.dot(&u) < 0.0
+    // Other surfaces move along themselves.
+    let drum = surfaces.iter().find(|surface| surface.body == contact.antagonist);
+    let growth = drum.map_or(0.0, |surface| surface.normal_velocity(&contact.normal));
+    contact.gap + span * (contact.normal.dot(&u) - growth) < 0.0
 }
 
 /// Largest distance from the centre of each body of the points that a rotation moves, m; empty in a scene of spheres and

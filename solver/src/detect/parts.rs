@@ -53,6 +53,7 @@ impl DetectionCache {
             let rotation = (now.axes.coords - q.coords).norm().min((now.axes.coords + q.coords).norm());
             *travel += (now.centre - *x).norm() + 2.0 * part.bounding_radius * rotation;
             (*x, *q, now.accumulated_travel) = (now.centre, now.axes, *travel);
+            *travel += now.growth; // up to the next step
         });
         let all = contactors.par_iter().with_min_len(CONTACTORS_PER_TASK);
         let centres: Vec<Vec3> = all.clone().map(|contactor| contactor.centre).collect();

@@ -37,6 +37,8 @@ pub struct PosedContactor<'a> {
     pub radius: f64,
     /// Largest deviation of the centre's trajectory from a straight line due to the body's rotation, m.
     pub bend: f64,
+    /// Displacement in the step of the inside of a hollow cylinder by the change of its radius, m; 0 of others.
+    pub growth: f64,
     /// Accumulated displacement of its surface, m.
     pub accumulated_travel: f64,
     /// Curvature used by cohesion, 1/m.
@@ -80,8 +82,14 @@ fn posed_contactor<'a>(
     let q = &q_c.q[i];
     let arm = q * part.offset;
     let axes = q * part.axes;
-    let own_travel = bounds.surface_travel(i, arm.norm() + part.bounding_radius) + bounds.affine_travel(&arm);
-    let own_reach = part.bounding_radius + own_travel + 0.5 * scene.listing_range;
+    let changed_radius = q_c.changing_radius(part.body);
+    let bounding_radius = match (&part.geometry, changed_radius) {
+        (ContactorShape::Cylinder { half_height, .. }, Some(radius)) => libm::hypot(radius, *half_height),
+        _ => part.bounding_radius,
+    };
+    let growth = bounds.growth(part.body);
+    let own_travel = bounds.surface_travel(i, arm.norm() + bounding_radius) + bounds.affine_travel(&arm) + growth;
+    let own_reach = bounding_radius + own_travel + 0.5 * scene.listing_range;
     let affine_travel = own_reach * (bounds.reach_factor() - 1.0);
     let turn = bounds.rotation_vector(i);
     PosedContactor {
@@ -92,13 +100,10 @@ fn posed_contactor<'a>(
         listing_radius: own_reach + affine_travel,
         path: bounds.centre_path(i) + turn.cross(&arm) - bounds.affine_path(&arm),
         turn,
-        rotating_extent: if matches!(part.geometry, ContactorShape::Sphere { .. }) {
-            0.0
-        } else {
-            part.bounding_radius
-        },
-        radius: part.bounding_radius,
+        rotating_extent: if matches!(part.geometry, ContactorShape::Sphere { .. }) { 0.0 } else { bounding_radius },
+        radius: bounding_radius,
         bend: (0.5 * turn.norm_squared() * arm.norm()).min(own_travel),
+        growth,
         accumulated_travel: 0.0,
         curvature: scene.part_curvature(part),
         body: part.body,
@@ -109,7 +114,8 @@ fn posed_contactor<'a>(
             ContactorShape::Sphere { radius } => PosedShape::Sphere { radius: *radius },
             ContactorShape::Polyhedron(shape) => PosedShape::Polyhedron(shape.posed_by(&axes)),
             ContactorShape::Cylinder { half_height, radius, hollow } => {
-                PosedShape::Cylinder { half_height: *half_height, radius: *radius, hollow: *hollow }
+                let radius = changed_radius.unwrap_or(*radius);
+                PosedShape::Cylinder { half_height: *half_height, radius, hollow: *hollow }
             }
             ContactorShape::Capsule { half_length, radius } => {
                 PosedShape::Capsule { half_length: *half_length, radius: *radius }
@@ -261,7 +267,7 @@ impl<'a> CandidatePair<'a> {
 }
 
 /// Approach of the surfaces of `a` and `b` in the step, with b at `c` from a, m: the `component` of their relative
-/// displacement, of which b has `affine_path` by the affine field, and the contribution of rotation. The smallest of the
+/// displacement, of which b has `affine_path` by the affine field, and the contributions of rotation and growth. The smallest of the
 /// values seen by observers who turn with a, with b or not at all: bodies that turn as one do not approach.
 fn surface_approach(
     a: &PosedContactor,
@@ -275,5 +281,5 @@ fn surface_approach(
     let in_fixed_axes = component(&path) + a.turn.norm() * a.rotating_extent + b.turn.norm() * b.rotating_extent;
     let with_a = component(&(path + a.turn.cross(c))) + turn * b.rotating_extent;
     let with_b = component(&(path + b.turn.cross(c))) + turn * a.rotating_extent;
-    in_fixed_axes.min(with_a).min(with_b)
+    in_fixed_axes.min(with_a).min(with_b) + a.growth + b.growth
 }

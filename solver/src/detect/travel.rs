@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::integrate::ContactConfiguration;
 use crate::math::{Mat3, PAR_MIN_LEN, Vec3};
-use crate::scene::{NEARBY_GAP, Scene};
+use crate::scene::{BodyId, NEARBY_GAP, Scene};
 use crate::state::Velocities;
 
 /// Part of the alert distance within which passing bodies are still listed, so that small changes of velocity by contacts
@@ -79,6 +79,12 @@ impl<'a> TravelBounds<'a> {
     /// Velocity of an image of body `i` at the vector `shift` (m) from it, m/s.
     pub fn image_velocity(&self, i: usize, shift: &Vec3) -> Vec3 {
         self.velocities.v[i] + self.velocities.gradient.map_or(Vec3::zeros(), |gradient| gradient * shift)
+    }
+
+    /// Displacement of the inside of a hollow cylinder by the change of its radius, m; 0 of other bodies.
+    pub fn growth(&self, body: BodyId) -> f64 {
+        let own = self.velocities.surfaces.iter().find(|surface| surface.body == body);
+        own.and_then(|surface| surface.growth).map_or(0.0, |growth| self.lookahead * growth.speed.abs())
     }
 
     /// Rotation of body `i`, rad.

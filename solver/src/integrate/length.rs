@@ -37,7 +37,7 @@ pub const MAX_STEP_GROWTH: u64 = 2;
 pub fn choose_step_multiple(scene: &Scene, state: &State, velocities_changed: bool) -> u64 {
     let adaptive = scene.options.adaptive();
     let knows_neighbours = state.step > scene.start.step && !velocities_changed;
-    if !adaptive.is_on() || !knows_neighbours || state.cell.is_some() {
+    if !adaptive.is_on() || !knows_neighbours || state.cell.is_some() || !state.radii.is_empty() {
         return 1;
     }
     let constant_time = scene.constant_until(state.time) - state.time;

@@ -16,11 +16,12 @@ use std::collections::BTreeSet;
 
 use cd_formats::deforming_cell::CellState;
 use cd_formats::geometry::periodic_cell::PeriodicCell;
+use cd_formats::hollow_radius::RadiusState;
 use rayon::prelude::*;
 
 use crate::math::rotation::{angular_momentum, angular_velocity, constrained_rotation, free_rotation};
 use crate::math::{Mat3, PAR_MIN_LEN, Quat, Vec3, morton, rotate_by_vector};
-use crate::scene::{BodyId, RigidBody, Scene};
+use crate::scene::{BodyId, ChangingRadius, RadialGrowth, RigidBody, Scene, SurfaceMotion};
 use crate::state::{ContactKey, State, Velocities};
 
 /// Configuration in which contacts are detected and forces evaluated.
@@ -37,6 +38,8 @@ pub struct ContactConfiguration {
     pub cell: PeriodicCell,
     /// Motion of the cell, if it deforms.
     pub cell_step: Option<CellStep>,
+    /// Motion of the radii of hollow cylinders that change, in the order of [`Scene::radii`].
+    pub radii: Vec<RadiusStep>,
     /// Mean velocity of the free bodies at the step's start, in a deforming cell about the affine field, m/s; it changes no
     /// distance between them.
     pub mean_velocity: Vec3,
@@ -110,7 +113,62 @@ impl CellStep {
     }
 }
 
+/// Motion of the radius R of a hollow cylinder in a step.
+///
+/// It moves as imposed positions do: R_c = R + (1-θ) h Ṙ, R⁺ = R_c + θ h Ṙ⁺, h Ṙ⁺ = (exp(ε̇ h) - 1) R_c with the rate ε̇ of ln R.
+#[derive(Debug, Clone, Copy)]
+pub struct RadiusStep {
+    pub body: BodyId,
+    /// Radius in the contact configuration, with the speed of the step's end.
+    pub state: RadiusState,
+    /// Radial speed of the step's start, m/s.
+    start_speed: f64,
+}
+
+impl RadiusStep {
+    /// Motions in a step of the length `h` (s), of which the time `time_before` (s) is before the contact configuration.
+    fn steps(scene: &Scene, state: &State, h: f64, time_before: f64) -> Vec<RadiusStep> {
+        let radius_step = |(changing, start): (&ChangingRadius, &RadiusState)| {
+            let rate = changing.control.control.strain_rate(start.mean_stress);
+            let state = start.moved_by(time_before).with_strain_rate(rate, h);
+            RadiusStep { body: changing.body, state, start_speed: start.speed }
+        };
+        scene.radii.iter().zip(&state.radii).map(radius_step).collect()
+    }
+}
+
 impl ContactConfiguration {
+    /// Motions of the surfaces of walls at the step's start, at the time `start` (s).
+    pub fn start_surfaces(&self, scene: &Scene, start: f64) -> Vec<SurfaceMotion> {
+        self.surfaces(scene, start, |radius| radius.start_speed)
+    }
+
+    /// Motions of the surfaces of walls at the step's end, at the time `end` (s).
+    pub fn end_surfaces(&self, scene: &Scene, end: f64) -> Vec<SurfaceMotion> {
+        self.surfaces(scene, end, |radius| radius.state.speed)
+    }
+
+    /// Motions of the surfaces of walls at a time (s) with these radial speeds, m/s.
+    fn surfaces(&self, scene: &Scene, time: f64, radial_speed: impl Fn(&RadiusStep) -> f64) -> Vec<SurfaceMotion> {
+        let mut surfaces = scene.surface_motions(time, &self.q);
+        for (changing, radius) in scene.radii.iter().zip(&self.radii) {
+            let axis = self.q[radius.body.index()] * changing.axis;
+            let growth = Some(RadialGrowth { axis, speed: radial_speed(radius) });
+            match surfaces.iter_mut().find(|surface| surface.body == radius.body) {
+                Some(surface) => surface.growth = growth,
+                None => {
+                    surfaces.push(SurfaceMotion { body: radius.body, v: Vec3::zeros(), w: Vec3::zeros(), growth });
+                }
+            }
+        }
+        surfaces
+    }
+
+    /// Radius of a hollow cylinder that changes, m; None for other bodies.
+    pub fn changing_radius(&self, body: BodyId) -> Option<f64> {
+        self.radii.iter().find(|radius| radius.body == body).map(|radius| radius.state.radius)
+    }
+
     /// Velocity gradient of a deforming cell by the rates of the step's start, 1/s.
     pub fn start_gradient(&self) -> Option<&Mat3> {
         self.cell_step.as_ref().map(|cell| &cell.start_gradient)
@@ -213,6 +271,7 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
         angular_momentum: momenta,
         cell: cell_step.map_or_else(|| scene.periodic_cell(), |cell| cell.state.cell()),
         cell_step,
+        radii: RadiusStep::steps(scene, state, h, time_before),
         mean_velocity,
         order,
         step_multiple,
@@ -233,6 +292,7 @@ pub fn implicit_configuration(scene: &Scene, state: &State, step_multiple: u64) 
     ContactConfiguration {
         cell: cell_step.map_or(predicted.cell, |cell| cell.state.cell()),
         cell_step,
+        radii: RadiusStep::steps(scene, state, predicted.h, 0.0),
         x: state.x.clone(),
         q: state.q.clone(),
         w: state.w.clone(),
@@ -307,6 +367,10 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     driven.advance_state(scene, state, q_c, Velocities { v: &v, w: &w, gradient: None, surfaces: &[] });
     if let (Some(step), Some(cell)) = (&q_c.cell_step, &mut state.cell) {
         *cell = CellState { mean_stress: cell.mean_stress, ..step.end_state(h, time_after) };
+    }
+    for (radius, step) in state.radii.iter_mut().zip(&q_c.radii) {
+        *radius =
+            RadiusState { mean_stress: radius.mean_stress, height: radius.height, ..step.state.moved_by(time_after) };
     }
     // No impulse acts from the contact configuration to the step's end: only the moments that impose rotations change this
     // energy.

@@ -158,7 +158,7 @@ fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, mean_velocity: &Vec3,
     let speed = Vec3::from_fn(|k, _| velocity_change(k, mean_velocity[k])).norm();
     let spin = Vec3::from_fn(|k, _| velocity_change(3 + k, 0.0)).norm();
     let reach = reach + drive.pivot.map_or(0.0, |pivot| pivot.offset.norm());
-    speed + spin * reach
+    speed + spin * reach + drive.radial_speed
 }
 
 /// Warning about positions with too few digits: a step rounds them twice, by up to half the spacing of numbers.

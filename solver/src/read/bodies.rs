@@ -87,6 +87,7 @@ pub fn scene_without_laws(
         drives,
         loads,
         wall_areas: Vec::new(),
+        radii: Vec::new(),
         laws: Vec::new(),
         visibility: VisibilityTable::default(),
         has_unseen_pairs: false,

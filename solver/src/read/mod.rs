@@ -9,6 +9,7 @@ mod lenient;
 mod links;
 mod mirror;
 mod parts;
+mod radii;
 pub mod resume;
 mod servo_walls;
 mod sinks_and_sources;
@@ -117,6 +118,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     behaviour::check_cell(&datbox, &scene, &mut faults);
     behaviour::check_impacts(&datbox, &scene, &mut faults);
     let mut motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
+    radii::set_changing_radii(&datbox.join(COMPUTE_FILE), &mut scene, dof.time, &mut faults);
     servo_walls::set_servo_walls(&datbox, &driven, &mut scene, dof.time, &mut motion, &mut faults);
     scene.notes.extend(bodies::period_gap_notes(&scene, &motion.q));
     bodies::check_plates_are_level(&datbox, &bodies, &scene, &motion.q, &mut faults);
@@ -198,6 +200,7 @@ fn initial_state(
 ) -> State {
     let angular_momentum_of = |i: &BodyId| scene.bodies[i.index()].angular_momentum(&q[i.index()], &w[i.index()]);
     let angular_momentum = scene.free_rotors.iter().map(angular_momentum_of).collect();
+    let radii = radii::initial_radii(scene, &x);
     State {
         step: dof.step,
         time: dof.time,
@@ -219,6 +222,7 @@ fn initial_state(
         laws: scene.laws.clone(),
         primary_response: scene.initial_response(),
         cell: behaviour::initial_cell(scene),
+        radii,
         loads: Vec::new(),
         bonding: BondingMode::New,
         events_done: 0,

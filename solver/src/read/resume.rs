@@ -380,6 +380,7 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<St
     state.ledger.penetration_left = restored.ledger.penetration_left;
     state.primary_response = restored.primary_response;
     state.cell = restored.cell;
+    state.radii = restored.radii;
     for (row, &i) in bodies_of_rows.iter().enumerate() {
         let i = i.index();
         (state.x[i], state.q[i]) = (restored.x[row], restored.q[row]);
@@ -578,6 +579,9 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     state.primary_response = state.primary_response.map(|initial| meta.primary_response.unwrap_or(initial));
     state.bodies_entered = meta.bodies_entered;
     state.cell = meta.cell.or(state.cell);
+    for radius in &mut state.radii {
+        *radius = meta.radii.iter().copied().find(|known| known.body == radius.body).unwrap_or(*radius);
+    }
     state.fallback = meta.fallback;
     let pair_virials = interval.interval_body.into_iter().zip(interval.interval_virial);
     state.interval = OutputInterval {

@@ -46,6 +46,7 @@ pub fn set_servo_walls(
         let imposed = scene.imposed_motion(drive, start_time, &motion.x, &motion.q, time_before, &pushed);
         (motion.v[i], motion.w[i]) = (imposed.v, imposed.w);
     }
+    set_ends_of_cylinders(scene, motion);
     set_wall_areas(&datbox.join("COMPUTE.RON"), scene, motion, faults);
 }
 
@@ -134,11 +135,31 @@ fn set_wall_areas(file: &Path, scene: &mut Scene, motion: &InitialMotion, faults
     scene.wall_areas = areas;
 }
 
+/// Sets the plates between which hollow cylinders whose radius changes have their pressure: those that their axis meets from
+/// their centre, if the axis keeps its direction.
+fn set_ends_of_cylinders(scene: &mut Scene, motion: &InitialMotion) {
+    let mut radii = std::mem::take(&mut scene.radii);
+    for changing in &mut radii {
+        let q = &motion.q[changing.body.index()];
+        let drive = scene.drives.iter().find(|drive| drive.body == changing.body);
+        let is_upright = drive.is_some_and(|drive| is_held(drive, 3) && is_held(drive, 4) && drive.pivot.is_none());
+        for end in &mut changing.ends {
+            end.direction = q * end.direction;
+            let plate = nearest_plate(scene, changing.body, motion, &end.direction).filter(|_| is_upright);
+            end.neighbour = plate.map(|(body, _, half_thickness)| (body, half_thickness));
+        }
+    }
+    scene.radii = radii;
+}
+
 /// Area of a wall and the axis of its normal.
 fn wall_area(body: BodyId, scene: &Scene, motion: &InitialMotion) -> Result<WallArea, FaultTexts> {
     let Ok(drive) = scene.drives.binary_search_by_key(&body, |drive| drive.body) else {
         return Err(("a body without imposed motion", "expected a wall"));
     };
+    if let Some(changing) = scene.radii.iter().find(|changing| changing.body == body) {
+        return Ok(WallArea { body, axis: 2, area: PressedArea::Inside(*changing) });
+    }
     let axis =
         (motion.q[body.index()] * only_part(scene, body).map_or(Vec3::z(), |part| part.axes * Vec3::z())).iamax();
     Ok(WallArea { body, axis, area: pressed_area(axis, scene, &scene.drives[drive], motion)? })
@@ -166,8 +187,9 @@ fn pressed_area(
         let expected = "expected components 4 and 5 imposed as 0: the area is that of a plate that does not tilt";
         return Err(("a pressure on a plate that tilts", expected));
     }
-    if let Some(radius) = enclosing_radius(scene, body, motion, &half_lengths) {
-        return Ok(PressedArea::Constant(PI * radius * radius));
+    if let Some((radius, drum)) = enclosing_radius(scene, body, motion, &half_lengths) {
+        let changes = scene.radii.iter().any(|changing| changing.body == drum);
+        return Ok(if changes { PressedArea::Section(drum) } else { PressedArea::Constant(PI * radius * radius) });
     }
     let periods = scene.options.periods();
     let side = |direction: Vec3, half_length: f64| {
@@ -190,8 +212,13 @@ fn pressed_area(
     Ok(PressedArea::Rectangle(Box::new(sides)))
 }
 
-/// Radius of the narrowest hollow cylinder about the normal of a plate whose disc the plate covers, m.
-fn enclosing_radius(scene: &Scene, plate: BodyId, motion: &InitialMotion, half_lengths: &Vec3) -> Option<f64> {
+/// Radius of the narrowest hollow cylinder about the normal of a plate whose disc the plate covers, m, and its body.
+fn enclosing_radius(
+    scene: &Scene,
+    plate: BodyId,
+    motion: &InitialMotion,
+    half_lengths: &Vec3,
+) -> Option<(f64, BodyId)> {
     let (x, normal) = (&motion.x[plate.index()], motion.q[plate.index()] * Vec3::z());
     let covered_radius = |part: &BodyPart| {
         let ContactorShape::Cylinder { radius, hollow: true, .. } = part.geometry else { return None };
@@ -200,9 +227,9 @@ fn enclosing_radius(scene: &Scene, plate: BodyId, motion: &InitialMotion, half_l
         let from_axis = (x - (centre + q * part.offset)).cross(&axis).norm();
         let is_about_normal = axis.cross(&normal).norm() <= AXIS_ROUNDING && from_axis <= AXIS_ROUNDING * radius;
         let is_covered = half_lengths.xy().min() >= radius * (1.0 - AXIS_ROUNDING);
-        (is_about_normal && is_covered).then_some(radius)
+        (is_about_normal && is_covered).then_some((radius, part.body))
     };
-    scene.parts.iter().filter_map(covered_radius).reduce(f64::min)
+    scene.parts.iter().filter_map(covered_radius).min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 /// The nearest plate across the line from the centre of `plate` along `direction`, the distance of its face from that centre,

@@ -2,6 +2,7 @@
 //! about a point, and velocities of their surfaces.
 
 use cd_formats::drv_dof::Evolution;
+use cd_formats::hollow_radius::RadiusControl;
 use cd_formats::ids::BodyId;
 
 use crate::math::{Quat, Twist, Vec3, rotate_by_vector};
@@ -22,6 +23,34 @@ pub struct ImposedVelocity {
     pub hinged_centre: Option<Vec3>,
     /// Velocity of the surface beyond that of the body, components as of `velocity`.
     pub surface: Option<Box<[Option<Evolution>; 6]>>,
+    /// Bound on the radial speed of a hollow cylinder whose radius changes, m/s; 0 of others.
+    pub radial_speed: f64,
+}
+
+/// Hollow cylinder whose radius changes.
+#[derive(Debug, Clone, Copy)]
+pub struct ChangingRadius {
+    pub body: BodyId,
+    pub control: RadiusControl,
+    /// Axis in the frame of the body.
+    pub axis: Vec3,
+    /// Ends of its inside along the axis and against it: plates, or its own ends.
+    pub ends: [AreaSide; 2],
+    /// Least radius into which the bodies fit that can touch it, m.
+    pub least: f64,
+}
+
+impl ChangingRadius {
+    /// Height of the inside between the plates, with bodies at `x` (m), m; at most that of the cylinder.
+    pub fn height(&self, x: &[Vec3]) -> f64 {
+        let centre = &x[self.body.index()];
+        self.ends.iter().map(|end| end.reach(centre, x)).sum()
+    }
+
+    /// Area of the inside without the ends at a `radius` (m), with bodies at `x` (m), m².
+    pub fn area(&self, radius: f64, x: &[Vec3]) -> f64 {
+        std::f64::consts::TAU * radius * self.height(x)
+    }
 }
 
 /// Strain rate of a plate, or of the end of a solid cylinder: the rate of its distance D from a plate opposite to it, d ln D/dt.
@@ -52,12 +81,43 @@ pub struct SurfaceMotion {
     pub body: BodyId,
     pub v: Vec3,
     pub w: Vec3,
+    /// Growth of a hollow cylinder.
+    pub growth: Option<RadialGrowth>,
+}
+
+/// Growth of a hollow cylinder.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RadialGrowth {
+    /// Axis in fixed axes.
+    pub axis: Vec3,
+    /// Radial speed of the inside, m/s, > 0 outwards.
+    pub speed: f64,
+}
+
+impl RadialGrowth {
+    /// Whether a contact with this normal is on the round side: its normal is across the axis, that of an end along it.
+    pub fn is_side(axis: &Vec3, n: &Vec3) -> bool {
+        n.dot(axis).abs() <= 0.5
+    }
+
+    /// Velocity of the inside at a contact with the normal `n`, which points inwards on the round side, m/s.
+    fn velocity(&self, n: &Vec3) -> Vec3 {
+        if Self::is_side(&self.axis, n) { n * -self.speed } else { Vec3::zeros() }
+    }
 }
 
 impl ImposedVelocity {
     /// Imposed components without servos.
     pub fn new(body: BodyId, velocity: [Option<Evolution>; 6]) -> ImposedVelocity {
-        ImposedVelocity { body, velocity, strain: None, pivot: None, hinged_centre: None, surface: None }
+        ImposedVelocity {
+            body,
+            velocity,
+            strain: None,
+            pivot: None,
+            hinged_centre: None,
+            surface: None,
+            radial_speed: 0.0,
+        }
     }
 
     /// Whether some component, or the surface, is ever other than at rest.
@@ -65,6 +125,7 @@ impl ImposedVelocity {
         self.velocity.iter().any(|component| *component != Some(Evolution::constant(0.0)))
             || self.depends_on_position()
             || self.surface.is_some()
+            || self.radial_speed > 0.0
     }
 
     /// Whether the velocity depends on positions, so that it changes also while all functions of time are constant.
@@ -122,10 +183,17 @@ impl WallPivot {
 }
 
 impl SurfaceMotion {
-    /// Velocity of the surface at the distance `arm` (m) from the centre, without its part along the normal `n`, m/s.
-    pub fn tangential_velocity(&self, arm: &Vec3, n: &Vec3) -> Vec3 {
+    /// Velocity of the surface at the distance `arm` (m) from the centre, without its part along the normal `n` but that of a
+    /// growth, m/s.
+    pub fn velocity(&self, arm: &Vec3, n: &Vec3) -> Vec3 {
         let v = self.v + self.w.cross(arm);
-        v - n * n.dot(&v)
+        let tangential = v - n * n.dot(&v);
+        self.growth.map_or(tangential, |growth| tangential + growth.velocity(n))
+    }
+
+    /// Velocity of a growth along the normal `n`, m/s.
+    pub fn normal_velocity(&self, n: &Vec3) -> f64 {
+        self.growth.map_or(0.0, |growth| growth.velocity(n).dot(n))
     }
 }
 
@@ -147,6 +215,10 @@ pub enum PressedArea {
     Constant(f64),
     /// Rectangle on a plate; the sides along its first and second axis.
     Rectangle(Box<[[AreaSide; 2]; 2]>),
+    /// Section of a hollow cylinder whose radius changes.
+    Section(BodyId),
+    /// Inside of such a cylinder without its ends.
+    Inside(ChangingRadius),
 }
 
 /// Side of the rectangle on which a pressure acts.
@@ -161,9 +233,9 @@ pub struct AreaSide {
 }
 
 impl ImposedLoad {
-    /// Force or moment at the `value` of its function, with bodies at `x` (m), N or N m.
-    pub fn load_at(&self, value: f64, x: &[Vec3]) -> f64 {
-        self.area.as_ref().map_or(value, |area| value * area.size(self.body, x))
+    /// Force or moment at the `value` of its function, with bodies at `x` (m) and the `radius` of hollow cylinders, m; N or N m.
+    pub fn load_at(&self, value: f64, x: &[Vec3], radius: impl Fn(BodyId) -> f64) -> f64 {
+        self.area.as_ref().map_or(value, |area| value * area.size(self.body, x, radius))
     }
 }
 
@@ -176,10 +248,12 @@ pub struct WallArea {
 }
 
 impl PressedArea {
-    /// Area of the wall `body`, with bodies at `x` (m), m².
-    pub fn size(&self, body: BodyId, x: &[Vec3]) -> f64 {
+    /// Area of the wall `body`, with bodies at `x` (m) and the `radius` of hollow cylinders, m; m².
+    pub fn size(&self, body: BodyId, x: &[Vec3], radius: impl Fn(BodyId) -> f64) -> f64 {
         match self {
             PressedArea::Constant(area) => *area,
+            PressedArea::Section(drum) => std::f64::consts::PI * radius(*drum) * radius(*drum),
+            PressedArea::Inside(changing) => changing.area(radius(body), x),
             PressedArea::Rectangle(sides) => {
                 let extent = |side: &AreaSide| side.extent(&x[body.index()], x);
                 let lengths = sides.map(|[one, other]| extent(&one) + extent(&other));
@@ -190,18 +264,50 @@ impl PressedArea {
 }
 
 impl AreaSide {
-    /// Distance of the side from the `centre` of the plate: to the face of the neighbour or the edge of the plate, m; never
-    /// negative.
-    fn extent(&self, centre: &Vec3, x: &[Vec3]) -> f64 {
+    /// Distance of the side from the `centre` of the plate: to the face of the neighbour or the edge of the plate, m; negative
+    /// if the neighbour has passed the centre.
+    fn reach(&self, centre: &Vec3, x: &[Vec3]) -> f64 {
         let distance =
             |(body, half_thickness): (BodyId, f64)| (x[body.index()] - centre).dot(&self.direction) - half_thickness;
-        self.neighbour.map_or(f64::INFINITY, distance).clamp(0.0, self.half_length)
+        self.neighbour.map_or(f64::INFINITY, distance).min(self.half_length)
+    }
+
+    /// [`Self::reach`], never negative.
+    fn extent(&self, centre: &Vec3, x: &[Vec3]) -> f64 {
+        self.reach(centre, x).max(0.0)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_inside_of_a_cylinder_ends_at_its_plates() {
+        use cd_formats::deforming_cell::AxisControl;
+        let z = Vec3::z();
+        let plate = |number: usize| Some((BodyId::new(number), 0.1));
+        let changing = |neighbours: [Option<(BodyId, f64)>; 2]| ChangingRadius {
+            body: BodyId::new(0),
+            control: RadiusControl { body: 1, control: AxisControl::Rate(0.0) },
+            axis: z,
+            ends: [(z, neighbours[0]), (-z, neighbours[1])].map(|(direction, neighbour)| AreaSide {
+                direction,
+                half_length: 2.0,
+                neighbour,
+            }),
+            least: 0.0,
+        };
+        let heights = |neighbours, upper: f64| changing(neighbours).height(&[Vec3::zeros(), z * upper, z * -1.5]);
+        let is_near = |found: f64, expected: f64| (found - expected).abs() < 1e-15;
+        assert_eq!(heights([None, None], 1.0), 4.0);
+        assert!(is_near(heights([plate(1), plate(2)], 1.0), 0.9 + 1.4));
+        // A plate beyond the end of the cylinder, and one that has passed the centre.
+        assert!(is_near(heights([plate(1), None], 5.0), 4.0));
+        assert!(is_near(heights([plate(1), plate(2)], -0.5), 1.4 - 0.6));
+        let area = changing([None, None]).area(0.5, &[Vec3::zeros()]);
+        assert!(is_near(area, 4.0 * std::f64::consts::PI), "{area}");
+    }
 
     #[test]
     fn a_strain_changes_the_distance_exponentially() {

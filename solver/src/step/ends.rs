@@ -70,7 +70,7 @@ pub fn finish_contacts(
     let driven: Vec<bool> = scene.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(|body| body.driven).collect();
     let warning_depth = OVERLAP_WARNING_SHARE * scene.smallest_radius;
     let velocities = Velocities { v: &v, w: &w, ..free.velocities() };
-    let start_surfaces = scene.surface_motions(state.time, &q_c.q);
+    let start_surfaces = q_c.start_surfaces(scene, state.time);
     let w_without_rotation = ContactConfiguration::without_spins(&w, &q_c.pushed_at_centre);
     let velocities_without_rotation = Velocities { w: &w_without_rotation, ..velocities };
     let post_solve = PostSolve {

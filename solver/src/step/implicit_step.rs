@@ -64,7 +64,8 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
     let mut cache = state.detection_cache.clone();
     // Contacts of the last step are compared: they stay with their ranks.
     cache.division.iter_mut().for_each(|division| division.can_move_cuts = false);
-    let velocities = Velocities { gradient: start.start_gradient(), ..state.velocities() };
+    let surfaces = start.start_surfaces(scene, state.time);
+    let velocities = Velocities { gradient: start.start_gradient(), surfaces: &surfaces, ..state.velocities() };
     let contacts = detect::listed_contacts(scene, &start, velocities, &mut cache);
     let file = FileStep::new(scene, state);
     let is_closing = |contact: &Contact| {

@@ -10,6 +10,7 @@ use super::conflict::conflicting_bodies;
 use super::context::{SolvedProblem, StepContext};
 use super::ends::StepOutcome;
 use super::implicit_step::implicit_step_work;
+use super::radius_stress::update_mean_pressures;
 use super::totals::{ITEMS_PER_TASK, Overlap};
 use crate::assemble::{GravityReport, potential_energy};
 use crate::detect::NarrowPhaseError;
@@ -120,6 +121,7 @@ pub fn update_ledger(
     if let (Some(step), Some(cell)) = (&q_c.cell_step, &mut state.cell) {
         cell.mean_stress = mean_normal_stresses(scene, q_c, step, outcome, cell.mean_stress);
     }
+    update_mean_pressures(scene, q_c, &outcome.contacts, state);
     if state.step.is_multiple_of(scene.options.output_every) {
         state.interval = OutputInterval { start: state.time, ..OutputInterval::default() };
     }

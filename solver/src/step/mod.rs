@@ -12,12 +12,14 @@ mod error_loads;
 mod implicit_step;
 mod ledger;
 mod overturning;
+mod radius_stress;
 mod totals;
 mod velocity_errors;
 
 pub use self::clock::StageTimes;
 pub use self::collectives::deepest_overlap_of_ranks;
 pub use self::ledger::{BalanceErrors, MotionTotals, StepReport, StepStart, WorstContact};
+pub use self::radius_stress::side_impulse;
 pub use self::totals::{OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
 
 use rayon::prelude::*;

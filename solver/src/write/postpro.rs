@@ -216,7 +216,8 @@ impl<'a> StepFigures<'a> {
         let (theta, before) = (scene.options.theta, state.time - state.h);
         for load in scene.loads.iter().filter(|load| load.body.index() == i) {
             let value = (1.0 - theta) * load.value.value_at(before) + theta * load.value.value_at(state.time);
-            loads[load.component / 3][load.component % 3] += load.load_at(value, &state.x);
+            loads[load.component / 3][load.component % 3] +=
+                load.load_at(value, &state.x, |drum| state.radius_of(drum));
         }
         let [mut force, mut torque] = loads;
         if body.driven {

@@ -91,6 +91,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
         primary_response: state.primary_response,
         revolutions: scene.wall_circles(),
         cell: state.cell,
+        radii: state.radii.clone(),
         bodies_entered: state.bodies_entered,
         continues_run: false,
         options: options.result_options(),

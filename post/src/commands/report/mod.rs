@@ -60,7 +60,7 @@ const STATE_FIGURES: [(&str, &str); 12] = [
 ];
 
 /// Columns of the series in groups, each with its title; every column is in one of them.
-const COLUMN_GROUPS: [(&str, &[&str]); 10] = [
+const COLUMN_GROUPS: [(&str, &[&str]); 11] = [
     ("State", &["step", "time", "interval", "n_grains", "mass"]),
     (
         "Contacts",
@@ -100,6 +100,7 @@ const COLUMN_GROUPS: [(&str, &[&str]); 10] = [
             "strain_yz",
         ],
     ),
+    ("Hollow cylinder whose radius changes", &["cylinder_radius", "cylinder_pressure"]),
     ("Packing", &["region", "region_volume", "nu", "nu_sphere", "R_enclosing"]),
     (
         "Pressure and stress",
