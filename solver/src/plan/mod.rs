@@ -3,6 +3,7 @@
 //! Nothing is written; a few steps are made with a copy of the state, and timed.
 
 mod division;
+pub mod limits;
 
 use std::time::{Duration, Instant};
 
@@ -49,13 +50,8 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     let moving_ids = scene.moving_bodies();
     let moving_bodies: Vec<(usize, &RigidBody)> =
         moving_ids.iter().map(|&i| (i.index(), &scene.bodies[i.index()])).collect();
-    let mass: f64 = moving_bodies.iter().map(|(_, body)| body.mass).sum();
     let smallest = moving_bodies.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
-    let mean_velocity = moving_bodies.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;
-    let speeds = moving_bodies.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm());
-    let times = [state.time, scene.end_time().max(state.time)];
-    let driven_speeds = scene.drives.iter().map(|drive| max_drive_speed(scene, drive, &mean_velocity, times));
-    let fastest = speeds.chain(driven_speeds).fold(0.0, f64::max);
+    let fastest = largest_speed(scene, state);
     let travel = MAX_TRAVEL_RADII * smallest;
     // A fall limits travel by its impact speed (m/s), and its first step by its acceleration (m/s²).
     let fall_bounds = |impact: String, speed: f64, acceleration: f64| {
@@ -113,6 +109,18 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     bounds.retain(|bound| bound.h.is_finite() && bound.h > 0.0);
     bounds.sort_by(|a, b| a.h.total_cmp(&b.h));
     bounds
+}
+
+/// Largest speed of a moving body and of a point of a driven one relative to the centre of mass of the moving bodies, m/s.
+fn largest_speed(scene: &Scene, state: &State) -> f64 {
+    let moving_ids = scene.moving_bodies();
+    let body_mass = |i: &BodyId| scene.bodies[i.index()].mass;
+    let mass: f64 = moving_ids.iter().map(body_mass).sum();
+    let mean_velocity = moving_ids.iter().map(|i| state.v[i.index()] * body_mass(i)).sum::<Vec3>() / mass;
+    let speeds = moving_ids.iter().map(|i| (state.v[i.index()] - mean_velocity).norm());
+    let times = [state.time, scene.end_time().max(state.time)];
+    let driven_speeds = scene.drives.iter().map(|drive| max_drive_speed(scene, drive, &mean_velocity, times));
+    speeds.chain(driven_speeds).fold(0.0, f64::max)
 }
 
 /// Height of the lowest wall against gravity, m: the height of its upper side, of the centre of polyhedra and solid cylinders,
@@ -267,7 +275,8 @@ pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
     lines.push(("run", run_estimate(scene, dt_left, longest, trial.as_ref())));
     lines.extend(step_lines(scene, &bounds, max_multiple));
     lines.extend(preset_lines(&bounds));
-    lines.extend(roundoff_warning(scene, state).map(|message| ("warning", message)));
+    let warnings = roundoff_warning(scene, state).into_iter().chain(limits::scene_warnings(scene, state));
+    lines.extend(warnings.map(|message| ("warning", message)));
     lines
         .into_iter()
         .filter(|(_, value)| !value.is_empty())
