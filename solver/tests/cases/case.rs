@@ -467,12 +467,12 @@ pub fn range(values: &[f64]) -> String {
     if least == most { format!("{least:e}") } else { format!("{least:e} to {most:e}") }
 }
 
-/// Number of trials of a search for a limit, on each side of the stated range.
+/// Largest number of trials of a search for a limit, on each side of the stated range.
 #[derive(Clone, Copy)]
 pub struct SearchEffort {
-    /// Trials outwards, 1, 3, 7, ... decades beyond the stated range.
+    /// Trials outwards: 1, 2, 4, ... decades beyond the stated range.
     pub strides: i32,
-    /// Trials between the last value that held and the first that failed.
+    /// Trials between the last value at which the property holds and the first at which it fails.
     pub bisections: u32,
 }
 
@@ -480,14 +480,12 @@ pub struct SearchEffort {
 const LIMIT_ACCURACY: f64 = 1.1;
 
 impl SearchEffort {
-    /// All of it with CD_TESTS_LONG, which `make extremes` sets; otherwise a few trials, by which searches are tested.
-    fn from_environment() -> Self {
-        match is_long() {
-            // 127 decades in seven strides, of which the last has 64, found to within 1/16 of a decade.
-            true => SearchEffort { strides: 7, bisections: 12 },
-            false => SearchEffort { strides: 1, bisections: 1 },
-        }
-    }
+    /// From 1 to 128 decades; of the last stride, 64 decades, bisections leave 1/64 of one.
+    pub const WHOLE: SearchEffort = SearchEffort { strides: 8, bisections: 12 };
+    /// In every `make test`, by which the searches are tested.
+    pub const SMALL: SearchEffort = SearchEffort { strides: 1, bisections: 1 };
+    /// No search: only the stated range is tested.
+    pub const NONE: SearchEffort = SearchEffort { strides: 0, bisections: 0 };
 }
 
 /// Whether the tests are those of `make extremes`.
@@ -514,9 +512,23 @@ impl Envelope {
         bound: f64,
         mut error: impl FnMut(f64) -> f64,
     ) -> Envelope {
-        Self::search_with(SearchEffort::from_environment(), limit, inside, bound, &mut error)
+        let effort = if is_long() { SearchEffort::WHOLE } else { SearchEffort::SMALL };
+        Self::search_with(effort, limit, inside, bound, &mut error)
     }
 
+    /// Like [`Self::search`], for tests that take seconds: without `make extremes` nothing is searched.
+    #[track_caller]
+    pub fn long_search(
+        limit: &'static ParameterLimit,
+        inside: &[f64],
+        bound: f64,
+        mut error: impl FnMut(f64) -> f64,
+    ) -> Envelope {
+        let effort = if is_long() { SearchEffort::WHOLE } else { SearchEffort::NONE };
+        Self::search_with(effort, limit, inside, bound, &mut error)
+    }
+
+    /// Searches with this effort.
     #[track_caller]
     pub fn search_with(
         effort: SearchEffort,

@@ -98,10 +98,10 @@ fn energy_never_grows_with_restitution_or_friction() {
         steps.iter().map(|h| gained_energy(law, parameters, *h)).fold(0.0, f64::max)
     };
     let with_restitution = |e: f64| worst_gain("RST_CLB", &[e, 0.0, 0.0], &steps);
-    Envelope::search(&limits::RESTITUTION, &[0.0], ENERGY_GAIN_BOUND, with_restitution).print();
+    Envelope::long_search(&limits::RESTITUTION, &[0.0], ENERGY_GAIN_BOUND, with_restitution).print();
     let with_friction =
         |mu: f64| worst_gain("RST_CLB", &[0.0, 0.0, mu], &steps).max(worst_gain("IQS_CLB", &[mu], &steps));
-    Envelope::search(&limits::FRICTION, &[0.0], ENERGY_GAIN_BOUND, with_friction).print();
+    Envelope::long_search(&limits::FRICTION, &[0.0], ENERGY_GAIN_BOUND, with_friction).print();
     assert!(worst_gain("RST_CLB", &[0.5, 0.5, 0.5], &steps) <= ENERGY_GAIN_BOUND);
     // Newton's law with both may raise it, since its coefficient is that of the normal velocity alone (T.R. Kane, 1984):
     // in the longest steps, in which several pairs collide at once.
@@ -157,7 +157,7 @@ fn cohesion_far_above_weight_holds_a_chain_that_hangs() {
 #[test]
 fn the_tolerance_is_of_the_load_however_strong_the_cohesion() {
     // Ten times the tolerance: the one at the end carries a tenth.
-    let found = Envelope::search(&limits::LOOSE_COHESION, &[0.0, 1e2, 1e4], 0.1, |ratio| {
+    let found = Envelope::long_search(&limits::LOOSE_COHESION, &[0.0, 1e2, 1e4], 0.1, |ratio| {
         let standing = error_of_ten(ratio, true);
         // Nothing hangs without cohesion.
         if ratio == 0.0 { standing } else { standing.max(error_of_ten(ratio, false)) }
@@ -190,7 +190,7 @@ fn error_of_ten(ratio: f64, standing: bool) -> f64 {
 #[test]
 fn a_ball_squeezed_by_walls_stays_between_them() {
     // Nothing rigid fits: the overlap is shared, and the ball neither leaps nor becomes a number that is none.
-    let found = Envelope::search(&limits::SQUEEZED_OVERLAP, &[0.02], 1.0 + 1e-8, |overlap| {
+    let found = Envelope::long_search(&limits::SQUEEZED_OVERLAP, &[], 1.0 + 1e-8, |overlap| {
         [1e-3, 1e-2, 1e-1].map(|h| squeezed_speed(overlap, h)).into_iter().fold(0.0, f64::max)
     });
     found.print();
@@ -220,7 +220,7 @@ fn squeezed_speed(overlap: f64, h: f64) -> f64 {
 #[test]
 fn what_is_symmetric_stays_so() {
     // Contacts are solved one after the other, to 1e-12 of h g in steps that add up.
-    Envelope::search(&limits::SYMMETRIC_STEPS, &[], 1e-9, symmetry_error).print();
+    Envelope::long_search(&limits::SYMMETRIC_STEPS, &[], 1e-9, symmetry_error).print();
 }
 
 /// Largest distance from a symmetric position, m, of four balls in a square and one on top, under a law that lets it sink
@@ -248,7 +248,7 @@ fn symmetry_error(steps: f64) -> f64 {
 #[test]
 fn a_chain_of_a_thousand_carries_itself() {
     // A hundred steps, each solved to 1e-2 of what gravity does in it from where the last one ended.
-    let found = Envelope::search(&limits::CHAIN_LENGTH, &[], 0.05, |length| {
+    let found = Envelope::long_search(&limits::CHAIN_LENGTH, &[], 0.05, |length| {
         [1e-3, 1e-2].map(|h| error_of_chain(length as u32, h)).into_iter().fold(0.0, f64::max)
     });
     found.print();
@@ -274,10 +274,9 @@ fn error_of_chain(length: u32, h: f64) -> f64 {
 
 #[test]
 fn a_search_finds_the_limit_on_either_side() {
-    let whole = SearchEffort { strides: 7, bisections: 12 };
     let search = |effort, error: &mut dyn FnMut(f64) -> f64| Envelope::search_with(effort, &limits::RADIUS, &[], 1.0, error);
     let mut trials = 0;
-    let found = search(whole, &mut |radius: f64| {
+    let found = search(SearchEffort::WHOLE, &mut |radius: f64| {
         trials += 1;
         (radius / 4.4e33).max(3.3e-51 / radius)
     });
@@ -285,11 +284,10 @@ fn a_search_finds_the_limit_on_either_side() {
         let bad = bad.expect("a limit");
         assert!((good / expected).max(expected / good) <= 1.11 && (bad / expected).max(expected / bad) <= 1.11);
     }
-    assert!(trials <= 2 + 2 * (7 + 12), "{trials}");
+    assert!(trials <= 2 + 2 * (8 + 12), "{trials}");
     // Without a limit it ends where the row says; NaN is a failure.
-    assert_eq!(search(whole, &mut |_| 0.0).sides, [(1e-90, None), (1e90, None)]);
-    let few = SearchEffort { strides: 1, bisections: 1 };
-    let limited = search(few, &mut |radius: f64| if radius > 2e20 { f64::NAN } else { 1.0 });
+    assert_eq!(search(SearchEffort::WHOLE, &mut |_| 0.0).sides, [(1e-90, None), (1e90, None)]);
+    let limited = search(SearchEffort::SMALL, &mut |radius: f64| if radius > 2e20 { f64::NAN } else { 1.0 });
     assert_eq!(limited.sides, [(1e-21, None), (1e20, Some(3.2e20))]);
 }
 
