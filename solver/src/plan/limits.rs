@@ -7,8 +7,7 @@ use std::f64::consts::PI;
 
 use cd_formats::names::{number_text, short_number};
 
-use super::largest_speed;
-use crate::integrate::shortest_orbit;
+use crate::integrate::{largest_speed, shortest_orbit};
 use crate::laws::Cohesion;
 use crate::math::Vec3;
 use crate::scene::{RigidBody, Scene};

@@ -11,7 +11,7 @@ use cd_formats::compute::Accuracy;
 use cd_formats::names::{count_text, ratio_text, rounded_number, short_number};
 use cd_formats::presets::PresetOption;
 
-use crate::integrate::{fastest_spin, shortest_orbit, shortest_rotation};
+use crate::integrate::{fastest_spin, largest_speed, shortest_orbit, shortest_rotation};
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, ImposedVelocity, RigidBody, Scene};
 use crate::solve::gauss_seidel::diagonal::batches::ContactBatch;
@@ -111,18 +111,6 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     bounds
 }
 
-/// Largest speed of a moving body and of a point of a driven one relative to the centre of mass of the moving bodies, m/s.
-fn largest_speed(scene: &Scene, state: &State) -> f64 {
-    let moving_ids = scene.moving_bodies();
-    let body_mass = |i: &BodyId| scene.bodies[i.index()].mass;
-    let mass: f64 = moving_ids.iter().map(body_mass).sum();
-    let mean_velocity = moving_ids.iter().map(|i| state.v[i.index()] * body_mass(i)).sum::<Vec3>() / mass;
-    let speeds = moving_ids.iter().map(|i| (state.v[i.index()] - mean_velocity).norm());
-    let times = [state.time, scene.end_time().max(state.time)];
-    let driven_speeds = scene.drives.iter().map(|drive| max_drive_speed(scene, drive, &mean_velocity, times));
-    speeds.chain(driven_speeds).fold(0.0, f64::max)
-}
-
 /// Height of the lowest wall against gravity, m: the height of its upper side, of the centre of polyhedra and solid cylinders,
 /// or of the lowest point of a surface; infinite without walls.
 fn floor_height(scene: &Scene, state: &State) -> f64 {
@@ -148,25 +136,6 @@ fn floor_height(scene: &Scene, state: &State) -> f64 {
     };
     let walls = (0..scene.bodies.len()).filter(|&i| scene.walls[i] && !scene.bodies[i].absent);
     walls.map(top).fold(f64::INFINITY, f64::min)
-}
-
-/// Largest speed of a point of a driven body relative to the velocity `mean_velocity` (m/s) between two times (s), m/s;
-/// the rotation of a sphere does not count.
-fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, mean_velocity: &Vec3, times: [f64; 2]) -> f64 {
-    let reach = match scene.bodies[drive.body.index()].shape {
-        BodyShape::Sphere { .. } => 0.0,
-        BodyShape::Plane { half_lengths } => half_lengths.norm(),
-        BodyShape::Parts => {
-            let parts = scene.parts_of(drive.body).iter();
-            parts.map(|part| part.offset.norm() + part.bounding_radius).fold(0.0, f64::max)
-        }
-    };
-    let velocity_change =
-        |k: usize, from: f64| drive.velocity[k].as_ref().map_or(0.0, |value| value.max_difference(from, times));
-    let speed = Vec3::from_fn(|k, _| velocity_change(k, mean_velocity[k])).norm();
-    let spin = Vec3::from_fn(|k, _| velocity_change(3 + k, 0.0)).norm();
-    let reach = reach + drive.pivot.map_or(0.0, |pivot| pivot.offset.norm());
-    speed + spin * reach
 }
 
 /// Warning about positions with too few digits: a step rounds them twice, by up to half the spacing of numbers.

@@ -274,7 +274,8 @@ fn error_of_chain(length: u32, h: f64) -> f64 {
 
 #[test]
 fn a_search_finds_the_limit_on_either_side() {
-    let search = |effort, error: &mut dyn FnMut(f64) -> f64| Envelope::search_with(effort, &limits::RADIUS, &[], 1.0, error);
+    let search =
+        |effort, error: &mut dyn FnMut(f64) -> f64| Envelope::search_with(effort, &limits::RADIUS, &[], 1.0, error);
     let mut trials = 0;
     let found = search(SearchEffort::WHOLE, &mut |radius: f64| {
         trials += 1;
