@@ -103,7 +103,7 @@ fn overlaps_do_not_explode() {
 #[test]
 fn far_out_only_the_digits_suffer() {
     // A coordinate of 1e9 is rounded to 6e-8 in each of 1024 steps, always to the same side: the blow is aside by as much.
-    let found = Envelope::search(&limits::ORIGIN_DISTANCE, &[1.0], 1e-4, |distance| {
+    let found = Envelope::search(&limits::ORIGIN_DISTANCE, &[1e3], 1e-4, |distance| {
         let out = 0.5 * distance;
         let away = |steps: u32| {
             let mut case = Case::new();
