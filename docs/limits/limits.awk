@@ -1,6 +1,6 @@
 # Writes docs/explanation/limits.md from docs/limits/limits.md.in and the output of the tests, run in the top folder of the project:
 #   awk -f docs/limits/limits.awk docs/limits-*.log docs/limits/limits.md.in > docs/explanation/limits.md
-# A test prints a line: limit | PARAMETER | RANGE | PROPERTY | RESULT | `TEST` |
+# A test prints a line: limit | PARAMETER | RANGE | SEARCH | TYPICAL | MARGIN | PROPERTY | RESULT | `TEST` |
 # Each log holds the output of all tests, with another number of threads or another build. All logs must hold the same
 # lines.
 
@@ -16,7 +16,7 @@ FILENAME ~ /\.log$/ { if (FILENAME != log_before) { logs++; log_before = FILENAM
     if (rows == 0) { print FILENAME ": no limits in the logs; expected lines 'limit | ...' of the tests" > "/dev/stderr"; failed = 1; exit 1 }
     for (i = 1; i <= rows; i++)
         if (logs_with[row[i]] != logs) { print "in " logs_with[row[i]] " of " logs " logs: " row[i] > "/dev/stderr"; failed = 1; exit 1 }
-    print "| parameter | range | what holds within it | found | test |\n|---|---|---|---|---|"
+    print "| parameter | stated range | search | typical use | margin | what holds within it | found | test |\n|---|---|---|---|---|---|---|---|"
     # Sorted by parameter, since tests end in any order.
     for (i = 2; i <= rows; i++) {
         one = row[i]

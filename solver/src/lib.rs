@@ -58,3 +58,4 @@ mod verify;
 pub mod write;
 
 pub use cli::{command, run};
+pub use plan::limits;

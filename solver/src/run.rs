@@ -22,7 +22,7 @@ use crate::contact_division::undivided_reason;
 use crate::detect;
 use crate::integrate::{ContactConfiguration, predict_configuration};
 use crate::math::Vec3;
-use crate::plan::{StepBound, roundoff_warning, step_bounds};
+use crate::plan::{StepBound, limits, roundoff_warning, step_bounds};
 use crate::probe::Probes;
 use crate::progress::ProgressDisplay;
 use crate::ranks::lists::{all_gather_values, any_rank, sum_over_ranks};
@@ -287,8 +287,8 @@ fn narrow_cylinder_text(scene: &Scene, state: &State) -> Option<String> {
     ))
 }
 
-/// Warns of the step, of rounding and of overlaps at the start of a run. Returns the ratio of overlap to smaller radius
-/// from which on overlaps are attributed to the steps.
+/// Warns of the step, of rounding, of values outside of tested ranges and of overlaps at the start of a run. Returns the ratio
+/// of overlap to smaller radius from which on overlaps are attributed to the steps.
 fn warn_at_start(
     statistics: &mut RunStatistics,
     scene: &Scene,
@@ -301,6 +301,7 @@ fn warn_at_start(
     statistics.warnings.extend(long_step);
     statistics.warnings.extend(single_step_warning(scene, state).filter(|_| !resumed));
     statistics.warnings.extend(roundoff_warning(scene, state));
+    statistics.warnings.extend(limits::scene_warnings(scene, state));
     statistics.warnings.iter().for_each(|message| progress.warn(message));
     let division = state.detection_cache.division.clone();
     let mut cache = DetectionCache { division, ..DetectionCache::default() };

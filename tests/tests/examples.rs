@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
+use cd_formats::compute::ComputeFlags;
+use cd_solve::limits;
+use cd_solve::read::read_case;
 use cd_tests::case::{Case, pre};
 use tempfile::TempDir;
 
@@ -40,7 +43,10 @@ fn scenes_are_accepted_and_begin_to_run() {
         }
         let case = Case::empty();
         assert_eq!(pre(&folder.join("scene.ron"), case.path()), 0, "cd-pre rejected the scene of {}", folder.display());
-        case.solved(&["--steps", "2"]);
+        let case = case.solved(&["--steps", "2"]);
+        let (scene, state) = read_case(case.path(), &ComputeFlags::default()).unwrap();
+        let warnings = limits::scene_warnings(&scene, &state);
+        assert!(warnings.is_empty(), "{}: {warnings:?}", folder.display());
         count += 1;
     }
     assert!(count >= 5);

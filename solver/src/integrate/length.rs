@@ -23,7 +23,7 @@ use rayon::prelude::*;
 
 use crate::math::Vec3;
 use crate::ranks::lists::min_over_ranks;
-use crate::scene::{EVENT_SLACK, RigidBody, Scene};
+use crate::scene::{BodyId, BodyShape, EVENT_SLACK, ImposedVelocity, RigidBody, Scene};
 use crate::state::{SolvedContact, State};
 
 /// Steps in the shortest orbit or rotation of a field: a phase error of 1e-3 per orbit.
@@ -86,6 +86,37 @@ fn contact_time_limit(scene: &Scene, state: &State, solved: &SolvedContact) -> f
 pub fn fastest_spin(scene: &Scene, state: &State) -> f64 {
     let turning = scene.bodies.iter().zip(&state.w).filter(|(body, _)| !body.is_sphere());
     turning.map(|(_, w)| w.norm()).fold(0.0, f64::max)
+}
+
+/// Largest speed of a moving body and of a point of a driven one relative to the centre of mass of the moving bodies, m/s.
+pub fn largest_speed(scene: &Scene, state: &State) -> f64 {
+    let moving_ids = scene.moving_bodies();
+    let body_mass = |i: &BodyId| scene.bodies[i.index()].mass;
+    let mass: f64 = moving_ids.iter().map(body_mass).sum();
+    let mean_velocity = moving_ids.iter().map(|i| state.v[i.index()] * body_mass(i)).sum::<Vec3>() / mass;
+    let speeds = moving_ids.iter().map(|i| (state.v[i.index()] - mean_velocity).norm());
+    let times = [state.time, scene.end_time().max(state.time)];
+    let driven_speeds = scene.drives.iter().map(|drive| max_drive_speed(scene, drive, &mean_velocity, times));
+    speeds.chain(driven_speeds).fold(0.0, f64::max)
+}
+
+/// Largest speed of a point of a driven body relative to the velocity `mean_velocity` (m/s) between two times (s), m/s;
+/// the rotation of a sphere does not count.
+fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, mean_velocity: &Vec3, times: [f64; 2]) -> f64 {
+    let reach = match scene.bodies[drive.body.index()].shape {
+        BodyShape::Sphere { .. } => 0.0,
+        BodyShape::Plane { half_lengths } => half_lengths.norm(),
+        BodyShape::Parts => {
+            let parts = scene.parts_of(drive.body).iter();
+            parts.map(|part| part.offset.norm() + part.bounding_radius).fold(0.0, f64::max)
+        }
+    };
+    let velocity_change =
+        |k: usize, from: f64| drive.velocity[k].as_ref().map_or(0.0, |value| value.max_difference(from, times));
+    let speed = Vec3::from_fn(|k, _| velocity_change(k, mean_velocity[k])).norm();
+    let spin = Vec3::from_fn(|k, _| velocity_change(3 + k, 0.0)).norm();
+    let reach = reach + drive.pivot.map_or(0.0, |pivot| pivot.offset.norm());
+    speed + spin * reach + drive.radial_speed
 }
 
 /// Period of the fastest rotation of a field, s: of rotating axes, of a polyhedron that turns.

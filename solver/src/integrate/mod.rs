@@ -9,7 +9,9 @@
 
 mod length;
 
-pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_spin, shortest_orbit, shortest_rotation};
+pub use length::{
+    MAX_STEP_GROWTH, choose_step_multiple, fastest_spin, largest_speed, shortest_orbit, shortest_rotation,
+};
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;

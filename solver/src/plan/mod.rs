@@ -3,6 +3,7 @@
 //! Nothing is written; a few steps are made with a copy of the state, and timed.
 
 mod division;
+pub mod limits;
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +11,7 @@ use cd_formats::compute::Accuracy;
 use cd_formats::names::{count_text, ratio_text, rounded_number, short_number};
 use cd_formats::presets::PresetOption;
 
-use crate::integrate::{fastest_spin, shortest_orbit, shortest_rotation};
+use crate::integrate::{fastest_spin, largest_speed, shortest_orbit, shortest_rotation};
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, ImposedVelocity, RigidBody, Scene};
 use crate::solve::gauss_seidel::diagonal::batches::ContactBatch;
@@ -49,13 +50,8 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     let moving_ids = scene.moving_bodies();
     let moving_bodies: Vec<(usize, &RigidBody)> =
         moving_ids.iter().map(|&i| (i.index(), &scene.bodies[i.index()])).collect();
-    let mass: f64 = moving_bodies.iter().map(|(_, body)| body.mass).sum();
     let smallest = moving_bodies.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
-    let mean_velocity = moving_bodies.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;
-    let speeds = moving_bodies.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm());
-    let times = [state.time, scene.end_time().max(state.time)];
-    let driven_speeds = scene.drives.iter().map(|drive| max_drive_speed(scene, drive, &mean_velocity, times));
-    let fastest = speeds.chain(driven_speeds).fold(0.0, f64::max);
+    let fastest = largest_speed(scene, state);
     let travel = MAX_TRAVEL_RADII * smallest;
     // A fall limits travel by its impact speed (m/s), and its first step by its acceleration (m/s²).
     let fall_bounds = |impact: String, speed: f64, acceleration: f64| {
@@ -140,25 +136,6 @@ fn floor_height(scene: &Scene, state: &State) -> f64 {
     };
     let walls = (0..scene.bodies.len()).filter(|&i| scene.walls[i] && !scene.bodies[i].absent);
     walls.map(top).fold(f64::INFINITY, f64::min)
-}
-
-/// Largest speed of a point of a driven body relative to the velocity `mean_velocity` (m/s) between two times (s), m/s;
-/// the rotation of a sphere does not count.
-fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, mean_velocity: &Vec3, times: [f64; 2]) -> f64 {
-    let reach = match scene.bodies[drive.body.index()].shape {
-        BodyShape::Sphere { .. } => 0.0,
-        BodyShape::Plane { half_lengths } => half_lengths.norm(),
-        BodyShape::Parts => {
-            let parts = scene.parts_of(drive.body).iter();
-            parts.map(|part| part.offset.norm() + part.bounding_radius).fold(0.0, f64::max)
-        }
-    };
-    let velocity_change =
-        |k: usize, from: f64| drive.velocity[k].as_ref().map_or(0.0, |value| value.max_difference(from, times));
-    let speed = Vec3::from_fn(|k, _| velocity_change(k, mean_velocity[k])).norm();
-    let spin = Vec3::from_fn(|k, _| velocity_change(3 + k, 0.0)).norm();
-    let reach = reach + drive.pivot.map_or(0.0, |pivot| pivot.offset.norm());
-    speed + spin * reach + drive.radial_speed
 }
 
 /// Warning about positions with too few digits: a step rounds them twice, by up to half the spacing of numbers.
@@ -267,7 +244,8 @@ pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
     lines.push(("run", run_estimate(scene, dt_left, longest, trial.as_ref())));
     lines.extend(step_lines(scene, &bounds, max_multiple));
     lines.extend(preset_lines(&bounds));
-    lines.extend(roundoff_warning(scene, state).map(|message| ("warning", message)));
+    let warnings = roundoff_warning(scene, state).into_iter().chain(limits::scene_warnings(scene, state));
+    lines.extend(warnings.map(|message| ("warning", message)));
     lines
         .into_iter()
         .filter(|(_, value)| !value.is_empty())

@@ -8,9 +8,11 @@ use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::compute::{Compute, Event, EventAction};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof, Evolution, table_text};
+use cd_formats::names::number_text;
 use cd_formats::snapshot::{self, Snapshot};
 use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 use cd_formats::wall_mesh::{MeshSides, WallMesh};
+use cd_solve::limits::ParameterLimit;
 use tempfile::TempDir;
 
 pub type Vec3 = nalgebra::Vector3<f64>;
@@ -298,6 +300,12 @@ impl Case {
         self.written()
     }
 
+    /// Like [`Case::states`]; None if the run fails.
+    pub fn attempt_states(&mut self, steps: u64, every: u64) -> Option<Vec<Snapshot>> {
+        self.options.output_every = every;
+        self.attempt(steps).map(|_| self.written())
+    }
+
     pub fn written(&self) -> Vec<Snapshot> {
         let list = snapshot::list_snapshots(&self.path().join("OUTBOX")).unwrap();
         list.iter().map(|(_, path)| Snapshot::read(path).unwrap()).collect()
@@ -459,69 +467,167 @@ pub fn range(values: &[f64]) -> String {
     if least == most { format!("{least:e}") } else { format!("{least:e} to {most:e}") }
 }
 
-/// The range of a parameter, by decades, in which an error stays within its bound.
+/// Largest number of trials of a search for a limit, on each side of the stated range.
+#[derive(Clone, Copy)]
+pub struct SearchEffort {
+    /// Trials outwards: 1, 2, 4, ... decades beyond the stated range.
+    pub strides: i32,
+    /// Trials between the last value at which the property holds and the first at which it fails.
+    pub bisections: u32,
+}
+
+/// Ratio of the two values between which a property fails at which a search ends.
+const LIMIT_ACCURACY: f64 = 1.1;
+
+impl SearchEffort {
+    /// From 1 to 128 decades; of the last stride, 64 decades, bisections leave 1/64 of one.
+    pub const WHOLE: SearchEffort = SearchEffort { strides: 8, bisections: 12 };
+    /// In every `make test`, by which the searches are tested.
+    pub const SMALL: SearchEffort = SearchEffort { strides: 1, bisections: 1 };
+    /// No search: only the stated range is tested.
+    pub const NONE: SearchEffort = SearchEffort { strides: 0, bisections: 0 };
+}
+
+/// Whether the tests are those of `make extremes`.
+pub fn is_long() -> bool {
+    std::env::var_os("CD_TESTS_LONG").is_some()
+}
+
+/// Limits of a parameter as a search has found them.
 pub struct Envelope {
-    ends: [f64; 2],
-    /// Whether it fails a decade beyond that end.
-    fails: [bool; 2],
+    limit: &'static ParameterLimit,
+    /// On either side the last value tried at which the property holds, and the value nearest to it at which it fails.
+    pub sides: [(f64, Option<f64>); 2],
+    /// Largest error in the stated range.
     pub worst: f64,
 }
 
-/// Which ends of a range are looked for.
-#[derive(Clone, Copy, PartialEq)]
-pub enum Beyond {
-    Both,
-    Above,
-}
-
-/// Decades beyond what must hold; 0: that alone.
-fn decades() -> u32 {
-    if std::env::var_os("CD_TESTS_LONG").is_some() { 30 } else { 0 }
-}
-
 impl Envelope {
-    /// `error` stays within `bound` for the values of `asked`, which must, and for how many decades beyond.
+    /// Searches for the limits of a parameter: `error` must stay within `bound` at the ends of the stated range and for the
+    /// values `inside`, and may exceed it beyond.
     #[track_caller]
-    pub fn measure(asked: &[f64], beyond: Beyond, bound: f64, mut error: impl FnMut(f64) -> f64) -> Envelope {
+    pub fn search(
+        limit: &'static ParameterLimit,
+        inside: &[f64],
+        bound: f64,
+        mut error: impl FnMut(f64) -> f64,
+    ) -> Envelope {
+        let effort = if is_long() { SearchEffort::WHOLE } else { SearchEffort::SMALL };
+        Self::search_with(effort, limit, inside, bound, &mut error)
+    }
+
+    /// Like [`Self::search`], for tests that take seconds: without `make extremes` nothing is searched.
+    #[track_caller]
+    pub fn long_search(
+        limit: &'static ParameterLimit,
+        inside: &[f64],
+        bound: f64,
+        mut error: impl FnMut(f64) -> f64,
+    ) -> Envelope {
+        let effort = if is_long() { SearchEffort::WHOLE } else { SearchEffort::NONE };
+        Self::search_with(effort, limit, inside, bound, &mut error)
+    }
+
+    /// Searches with this effort.
+    #[track_caller]
+    pub fn search_with(
+        effort: SearchEffort,
+        limit: &'static ParameterLimit,
+        inside: &[f64],
+        bound: f64,
+        error: &mut dyn FnMut(f64) -> f64,
+    ) -> Envelope {
         let mut worst = 0f64;
-        for &value in asked {
+        let ends = limit.stated.into_iter().filter(|end| *end > 0.0 && end.is_finite());
+        for value in inside.iter().copied().chain(ends) {
             let found = error(value);
-            assert!(found <= bound, "{value:e}: {found:e}; allowed are {bound:e}");
+            assert!(
+                found <= bound,
+                "{}: {value:e} is in the stated range, {}: error {found:e}; allowed are {bound:e}",
+                limit.parameter,
+                limit.stated_text()
+            );
             worst = worst.max(found);
         }
-        let ends = asked.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(*x), b.max(*x)]);
-        let mut envelope = Envelope { ends, fails: [false; 2], worst };
-        let sides = [(0, 0.1), (1, 10.0)];
-        for (side, factor) in sides.into_iter().filter(|(side, _)| beyond == Beyond::Both || *side == 1) {
-            for _ in 0..decades() {
-                // Without the rounding of powers of ten.
-                let next: f64 = format!("{:.6e}", envelope.ends[side] * factor).parse().unwrap();
-                let found = error(next);
-                if found.is_nan() || found > bound {
-                    envelope.fails[side] = true;
-                    break;
-                }
-                (envelope.ends[side], envelope.worst) = (next, envelope.worst.max(found));
-            }
-        }
-        envelope
+        let mut holds = |value: f64| error(value) <= bound;
+        let sides = [0, 1].map(|side| Self::search_side(effort, limit.stated[side], limit.search[side], &mut holds));
+        Envelope { limit, sides, worst }
     }
 
-    /// Ends beyond which it fails are set in bold.
-    pub fn range(&self) -> String {
-        let end = |side: usize| match self.fails[side] {
-            true => format!("**{:e}**", self.ends[side]),
-            false => format!("{:e}", self.ends[side]),
-        };
-        if self.ends[0] == self.ends[1] { end(1) } else { format!("{} to {}", end(0), end(1)) }
+    /// Searches from `start`, where the property holds, to `end`.
+    fn search_side(
+        effort: SearchEffort,
+        start: f64,
+        end: f64,
+        holds: &mut dyn FnMut(f64) -> bool,
+    ) -> (f64, Option<f64>) {
+        let (mut good, mut bad) = (start, None);
+        for stride in 0..effort.strides {
+            if good == end {
+                break;
+            }
+            let decades = 1 << stride;
+            let next = trial_value(if end > start {
+                (start * 10f64.powi(decades)).min(end)
+            } else {
+                (start * 10f64.powi(-decades)).max(end)
+            });
+            if !holds(next) {
+                bad = Some(next);
+                break;
+            }
+            good = next;
+        }
+        for _ in 0..effort.bisections {
+            let Some(failing) = bad.filter(|bad| (bad / good).max(good / bad) > LIMIT_ACCURACY) else { break };
+            let middle = trial_value((good * failing).sqrt());
+            if holds(middle) { good = middle } else { bad = Some(middle) }
+        }
+        (good, bad)
+    }
+
+    /// Prints the row of the table in docs/explanation/limits.md.
+    pub fn print(&self) {
+        let ParameterLimit { parameter, property, typical, search, stated, .. } = self.limit;
+        let is_searched = |side: usize| stated[side] != search[side];
+        let searched = (0..2).filter(|side| is_searched(*side)).map(|side| match self.sides[side] {
+            (_, Some(bad)) => format!("**fails at {bad:.1e}**"),
+            (good, None) => format!("holds to {good:.1e}, the end"),
+        });
+        let margins = (0..2).filter(|side| is_searched(*side)).map(|side| {
+            let (good, bad) = self.sides[side];
+            let factor = |value: f64| if side == 0 { typical[0] / value } else { value / typical[1] };
+            bad.map_or_else(|| format!("≥ {:.0e}", factor(good)), |bad| format!("{:.0e}", factor(bad)))
+        });
+        let joined = |texts: Vec<String>| if texts.is_empty() { "-".to_string() } else { texts.join("; ") };
+        let [from, to] = typical.map(number_text);
+        print_row(&[
+            parameter,
+            &self.limit.stated_text(),
+            &joined(searched.collect()),
+            &format!("{from} to {to}"),
+            &joined(margins.collect()),
+            property,
+            &format!("{:.1e}", self.worst),
+        ]);
     }
 }
 
-/// Reports what the test that calls it has shown, for docs/explanation/limits.md: a parameter, the range of it, what holds
-/// there and how well.
+/// The value with two significant digits, which the page shows.
+fn trial_value(value: f64) -> f64 {
+    format!("{value:.1e}").parse().unwrap()
+}
+
+/// Prints the result of the test that calls it, for docs/explanation/limits.md: a parameter, its range, the property that holds
+/// there, and the figure found. No limit was searched for.
 pub fn shown(parameter: &str, range: &str, holds: &str, found: f64) {
+    print_row(&[parameter, range, "not searched", "-", "-", holds, &format!("{found:.1e}")]);
+}
+
+/// Prints the cells of a row, and the name of the test.
+fn print_row(cells: &[&str]) {
     let test = std::thread::current().name().unwrap_or_default().to_string();
-    println!("limit | {parameter} | {range} | {holds} | {found:.1e} | `{test}` |");
+    println!("limit | {} | `{test}` |", cells.join(" | "));
 }
 
 /// Spheres on a cubic lattice around the origin, shaken by a generator with a seed: radii from 0.3 to 0.5

@@ -1,8 +1,10 @@
 //! Scenes at the ends of what parameters can be, with what must hold there.
 
 use cd_formats::drv_dof::Evolution;
+use cd_formats::snapshot::Snapshot;
+use cd_solve::limits;
 
-use crate::case::{Beyond, Case, Envelope, Figures, Vec3, equal, near, range, shaken_lattice, shown};
+use crate::case::{Case, Envelope, Figures, SearchEffort, Vec3, shaken_lattice};
 
 const X: [f64; 3] = [1.0, 0.0, 0.0];
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
@@ -37,11 +39,9 @@ fn the_same_at_every_scale() {
         };
         [16, 64, 256].map(of).into_iter().fold(0.0, f64::max)
     };
-    let holds = "a dozen bounces the same in units of radius and √(radius/g), difference";
-    let show = |name: &str, found: Envelope| shown(name, &found.range(), holds, found.worst);
-    show("radius, m", Envelope::measure(&[1e-6, 1e4], Beyond::Both, bound, |radius| away(radius, 9.81, 2700.0)));
-    show("gravity, m/s²", Envelope::measure(&[9.81e-9, 9.81e4], Beyond::Both, bound, |g| away(1.0, g, 2700.0)));
-    show("density, kg/m³", Envelope::measure(&[1.0, 1e5], Beyond::Both, bound, |density| away(1.0, 9.81, density)));
+    Envelope::search(&limits::RADIUS, &[1e-6, 1e4], bound, |radius| away(radius, 9.81, 2700.0)).print();
+    Envelope::search(&limits::GRAVITY, &[1e-8, 1e5], bound, |g| away(1.0, g, 2700.0)).print();
+    Envelope::search(&limits::DENSITY, &[1.0, 1e5], bound, |density| away(1.0, 9.81, density)).print();
     // The small and heavy one under much, the large and light one under little.
     assert!(away(1e-6, 9.81e4, 1e5) <= bound && away(1e4, 9.81e-9, 1.0) <= bound);
 }
@@ -49,7 +49,7 @@ fn the_same_at_every_scale() {
 #[test]
 fn what_crosses_many_radii_in_a_step_is_stopped_all_the_same() {
     // Over what rounding makes of the first speed.
-    let found = Envelope::measure(&[0.5, 5.0, 500.0], Beyond::Above, 1e-9, |travel| {
+    let found = Envelope::search(&limits::TRAVEL, &[0.5, 5.0], 1e-9, |travel| {
         let mut case = Case::new();
         case.law_of_all("IQS_CLB", &[0.5]);
         case.floor();
@@ -60,76 +60,67 @@ fn what_crosses_many_radii_in_a_step_is_stopped_all_the_same() {
         let other = case.sphere(0.5, [-300.0, 0.0, 600.0]);
         case.launch(other, [speed, 0.0, 0.0], [0.0; 3]);
         case.launch(bullet, [0.0, 0.0, -speed], [0.0; 3]);
-        let Some(end) = case.attempt((700.0 / (speed * case.options.dt)).ceil() as u64) else { return f64::INFINITY };
+        // A step beyond the last impact, which may be in the first.
+        let steps = (700.0 / (speed * case.options.dt)).ceil() as u64 + 1;
+        let Some(end) = case.attempt(steps) else { return f64::INFINITY };
         // Not through the floor, nor the target, which it pushes: inelastic, of equal masses.
         let floor = (end.x(bullet).z - 0.5).abs();
         let passed = if end.x(target).x - end.x(other).x > 0.99 { 0.0 } else { f64::INFINITY };
         let pushed = (end.v(target) - Vec3::new(0.5 * speed, 0.0, 0.0)).norm();
         (floor + pushed) / speed + passed
     });
-    shown(
-        "displacement in a step over the radius",
-        &found.range(),
-        "under `IQS_CLB` a bullet is stopped, error of velocities",
-        found.worst,
-    );
+    found.print();
 }
+
+/// Largest gain of energy of spheres in a tub from one state to the next, over that of the start.
+fn gained_energy(law: &str, parameters: &[f64], h: f64) -> f64 {
+    let mut case = Case::new();
+    case.law_of_all(law, parameters);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.tub(2.5);
+    for (radius, x) in shaken_lattice(3, 7) {
+        let ball = case.sphere(radius, [x[0], x[1], x[2] + 3.0]);
+        case.launch(ball, [-x[0], x[1], -2.0], [1.0, 2.0, 3.0]);
+    }
+    case.options.dt = h;
+    case.options.tol = Some(1e-8);
+    let Some(states) = case.attempt_states(200, 20) else { return f64::INFINITY };
+    let energy: Vec<f64> = states.iter().map(|state| state.kinetic() + state.potential()).collect();
+    let scale = states[0].kinetic() + states[0].potential().abs();
+    energy.windows(2).map(|pair| (pair[1] - pair[0]) / scale).fold(0.0, f64::max)
+}
+
+/// Impulses are solved to 1e-8 in each of 20 steps.
+const ENERGY_GAIN_BOUND: f64 = 20.0 * 1e-8;
 
 #[test]
 fn energy_never_grows_with_restitution_or_friction() {
     let steps = [1e-3, 1e-2, 1e-1];
-    let mut worst = 0f64;
-    for (law, parameters) in [
-        ("RST_CLB", &[0.0, 0.0, 0.0][..]),
-        ("RST_CLB", &[1.0, 0.0, 0.0]),
-        ("RST_CLB", &[0.0, 0.0, 1e3]),
-        ("RST_CLB", &[1.0, 0.0, 0.5]),
-        ("RST_CLB", &[0.5, 0.5, 0.5]),
-        ("IQS_CLB", &[0.0]),
-        ("IQS_CLB", &[1e3]),
-    ] {
-        // In the longest steps several pairs collide at once, and restitution with friction may raise the energy.
-        let has_both = parameters == [1.0, 0.0, 0.5];
-        for &h in &steps[..if has_both { 2 } else { 3 }] {
-            let mut case = Case::new();
-            case.law_of_all(law, parameters);
-            case.gravity = [0.0, 0.0, -8.0];
-            case.tub(2.5);
-            for (radius, x) in shaken_lattice(3, 7) {
-                let ball = case.sphere(radius, [x[0], x[1], x[2] + 3.0]);
-                case.launch(ball, [-x[0], x[1], -2.0], [1.0, 2.0, 3.0]);
-            }
-            case.options.dt = h;
-            case.options.tol = Some(1e-8);
-            let states = case.states(200, 20);
-            let energy: Vec<f64> = states.iter().map(|state| state.kinetic() + state.potential()).collect();
-            let scale = states[0].kinetic() + states[0].potential().abs();
-            for pair in energy.windows(2) {
-                // Impulses are solved to 1e-8 in each of 20 steps.
-                assert!(pair[1] <= pair[0] + 20.0 * 1e-8 * scale, "{law} {parameters:?} h {h}: {energy:?}");
-                worst = worst.max((pair[1] - pair[0]) / scale);
-            }
-        }
-    }
-    // Newton's law with both may raise it, since its coefficient is that of the normal velocity alone (T.R. Kane, 1984).
-    let holds = |without: &str| {
-        format!(
-            "energy of spheres never grows without {without}, for steps of 1e-3 to 1e-1 s; by how much of it at most"
-        )
+    let worst_gain = |law: &str, parameters: &[f64], steps: &[f64]| {
+        steps.iter().map(|h| gained_energy(law, parameters, *h)).fold(0.0, f64::max)
     };
-    shown("restitution", &range(&[0.0, 1.0]), &holds("friction"), worst);
-    shown("friction", &range(&[0.0, 1e3]), &holds("restitution"), worst);
+    let with_restitution = |e: f64| worst_gain("RST_CLB", &[e, 0.0, 0.0], &steps);
+    Envelope::long_search(&limits::RESTITUTION, &[0.0], ENERGY_GAIN_BOUND, with_restitution).print();
+    let with_friction =
+        |mu: f64| worst_gain("RST_CLB", &[0.0, 0.0, mu], &steps).max(worst_gain("IQS_CLB", &[mu], &steps));
+    Envelope::long_search(&limits::FRICTION, &[0.0], ENERGY_GAIN_BOUND, with_friction).print();
+    assert!(worst_gain("RST_CLB", &[0.5, 0.5, 0.5], &steps) <= ENERGY_GAIN_BOUND);
+    // Newton's law with both may raise it, since its coefficient is that of the normal velocity alone (T.R. Kane, 1984):
+    // in the longest steps, in which several pairs collide at once.
+    assert!(worst_gain("RST_CLB", &[1.0, 0.0, 0.5], &steps[..2]) <= ENERGY_GAIN_BOUND);
 }
 
 #[test]
 fn a_spin_of_a_thousand_becomes_the_motion_of_rolling() {
     // To rounding of the first speed, 1e2 times.
-    let found = Envelope::measure(&[1.0, 1e3], Beyond::Both, 1e-12, |spin| {
+    let found = Envelope::search(&limits::SPIN, &[1e-3, 1e-1], 1e-12, |turn| {
         let away = |steps: u64| {
+            let spin = turn * 10.0 * steps as f64;
             let mut case = Case::new();
             case.law_of_all("IQS_CLB", &[0.5]);
             case.gravity = [0.0, 0.0, -8.0 * spin];
-            case.floor();
+            // It rolls by less than a seventieth of this.
+            case.plate([spin + 4.0, 4.0, 0.5], [0.0, 0.0, -0.5], [X, Y, Z]);
             let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
             case.launch(ball, [0.0; 3], [0.0, spin, 0.0]);
             case.options.dt = 0.1 / steps as f64;
@@ -141,13 +132,13 @@ fn a_spin_of_a_thousand_becomes_the_motion_of_rolling() {
         };
         [10, 100, 1000].map(away).into_iter().fold(0.0, f64::max)
     });
-    shown("spin, rad/s", &found.range(), "rolls at 2/7 of it, error", found.worst);
+    found.print();
 }
 
 #[test]
 fn cohesion_far_above_weight_holds_a_chain_that_hangs() {
     // Each ball hangs by the one above; the first by a plate. Solved to 1e-12 of h times the cohesion, on half a kilogram.
-    let found = Envelope::measure(&[1e1, 1e6], Beyond::Above, 1e-3, |ratio| {
+    let found = Envelope::search(&limits::COHESION, &[1e1, 1e6], 1e-3, |ratio| {
         let away = |h: f64| {
             let mut case = Case::new();
             case.gravity = [0.0, 0.0, -8.0];
@@ -162,126 +153,150 @@ fn cohesion_far_above_weight_holds_a_chain_that_hangs() {
         };
         [1e-4, 1e-3, 1e-2].map(away).into_iter().fold(0.0, f64::max)
     });
-    shown(
-        "cohesion over weight",
-        &found.range(),
-        "a chain of ten hangs, E ≤ 1e-12, speed after 200 steps over h, m/s²",
-        found.worst,
-    );
+    found.print();
 }
 
 /// The tolerance is relative to the load that contacts carry, not to the load that their cohesion could carry.
 #[test]
 fn the_tolerance_is_of_the_load_however_strong_the_cohesion() {
-    let ratios = [0.0, 1e2, 1e4, 1e6];
-    let mut worst = 0f64;
-    for (ratio, standing) in ratios.into_iter().flat_map(|ratio| [(ratio, true), (ratio, false)]) {
-        if ratio == 0.0 && !standing {
-            continue;
-        }
-        let mut case = Case::new();
-        case.gravity = [0.0, 0.0, -8.0];
-        let up = if standing { 1.0 } else { -1.0 };
-        let weight = 8.0 * std::f64::consts::FRAC_PI_6; // of one
-        case.law_of_all("IQS_WET_DS_CLB", &[ratio * weight, 0.0, 0.01, 0.5, 0.5]);
-        let plate = case.plate([4.0, 4.0, 0.5], [0.0, 0.0, -0.5 * up], [X, Y, Z]);
-        let balls: Vec<usize> = (0..10).map(|k| case.sphere(0.5, [0.0, 0.0, up * (0.5 + f64::from(k))])).collect();
-        case.options.dt = 1e-2;
-        case.options.tol = Some(1e-2);
-        let end = case.run(500);
-        for (k, &ball) in balls.iter().enumerate() {
-            let force = if k == 0 { end.force(ball, plate) } else { end.force(balls[k - 1], ball) };
-            let expected = up * f64::from(10 - k as u32) * weight;
-            let away = (end.x(ball).z - up * (0.5 + k as f64)).abs();
-            assert!(away < 2e-3, "{ratio:e} {up} {k}: {away:e}"); // tol of g h² in each step, ten balls deep: 4e-2 at most
-            worst = worst.max((force.unwrap_or_default().x / expected - 1.0).abs());
-        }
-    }
-    shown(
-        "cohesion over weight, E ≤ 1e-2",
-        &range(&ratios),
-        "ten stand or hang for 500 steps, error of the forces",
-        worst,
-    );
-    assert!(worst < 0.1); // ten times the tolerance: the one at the end carries a tenth
+    // Ten times the tolerance: the one at the end carries a tenth.
+    let found = Envelope::long_search(&limits::LOOSE_COHESION, &[0.0, 1e2, 1e4], 0.1, |ratio| {
+        let standing = error_of_ten(ratio, true);
+        // Nothing hangs without cohesion.
+        if ratio == 0.0 { standing } else { standing.max(error_of_ten(ratio, false)) }
+    });
+    found.print();
+}
+
+/// Largest error of the forces of ten balls that stand or hang, over the force; infinite if they move.
+fn error_of_ten(ratio: f64, standing: bool) -> f64 {
+    let mut case = Case::new();
+    case.gravity = [0.0, 0.0, -8.0];
+    let up = if standing { 1.0 } else { -1.0 };
+    let weight = 8.0 * std::f64::consts::FRAC_PI_6; // of one
+    case.law_of_all("IQS_WET_DS_CLB", &[ratio * weight, 0.0, 0.01, 0.5, 0.5]);
+    let plate = case.plate([4.0, 4.0, 0.5], [0.0, 0.0, -0.5 * up], [X, Y, Z]);
+    let balls: Vec<usize> = (0..10).map(|k| case.sphere(0.5, [0.0, 0.0, up * (0.5 + f64::from(k))])).collect();
+    case.options.dt = 1e-2;
+    case.options.tol = Some(1e-2);
+    let Some(end) = case.attempt(500) else { return f64::INFINITY };
+    let error = |(k, &ball): (usize, &usize)| {
+        let force = if k == 0 { end.force(ball, plate) } else { end.force(balls[k - 1], ball) };
+        let expected = up * f64::from(10 - k as u32) * weight;
+        let away = (end.x(ball).z - up * (0.5 + k as f64)).abs();
+        // tol of g h² in each step, ten balls deep: 4e-2 at most.
+        if away < 2e-3 { (force.unwrap_or_default().x / expected - 1.0).abs() } else { f64::INFINITY }
+    };
+    balls.iter().enumerate().map(error).fold(0.0, f64::max)
 }
 
 #[test]
 fn a_ball_squeezed_by_walls_stays_between_them() {
     // Nothing rigid fits: the overlap is shared, and the ball neither leaps nor becomes a number that is none.
-    let mut fastest = 0f64;
-    for h in [1e-3, 1e-2, 1e-1] {
-        let mut case = Case::new();
-        case.law_of_all("IQS_CLB", &[0.5]);
-        let wall = |case: &mut Case, z: f64| case.plate([4.0, 4.0, 0.5], [0.0, 0.0, z], [X, Y, Z]);
-        let (below, above) = (wall(&mut case, -1.0), wall(&mut case, 1.0));
-        case.drive_along(below, 2, Evolution::constant(0.1));
-        case.drive_along(above, 2, Evolution::constant(-0.1));
-        let ball = case.sphere(0.5, [0.0, 0.0, 0.0]);
-        case.options.dt = h;
-        case.options.max_sweeps = Some(500);
-        for state in case.states((1.0 / h) as u64, (0.1 / h) as u64) {
-            let depth = 0.1 * state.meta.time;
-            assert!(state.x(ball).norm() <= depth + 1e-9 && state.v(ball).norm() <= 0.1 + 1e-9, "{}", state.v(ball));
-            fastest = fastest.max(state.v(ball).norm());
-        }
-    }
-    let holds = "between driven walls it stays, speed over theirs";
-    shown("overlap of a squeezed ball over its radius", &range(&[0.0, 0.2]), holds, fastest / 0.1);
+    let found = Envelope::long_search(&limits::SQUEEZED_OVERLAP, &[], 1.0 + 1e-8, |overlap| {
+        [1e-3, 1e-2, 1e-1].map(|h| squeezed_speed(overlap, h)).into_iter().fold(0.0, f64::max)
+    });
+    found.print();
+}
+
+/// Largest speed of a ball between driven walls, over theirs, until its overlaps are that much of its radius; infinite if it
+/// moves from between them.
+fn squeezed_speed(overlap: f64, h: f64) -> f64 {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.5]);
+    let wall = |case: &mut Case, z: f64| case.plate([4.0, 4.0, 0.5], [0.0, 0.0, z], [X, Y, Z]);
+    let (below, above) = (wall(&mut case, -1.0), wall(&mut case, 1.0));
+    let speed = 0.5 * overlap;
+    case.drive_along(below, 2, Evolution::constant(speed));
+    case.drive_along(above, 2, Evolution::constant(-speed));
+    let ball = case.sphere(0.5, [0.0, 0.0, 0.0]);
+    case.options.dt = h;
+    case.options.max_sweeps = Some(500);
+    let share = |state: &Snapshot| {
+        let is_inside = state.x(ball).norm() <= speed * state.meta.time + 1e-9;
+        if is_inside { state.v(ball).norm() / speed } else { f64::INFINITY }
+    };
+    let states = case.attempt_states((1.0 / h) as u64, (0.1 / h) as u64);
+    states.map_or(f64::INFINITY, |states| states.iter().map(share).fold(0.0, f64::max))
 }
 
 #[test]
 fn what_is_symmetric_stays_so() {
-    // Four balls in a square and one on top, under a law that lets it sink between them.
-    let mut worst = 0f64;
-    for steps in [100, 1000] {
-        let mut case = Case::new();
-        case.law_of_all("IQS_CLB", &[0.1]);
-        case.gravity = [0.0, 0.0, -8.0];
-        case.options.dt = 1.0 / steps as f64;
-        case.floor();
-        let square: Vec<usize> = [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]
-            .iter()
-            .map(|[x, y]| case.sphere(0.5, [*x, *y, 0.5]))
-            .collect();
-        let top = case.sphere(0.5, [0.0, 0.0, 0.5 + 0.5f64.sqrt()]);
-        let end = case.run(steps);
-        let turned = |v: Vec3| Vec3::new(-v.y, v.x, v.z);
-        assert!(end.x(square[0]).xy().norm() > 0.75, "they part: {}", end.x(square[0]));
-        for pair in square.windows(2) {
-            // Contacts are solved one after the other, to 1e-12 of h g in steps that add up.
-            near(end.x(pair[1]), turned(end.x(pair[0])), 1e-9);
-        }
-        equal(end.x(top).xy().norm(), 0.0, 1e-9);
-        worst = worst.max(end.x(top).xy().norm());
+    // Contacts are solved one after the other, to 1e-12 of h g in steps that add up.
+    Envelope::long_search(&limits::SYMMETRIC_STEPS, &[], 1e-9, symmetry_error).print();
+}
+
+/// Largest distance from a symmetric position, m, of four balls in a square and one on top, under a law that lets it sink
+/// between them, after 1 s; infinite if they do not part.
+fn symmetry_error(steps: f64) -> f64 {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.1]);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.options.dt = 1.0 / steps;
+    case.floor();
+    let square: Vec<usize> = [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]
+        .iter()
+        .map(|[x, y]| case.sphere(0.5, [*x, *y, 0.5]))
+        .collect();
+    let top = case.sphere(0.5, [0.0, 0.0, 0.5 + 0.5f64.sqrt()]);
+    let Some(end) = case.attempt(steps.round() as u64) else { return f64::INFINITY };
+    if end.x(square[0]).xy().norm() <= 0.75 {
+        return f64::INFINITY;
     }
-    let holds = "it stays symmetric while it collapses, m";
-    shown("steps of a symmetric pile", &range(&[100.0, 1000.0]), holds, worst);
+    let turned = |v: Vec3| Vec3::new(-v.y, v.x, v.z);
+    let away = square.windows(2).map(|pair| (end.x(pair[1]) - turned(end.x(pair[0]))).norm());
+    away.fold(end.x(top).xy().norm(), f64::max)
 }
 
 #[test]
 fn a_chain_of_a_thousand_carries_itself() {
-    // Under 1 m/s² from the wall at its lower end; what the last of them carries is exact to the tolerance.
-    let mut worst = 0f64;
-    for h in [1e-3, 1e-2] {
-        let mut case = Case::new();
-        case.law_of_all("IQS_CLB", &[0.5]);
-        case.gravity = [0.0, 0.0, -1.0];
-        let floor = case.floor();
-        let first = case.sphere(0.5, [0.0, 0.0, 0.5]);
-        for k in 1..1000 {
-            case.sphere(0.5, [0.0, 0.0, 0.5 + f64::from(k)]);
-        }
-        (case.options.tol, case.options.dt) = (Some(1e-2), h);
-        let end = case.run(100);
-        let weight: f64 = (first..first + 1000).map(|i| end.mass(i)).sum();
-        // A hundred steps, each solved to 1e-2 of what gravity does in it from where the last one ended.
-        let carried = end.force(first, floor).unwrap().x / weight;
-        equal(carried, 1.0, 0.05);
-        worst = worst.max((carried - 1.0).abs());
-        assert!((first..first + 1000).all(|i| end.v(i).norm() < 100.0 * h));
-        // Nothing slides, so that momentum carries the forces down in some hundred sweeps.
-        assert!(case.column("converged").iter().all(|converged| *converged == 1.0));
+    // A hundred steps, each solved to 1e-2 of what gravity does in it from where the last one ended.
+    let found = Envelope::long_search(&limits::CHAIN_LENGTH, &[], 0.05, |length| {
+        [1e-3, 1e-2].map(|h| error_of_chain(length as u32, h)).into_iter().fold(0.0, f64::max)
+    });
+    found.print();
+}
+
+/// Error of the force of a chain on the wall at its lower end, over its weight, at 1 m/s² after a hundred steps; infinite if it
+/// moves or a step does not converge.
+fn error_of_chain(length: u32, h: f64) -> f64 {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.5]);
+    case.gravity = [0.0, 0.0, -1.0];
+    let floor = case.floor();
+    let balls: Vec<usize> = (0..length).map(|k| case.sphere(0.5, [0.0, 0.0, 0.5 + f64::from(k)])).collect();
+    (case.options.tol, case.options.dt) = (Some(1e-2), h);
+    let Some(end) = case.attempt(100) else { return f64::INFINITY };
+    let weight: f64 = balls.iter().map(|&i| end.mass(i)).sum();
+    let rests = balls.iter().all(|&i| end.v(i).norm() < 100.0 * h);
+    // Nothing slides, so that momentum carries the forces down in some hundred sweeps.
+    let converges = case.column("converged").iter().all(|converged| *converged == 1.0);
+    let force = end.force(balls[0], floor).filter(|_| rests && converges);
+    force.map_or(f64::INFINITY, |force| (force.x / weight - 1.0).abs())
+}
+
+#[test]
+fn a_search_finds_the_limit_on_either_side() {
+    let search =
+        |effort, error: &mut dyn FnMut(f64) -> f64| Envelope::search_with(effort, &limits::RADIUS, &[], 1.0, error);
+    let mut trials = 0;
+    let found = search(SearchEffort::WHOLE, &mut |radius: f64| {
+        trials += 1;
+        (radius / 4.4e33).max(3.3e-51 / radius)
+    });
+    for ((good, bad), expected) in found.sides.into_iter().zip([3.3e-51, 4.4e33]) {
+        let bad = bad.expect("a limit");
+        assert!((good / expected).max(expected / good) <= 1.11 && (bad / expected).max(expected / bad) <= 1.11);
     }
-    shown("length of a chain", &range(&[1000.0]), "it is carried at tol 1e-2, error of the force", worst);
+    assert!(trials <= 2 + 2 * (8 + 12), "{trials}");
+    // Without a limit it ends where the row says; NaN is a failure.
+    assert_eq!(search(SearchEffort::WHOLE, &mut |_| 0.0).sides, [(1e-90, None), (1e90, None)]);
+    let limited = search(SearchEffort::SMALL, &mut |radius: f64| if radius > 2e20 { f64::NAN } else { 1.0 });
+    assert_eq!(limited.sides, [(1e-21, None), (1e20, Some(3.2e20))]);
+}
+
+#[test]
+#[should_panic(expected = "radius, m: 1e20 is in the stated range, 1e-20 to 1e20: error 2e0; allowed are 1e0")]
+fn a_stated_limit_beyond_the_one_found_fails() {
+    Envelope::search(&limits::RADIUS, &[], 1.0, |radius| if radius > 1e19 { 2.0 } else { 0.0 });
 }

@@ -1,9 +1,10 @@
 //! Input at the edge of what makes sense: every answer is finite or an error.
 
 use cd_formats::snapshot::Snapshot;
+use cd_solve::limits;
 use proptest::prelude::*;
 
-use crate::case::{Beyond, Case, Envelope, Figures, Vec3, equal, near, shown};
+use crate::case::{Case, Envelope, Figures, Vec3, equal, near, shown};
 
 fn is_finite(state: &Snapshot) -> bool {
     let bodies = &state.bodies;
@@ -102,7 +103,8 @@ fn overlaps_do_not_explode() {
 #[test]
 fn far_out_only_the_digits_suffer() {
     // A coordinate of 1e9 is rounded to 6e-8 in each of 1024 steps, always to the same side: the blow is aside by as much.
-    let found = Envelope::measure(&[1e9], Beyond::Above, 1e-4, |out| {
+    let found = Envelope::search(&limits::ORIGIN_DISTANCE, &[1e3], 1e-4, |distance| {
+        let out = 0.5 * distance;
         let away = |steps: u32| {
             let mut case = Case::new();
             case.law("RST_CLB", &[1.0, 0.0, 0.0]);
@@ -117,14 +119,13 @@ fn far_out_only_the_digits_suffer() {
         };
         [16, 128, 1024].map(away).into_iter().fold(0.0, f64::max)
     });
-    let holds = "an elastic blow of balls of 1 m across all axes, error of velocities";
-    shown("distance from the origin, m", &found.range(), holds, found.worst);
+    found.print();
 }
 
 #[test]
 fn sizes_may_differ_ten_thousandfold() {
     // A pebble of 1e-4 on a ball of 1, under its attraction: it stays, carried by its weight.
-    let found = Envelope::measure(&[1e4], Beyond::Above, 1e-9, |ratio| {
+    let found = Envelope::search(&limits::ATTRACTING_SIZES, &[], 1e-9, |ratio| {
         let away = |h: f64| {
             let mut case = Case::new();
             case.law("IQS_CLB", &[0.5]);
@@ -142,8 +143,7 @@ fn sizes_may_differ_ten_thousandfold() {
         };
         [1e-4, 1e-3, 1e-2].map(away).into_iter().fold(0.0, f64::max)
     });
-    let holds = "the pebble rests, error of its weight";
-    shown("ratio of radii that attract and touch", &found.range(), holds, found.worst);
+    found.print();
 }
 
 #[test]

@@ -9,6 +9,7 @@ use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 use cd_formats::origin::SceneOrigin;
 use cd_formats::snapshot;
 use cd_formats::tact_behav::TactBehav;
+use cd_solve::limits::{self, ParameterLimit};
 
 use crate::case::Case;
 
@@ -216,6 +217,67 @@ fn overlaps_and_steps_that_are_too_long_are_in_the_summary() {
     let too_long = text.lines().find(|line| line.contains("times the largest step")).unwrap();
     assert!(too_long.starts_with("cd-solve: warning: dt = 5 s is "), "{text}");
     assert!(out.contains(&format!("  warning                {}\n", &too_long["cd-solve: warning: ".len()..])), "{out}");
+}
+
+/// Two balls on each other on a floor, with a law and material of their own, under self-gravity.
+fn pair_on_floor(law: &str, parameters: &[f64], radii: [f64; 2], density: f64) -> Case {
+    let mut case = Case::new();
+    case.law_of_all(law, parameters);
+    case.floor();
+    case.gravity = [0.0, 0.0, -8.0];
+    (case.options.self_gravity, case.options.steps) = (true, Some(1));
+    case.sphere(radii[0], [0.0, 0.0, radii[0]]);
+    case.sphere_of(density, radii[1], [0.0, 0.0, 2.0 * radii[0] + radii[1]]);
+    case
+}
+
+#[test]
+fn a_scene_outside_of_tested_ranges_is_reported_with_the_row() {
+    let wet = |force: f64| pair_on_floor("IQS_WET_DS_CLB", &[force, 0.0, 0.01, 0.5, 0.5], [0.5, 0.5], 1.0);
+    let usual = || pair_on_floor("IQS_CLB", &[0.5], [0.5, 0.5], 1.0);
+    let with = |change: fn(&mut Case)| {
+        let mut case = usual();
+        change(&mut case);
+        case
+    };
+    let sizes = |radii: [f64; 2], density: f64| pair_on_floor("IQS_CLB", &[0.5], radii, density);
+    let weight = 8.0 * std::f64::consts::FRAC_PI_6;
+    let outside = [
+        (&limits::RADIUS, sizes([1e-25, 1e-25], 1.0), "1.00e-25"),
+        (&limits::DENSITY, sizes([0.5, 0.5], 1e-30), "1.00e-30"),
+        (&limits::TOP_MASS, sizes([0.5, 0.5], 1e30), "1.00e30"),
+        (&limits::CARRIED_SIZE, sizes([0.5, 1e6], 1e-20), "2.00e6"),
+        (&limits::GRAVITY, with(|case| case.gravity = [0.0, 0.0, -1e25]), "1.00e25"),
+        (&limits::TRAVEL, with(|case| case.launch(1, [2e6, 0.0, 0.0], [0.0; 3])), "2000"),
+        (&limits::TIME_STEP, with(|case| case.options.dt = 1e6), "4.00e6"),
+        (&limits::SPIN, with(|case| case.launch(1, [0.0; 3], [0.0, 1e5, 0.0])), "100"),
+        (&limits::ORBIT_STEPS, with(|case| case.options.gravity_constant = 1e9), "0.0"),
+        (&limits::FRICTION, pair_on_floor("IQS_CLB", &[1e5], [0.5, 0.5], 1.0), "1.00e5"),
+        (&limits::COHESION, wet(weight * 1e12), "1.00e12"),
+        (&limits::ORIGIN_DISTANCE, with(|case| case.dof[2].displacement[0] = 1e12), "2.00e12"),
+    ];
+    let reports = |row: &ParameterLimit, text: &str, value: &str| {
+        let [start, end] = [
+            format!("{}: {value}", row.parameter),
+            format!("; tested range: {} (\"{}\"), see docs/explanation/limits.md", row.stated_text(), row.property),
+        ];
+        text.lines().any(|line| line.contains(&start) && line.ends_with(&end))
+    };
+    for (row, case, value) in &outside {
+        case.write();
+        let (code, plan, _) = output_of(case, &["--plan"]);
+        assert!(code == 0 && reports(row, &plan, value), "{}: {plan}", row.parameter);
+        let (_, _, run) = output_of(case, &[]);
+        assert!(reports(row, &run, value), "{}: {run}", row.parameter);
+    }
+    let measured = limits::LIMITS.iter().filter(|row| row.scene_values.is_some()).count();
+    assert_eq!(outside.len(), measured);
+    let case = usual();
+    case.write();
+    assert!(["--plan", "--force"].iter().all(|flag| {
+        let (_, out, err) = output_of(&case, &[flag]);
+        !out.contains("limits.md") && !err.contains("limits.md")
+    }));
 }
 
 #[test]
