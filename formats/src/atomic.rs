@@ -191,6 +191,20 @@ pub fn remove_temporary_file(path: &Path) -> Result<(), Faults> {
     }
 }
 
+/// Removes all temporary files that killed programs have left behind in `folder`. One that cannot be removed stays: it does
+/// no harm.
+pub fn remove_temporary_files(folder: &Path) {
+    let is_temporary = |entry: &fs::DirEntry| {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        name.starts_with('.') && name.ends_with(".part")
+    };
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter(is_temporary).for_each(|entry| {
+        let _ = fs::remove_file(entry.path());
+    });
+}
+
 /// Whether files are synced.
 static ARE_FILES_SYNCED: AtomicBool = AtomicBool::new(true);
 
@@ -443,6 +457,22 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path().join("a")).unwrap().count(), 0);
         write_with(&path, |out| out.write_all(b"ab").and_then(|()| out.write_all(b"c"))).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"abc");
+    }
+
+    #[test]
+    fn temporary_files_of_killed_programs_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = [".snapshot-000448.npz.part", "a.part", ".a", "b"];
+        names.iter().for_each(|name| fs::write(folder.path().join(name), "").unwrap());
+        fs::create_dir(folder.path().join(".c.part")).unwrap();
+        remove_temporary_files(folder.path());
+        let mut left: Vec<_> = fs::read_dir(folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        left.sort();
+        assert_eq!(left, [".a", ".c.part", "a.part", "b"]);
+        remove_temporary_files(&folder.path().join("absent"));
     }
 
     #[test]

@@ -306,8 +306,12 @@ fn advance_case(
         }
     };
     // Nothing is rejected from here on.
-    if arguments.force && communicator.rank() == 0 {
-        write::remove_results(case)?;
+    if communicator.rank() == 0 {
+        if arguments.force {
+            write::remove_results(case)?;
+        }
+        // A run that was killed at a step without a planned snapshot may have left one of a name that is not written again.
+        atomic::remove_temporary_files(&write::outbox_path(case));
     }
     let mode = RunMode {
         resumed,

@@ -65,7 +65,8 @@ fn options_without_effect_are_reported() {
     case.event(1e-3, EventAction::SetQuench(0.0));
     case.event(1.5e-3, EventAction::SetQuench(0.0));
     case.write();
-    let expected = "cd-solve: gravity_error: without effect; needs self_gravity\n\
+    let expected = "cd-solve: Vloc_Rloc.INI: absent; no contacts are known from an earlier step\n\
+                    cd-solve: gravity_error: without effect; needs self_gravity\n\
                     cd-solve: narrow_phase: without effect; needs polyhedra\n\
                     cd-solve: impacts: without effect; needs laws with restitution, such as RST_CLB\n\
                     cd-solve: event 1: without effect; Bond needs a law with bonds, liquid bridges or reference gaps\n\
