@@ -142,6 +142,11 @@ fn files_may_be_absent() {
     let motion = "DOF.INI: absent; all bodies are at rest at step 0, time 0, with the positions and axes of BODIES.DAT";
     fs::remove_file(file(&case, "DOF.INI")).unwrap();
     weighs(runs(&case, &[motion, contacts]), SPHERE_WEIGHT, 1);
+    // The plate falls with the sphere.
+    let case = folder("base");
+    fs::remove_file(file(&case, "DRV_DOF.DAT")).unwrap();
+    let (force, _) = runs(&case, &["DRV_DOF.DAT: absent; no motion or load is imposed"]);
+    assert!(force < AT_REST * SPHERE_WEIGHT, "{force}");
     // A shape in its principal axes has no direction without them.
     let case = folder("patches");
     fs::remove_file(file(&case, "DOF.INI")).unwrap();
