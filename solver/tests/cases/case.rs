@@ -484,7 +484,7 @@ impl SearchEffort {
     pub const WHOLE: SearchEffort = SearchEffort { strides: 8, bisections: 12 };
     /// In every `make test`, by which the searches are tested.
     pub const SMALL: SearchEffort = SearchEffort { strides: 1, bisections: 1 };
-    /// No search: only the stated range is tested.
+    /// No search, in tests that take seconds: only the stated range is tested.
     pub const NONE: SearchEffort = SearchEffort { strides: 0, bisections: 0 };
 }
 
@@ -504,27 +504,16 @@ pub struct Envelope {
 
 impl Envelope {
     /// Searches for the limits of a parameter: `error` must stay within `bound` at the ends of the stated range and for the
-    /// values `inside`, and may exceed it beyond.
+    /// values `inside`, and may exceed it beyond. `effort` is that without `make extremes`, in which the search is whole.
     #[track_caller]
     pub fn search(
+        effort: SearchEffort,
         limit: &'static ParameterLimit,
         inside: &[f64],
         bound: f64,
         mut error: impl FnMut(f64) -> f64,
     ) -> Envelope {
-        let effort = if is_long() { SearchEffort::WHOLE } else { SearchEffort::SMALL };
-        Self::search_with(effort, limit, inside, bound, &mut error)
-    }
-
-    /// Like [`Self::search`], for tests that take seconds: without `make extremes` nothing is searched.
-    #[track_caller]
-    pub fn long_search(
-        limit: &'static ParameterLimit,
-        inside: &[f64],
-        bound: f64,
-        mut error: impl FnMut(f64) -> f64,
-    ) -> Envelope {
-        let effort = if is_long() { SearchEffort::WHOLE } else { SearchEffort::NONE };
+        let effort = if is_long() { SearchEffort::WHOLE } else { effort };
         Self::search_with(effort, limit, inside, bound, &mut error)
     }
 

@@ -39,9 +39,11 @@ fn the_same_at_every_scale() {
         };
         [16, 64, 256].map(of).into_iter().fold(0.0, f64::max)
     };
-    Envelope::search(&limits::RADIUS, &[1e-6, 1e4], bound, |radius| away(radius, 9.81, 2700.0)).print();
-    Envelope::search(&limits::GRAVITY, &[1e-8, 1e5], bound, |g| away(1.0, g, 2700.0)).print();
-    Envelope::search(&limits::DENSITY, &[1.0, 1e5], bound, |density| away(1.0, 9.81, density)).print();
+    Envelope::search(SearchEffort::SMALL, &limits::RADIUS, &[1e-6, 1e4], bound, |radius| away(radius, 9.81, 2700.0))
+        .print();
+    Envelope::search(SearchEffort::SMALL, &limits::GRAVITY, &[1e-8, 1e5], bound, |g| away(1.0, g, 2700.0)).print();
+    Envelope::search(SearchEffort::SMALL, &limits::DENSITY, &[1.0, 1e5], bound, |density| away(1.0, 9.81, density))
+        .print();
     // The small and heavy one under much, the large and light one under little.
     assert!(away(1e-6, 9.81e4, 1e5) <= bound && away(1e4, 9.81e-9, 1.0) <= bound);
 }
@@ -49,7 +51,7 @@ fn the_same_at_every_scale() {
 #[test]
 fn what_crosses_many_radii_in_a_step_is_stopped_all_the_same() {
     // Over what rounding makes of the first speed.
-    let found = Envelope::search(&limits::TRAVEL, &[0.5, 5.0], 1e-9, |travel| {
+    let found = Envelope::search(SearchEffort::SMALL, &limits::TRAVEL, &[0.5, 5.0], 1e-9, |travel| {
         let mut case = Case::new();
         case.law_of_all("IQS_CLB", &[0.5]);
         case.floor();
@@ -100,10 +102,10 @@ fn energy_never_grows_with_restitution_or_friction() {
         steps.iter().map(|h| gained_energy(law, parameters, *h)).fold(0.0, f64::max)
     };
     let with_restitution = |e: f64| worst_gain("RST_CLB", &[e, 0.0, 0.0], &steps);
-    Envelope::long_search(&limits::RESTITUTION, &[0.0], ENERGY_GAIN_BOUND, with_restitution).print();
+    Envelope::search(SearchEffort::NONE, &limits::RESTITUTION, &[0.0], ENERGY_GAIN_BOUND, with_restitution).print();
     let with_friction =
         |mu: f64| worst_gain("RST_CLB", &[0.0, 0.0, mu], &steps).max(worst_gain("IQS_CLB", &[mu], &steps));
-    Envelope::long_search(&limits::FRICTION, &[0.0], ENERGY_GAIN_BOUND, with_friction).print();
+    Envelope::search(SearchEffort::NONE, &limits::FRICTION, &[0.0], ENERGY_GAIN_BOUND, with_friction).print();
     assert!(worst_gain("RST_CLB", &[0.5, 0.5, 0.5], &steps) <= ENERGY_GAIN_BOUND);
     // Newton's law with both may raise it, since its coefficient is that of the normal velocity alone (T.R. Kane, 1984):
     // in the longest steps, in which several pairs collide at once.
@@ -113,7 +115,7 @@ fn energy_never_grows_with_restitution_or_friction() {
 #[test]
 fn a_spin_of_a_thousand_becomes_the_motion_of_rolling() {
     // To rounding of the first speed, 1e2 times.
-    let found = Envelope::search(&limits::SPIN, &[1e-3, 1e-1], 1e-12, |turn| {
+    let found = Envelope::search(SearchEffort::SMALL, &limits::SPIN, &[1e-3, 1e-1], 1e-12, |turn| {
         let away = |steps: u64| {
             let spin = turn * 10.0 * steps as f64;
             let mut case = Case::new();
@@ -138,7 +140,7 @@ fn a_spin_of_a_thousand_becomes_the_motion_of_rolling() {
 #[test]
 fn cohesion_far_above_weight_holds_a_chain_that_hangs() {
     // Each ball hangs by the one above; the first by a plate. Solved to 1e-12 of h times the cohesion, on half a kilogram.
-    let found = Envelope::search(&limits::COHESION, &[1e1, 1e6], 1e-3, |ratio| {
+    let found = Envelope::search(SearchEffort::SMALL, &limits::COHESION, &[1e1, 1e6], 1e-3, |ratio| {
         let away = |h: f64| {
             let mut case = Case::new();
             case.gravity = [0.0, 0.0, -8.0];
@@ -160,7 +162,7 @@ fn cohesion_far_above_weight_holds_a_chain_that_hangs() {
 #[test]
 fn the_tolerance_is_of_the_load_however_strong_the_cohesion() {
     // Ten times the tolerance: the one at the end carries a tenth.
-    let found = Envelope::long_search(&limits::LOOSE_COHESION, &[0.0, 1e2, 1e4], 0.1, |ratio| {
+    let found = Envelope::search(SearchEffort::NONE, &limits::LOOSE_COHESION, &[0.0, 1e2, 1e4], 0.1, |ratio| {
         let standing = error_of_ten(ratio, true);
         // Nothing hangs without cohesion.
         if ratio == 0.0 { standing } else { standing.max(error_of_ten(ratio, false)) }
@@ -193,7 +195,7 @@ fn error_of_ten(ratio: f64, standing: bool) -> f64 {
 #[test]
 fn a_ball_squeezed_by_walls_stays_between_them() {
     // Nothing rigid fits: the overlap is shared, and the ball neither leaps nor becomes a number that is none.
-    let found = Envelope::long_search(&limits::SQUEEZED_OVERLAP, &[], 1.0 + 1e-8, |overlap| {
+    let found = Envelope::search(SearchEffort::NONE, &limits::SQUEEZED_OVERLAP, &[], 1.0 + 1e-8, |overlap| {
         [1e-3, 1e-2, 1e-1].map(|h| squeezed_speed(overlap, h)).into_iter().fold(0.0, f64::max)
     });
     found.print();
@@ -223,7 +225,7 @@ fn squeezed_speed(overlap: f64, h: f64) -> f64 {
 #[test]
 fn what_is_symmetric_stays_so() {
     // Contacts are solved one after the other, to 1e-12 of h g in steps that add up.
-    Envelope::long_search(&limits::SYMMETRIC_STEPS, &[], 1e-9, symmetry_error).print();
+    Envelope::search(SearchEffort::NONE, &limits::SYMMETRIC_STEPS, &[], 1e-9, symmetry_error).print();
 }
 
 /// Largest distance from a symmetric position, m, of four balls in a square and one on top, under a law that lets it sink
@@ -251,7 +253,7 @@ fn symmetry_error(steps: f64) -> f64 {
 #[test]
 fn a_chain_of_a_thousand_carries_itself() {
     // A hundred steps, each solved to 1e-2 of what gravity does in it from where the last one ended.
-    let found = Envelope::long_search(&limits::CHAIN_LENGTH, &[], 0.05, |length| {
+    let found = Envelope::search(SearchEffort::NONE, &limits::CHAIN_LENGTH, &[], 0.05, |length| {
         [1e-3, 1e-2].map(|h| error_of_chain(length as u32, h)).into_iter().fold(0.0, f64::max)
     });
     found.print();
@@ -298,5 +300,5 @@ fn a_search_finds_the_limit_on_either_side() {
 #[test]
 #[should_panic(expected = "radius, m: 1e20 is in the stated range, 1e-20 to 1e20: error 2e0; allowed are 1e0")]
 fn a_stated_limit_beyond_the_one_found_fails() {
-    Envelope::search(&limits::RADIUS, &[], 1.0, |radius| if radius > 1e19 { 2.0 } else { 0.0 });
+    Envelope::search(SearchEffort::SMALL, &limits::RADIUS, &[], 1.0, |radius| if radius > 1e19 { 2.0 } else { 0.0 });
 }

@@ -4,7 +4,7 @@ use cd_formats::snapshot::Snapshot;
 use cd_solve::limits;
 use proptest::prelude::*;
 
-use crate::case::{Case, Envelope, Figures, Vec3, equal, near, shown};
+use crate::case::{Case, Envelope, Figures, SearchEffort, Vec3, equal, near, shown};
 
 fn is_finite(state: &Snapshot) -> bool {
     let bodies = &state.bodies;
@@ -103,7 +103,7 @@ fn overlaps_do_not_explode() {
 #[test]
 fn far_out_only_the_digits_suffer() {
     // A coordinate of 1e9 is rounded to 6e-8 in each of 1024 steps, always to the same side: the blow is aside by as much.
-    let found = Envelope::search(&limits::ORIGIN_DISTANCE, &[1e3], 1e-4, |distance| {
+    let found = Envelope::search(SearchEffort::SMALL, &limits::ORIGIN_DISTANCE, &[1e3], 1e-4, |distance| {
         let out = 0.5 * distance;
         let away = |steps: u32| {
             let mut case = Case::new();
@@ -125,7 +125,7 @@ fn far_out_only_the_digits_suffer() {
 #[test]
 fn sizes_may_differ_ten_thousandfold() {
     // A pebble of 1e-4 on a ball of 1, under its attraction: it stays, carried by its weight.
-    let found = Envelope::search(&limits::ATTRACTING_SIZES, &[], 1e-9, |ratio| {
+    let found = Envelope::search(SearchEffort::SMALL, &limits::ATTRACTING_SIZES, &[], 1e-9, |ratio| {
         let away = |h: f64| {
             let mut case = Case::new();
             case.law("IQS_CLB", &[0.5]);

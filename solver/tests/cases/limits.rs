@@ -8,7 +8,7 @@ use cd_formats::drv_dof::Evolution;
 use cd_formats::names::short_number;
 use cd_solve::limits;
 
-use crate::case::{AXES, Case, Envelope, Figures, Vec3, is_long, near, range, shown};
+use crate::case::{AXES, Case, Envelope, Figures, SearchEffort, Vec3, is_long, near, range, shown};
 
 /// The page is written by `make extremes`; a row that has changed since then needs another run of it.
 #[test]
@@ -53,7 +53,7 @@ fn away_from_weight(case: &mut Case, steps: u64) -> f64 {
 fn any_step_carries_a_column() {
     let inside: Vec<f64> = (-9..=1).map(|power| 10f64.powi(power)).collect();
     // Solved to 1e-12 in each of 20 steps.
-    let found = Envelope::search(&limits::TIME_STEP, &inside, 1e-9, |multiple| {
+    let found = Envelope::search(SearchEffort::SMALL, &limits::TIME_STEP, &inside, 1e-9, |multiple| {
         let h = multiple * 0.25; // √(0.5 m/8 m/s²)
         let away = [0.5, 1.0].map(|theta| {
             let mut case = column(&[(0.5, 1.0), (0.5, 2.0), (0.5, 1.0)]);
@@ -70,7 +70,7 @@ fn a_heavy_one_on_top() {
     // Gauss-Seidel alone would need as many sweeps as the ratio: the matrix solvers take it over.
     let inside = [1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e2, 1e3, 1e4, 1e6];
     // 1e-12 of the weight of all, times the ratio; ten for the steps.
-    let found = Envelope::search(&limits::TOP_MASS, &inside, 1e-2, |ratio| {
+    let found = Envelope::search(SearchEffort::SMALL, &limits::TOP_MASS, &inside, 1e-2, |ratio| {
         let away = |h: f64| {
             let mut case = column(&[(0.5, 1.0), (0.5, 1.0), (0.5, ratio)]);
             case.options.dt = h;
@@ -83,7 +83,7 @@ fn a_heavy_one_on_top() {
 
 #[test]
 fn a_small_one_under_a_large_one() {
-    let found = Envelope::search(&limits::CARRIED_SIZE, &[1e1, 1e2, 1e3], 1e-2, |ratio| {
+    let found = Envelope::search(SearchEffort::SMALL, &limits::CARRIED_SIZE, &[1e1, 1e2, 1e3], 1e-2, |ratio| {
         // What would fall beyond the small one in a step is not carried by it.
         let steps = [1e-2, 1e-3, 1e-4, 0.1 * ratio.recip().sqrt()];
         let away = |h: f64| {
@@ -100,7 +100,7 @@ fn a_small_one_under_a_large_one() {
 fn a_blow_of_any_ratio_of_masses() {
     let inside: Vec<f64> = (-9..=9).step_by(3).map(|power| 10f64.powi(power)).collect();
     // Rounding of up to a thousand steps.
-    let found = Envelope::search(&limits::COLLIDING_MASSES, &inside, 1e-12, |ratio| {
+    let found = Envelope::search(SearchEffort::SMALL, &limits::COLLIDING_MASSES, &inside, 1e-12, |ratio| {
         let away = |steps: u64| {
             let mut case = Case::new();
             case.law("RST_CLB", &[0.5, 0.0, 0.3]);
@@ -138,7 +138,7 @@ fn what_stands_does_not_creep() {
 #[test]
 fn a_rod_that_jams_gives_no_energy() {
     // Solved to 1e-8 in up to a hundred steps from one state to the next.
-    let found = Envelope::long_search(&limits::JAM_TIME_STEP, &[1e-3, 1e-2], 1e-6, |h| {
+    let found = Envelope::search(SearchEffort::NONE, &limits::JAM_TIME_STEP, &[1e-3, 1e-2], 1e-6, |h| {
         [0.5, 2.0, 10.0].map(|friction| jam_gain(h, friction)).into_iter().fold(0.0, f64::max)
     });
     found.print();
@@ -168,7 +168,7 @@ fn jam_gain(h: f64, friction: f64) -> f64 {
 #[test]
 fn two_spheres_part_where_weight_ends() {
     // 1e-12 of the forces that cancel.
-    let found = Envelope::search(&limits::PARTING_MARGIN, &[1e-4], 1e-10, |margin| {
+    let found = Envelope::search(SearchEffort::SMALL, &limits::PARTING_MARGIN, &[1e-4], 1e-10, |margin| {
         [1e-7, 1e-6].map(|h| parting_error(margin, h)).into_iter().fold(0.0, f64::max)
     });
     found.print();
