@@ -131,7 +131,7 @@ impl GrowingArray {
 
     /// Appends whole rows, as little-endian bytes.
     pub fn append(&mut self, file: &mut GrowingFile, bytes: &[u8]) -> Result<(), Faults> {
-        debug_assert!(bytes.len().is_multiple_of(self.row_bytes()));
+        assert!(bytes.len().is_multiple_of(self.row_bytes()));
         self.row_count += (bytes.len() / self.row_bytes()) as u64;
         self.pending.extend_from_slice(bytes);
         let size = self.chunk_rows() * self.row_bytes();

@@ -58,7 +58,7 @@ impl SphereGrid {
 
     /// Adds a sphere, no larger than those before it.
     pub fn add(&mut self, centre: Vector3<f64>, radius: f64) {
-        debug_assert!(self.spheres.last().is_none_or(|(_, last)| radius <= *last), "spheres must fall in radius");
+        assert!(self.spheres.last().is_none_or(|(_, last)| radius <= *last), "spheres must fall in radius");
         let octave = libm::floor(libm::log2(self.largest / radius).max(0.0)) as u32;
         self.octaves = self.octaves.max(octave + 1);
         let cell = self.cell_index(octave, &centre);

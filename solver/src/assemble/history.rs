@@ -424,7 +424,6 @@ pub(super) fn warm_start(old: &SolvedContact, contact: &Contact, shift: &LawShif
         return Vec3::zeros(); // most contacts are open
     }
     let [n_old, t_old, s_old] = old.contact.frame();
-    debug_assert!((n_old.norm() - 1.0).abs() < 1e-3);
     let tangential = t_old * old.impulse.y + s_old * old.impulse.z;
     normal + (tangential - n * n.dot(&tangential)) * scale
 }

@@ -637,7 +637,7 @@ pub fn initial_motion(
         let imposed = scene.imposed_motion(drive, dof.time, &x, &q, 0.0, &Twist { v: v[i], w: w[i] });
         (v[i], w[i]) = (imposed.v, imposed.w);
     }
-    debug_assert_eq!(scene.bodies.len(), count);
+    assert_eq!(scene.bodies.len(), count);
     if let Some(line) = left_handed.first() {
         let bodies = count_text(left_handed.len(), "body");
         scene.notes.push(format!(
