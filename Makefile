@@ -39,23 +39,23 @@ paper: build ## runs the studies, one run on each core, and writes docs/explanat
 	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN) STAGES="pre solve post"
 	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN)
 	for page in $(notdir $(wildcard docs/paper/*.md.in)); do \
-	    awk -f docs/paper/paper.awk docs/paper/$$page > docs/paper/$$page.part \
+	    LC_ALL=C awk -f docs/paper/paper.awk docs/paper/$$page > docs/paper/$$page.part \
 	        && mv docs/paper/$$page.part docs/explanation/paper/$${page%.in} || exit 1; \
 	done
 
 # The longest studies start first. Figures, which may show runs of two studies, come after all runs.
 STUDIES := accretion-polyhedra spin-up accretion regolith triaxial shape-model
 STUDY = $(MAKE) --no-print-directory -C examples/$*
+# Seconds of a core of each study, for the page.
+TIMED = ; status=$$?; times >> docs/paper/$*.times; exit $$status
 .PHONY: $(STUDIES:%=study-of-%)
 study-of-accretion study-of-accretion-polyhedra study-of-regolith: study-of-%:
-	+$(STUDY) study
-study-of-triaxial: study-of-%:
-	+$(STUDY) CASES="mu0.4-s7 mu0.4-s8 mu0.4-s9"
-study-of-shape-model: study-of-%:
-	+$(STUDY)
+	+$(STUDY) study $(TIMED)
+study-of-triaxial study-of-shape-model: study-of-%:
+	+$(STUDY) $(TIMED)
 study-of-spin-up: study-of-%:
-	+$(STUDY)
-	+$(STUDY) fluid
+	+$(STUDY) fluid $(TIMED)
+	+$(STUDY) $(TIMED)
 
 accuracy-study: build ## runs examples/accuracy-study, in some minutes, and writes its figures into docs/explanation/accuracy.md
 	$(MAKE) --no-print-directory -C examples/accuracy-study CD_BIN=$(BIN)
