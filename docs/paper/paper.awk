@@ -38,14 +38,14 @@ BEGIN { if (!SEEDS) SEEDS = 5; split("12.706 4.303 3.182 2.776 2.571 2.447 2.365
 
 function fault(text) { print FILENAME ":" FNR ": " text > "/dev/stderr"; failed = 1; exit 1 }
 
-# Reads a CSV file once: head[file, name] = column, cells[file, row, column], rows[file].
+# Reads a CSV file once: head[file, name] = column, lines[file, row], rows[file].
 function load(file,    line, parts, k, n, row) {
     if (file in rows) return
     row = -1
     while ((getline line < file) > 0) {
+        if (++row) { lines[file, row] = line; continue }
         n = split(line, parts, ",")
-        if (++row == 0) for (k = 1; k <= n; k++) head[file, parts[k]] = k
-        else for (k = 1; k <= n; k++) cells[file, row, k] = parts[k]
+        for (k = 1; k <= n; k++) head[file, parts[k]] = k
     }
     close(file)
     if (row < 1) fault(file ": no table; run the examples first")
@@ -55,7 +55,8 @@ function load(file,    line, parts, k, n, row) {
 # A cell, empty where the table has nothing.
 function raw(file, row, name) {
     if (!((file, name) in head)) fault(file ": no column " name)
-    return cells[file, row, head[file, name]]
+    if (split_file != file || split_row != row) { split(lines[file, row], fields, ","); split_file = file; split_row = row }
+    return fields[head[file, name]]
 }
 
 function value(file, row, name,    text) {
@@ -114,7 +115,7 @@ function fit(file, words, last,    k, x, y, n, sx, sy, sxx, sxy, syy) {
         y = term(file, k, words[3]); x = term(file, k, words[4])
         n++; sx += x; sy += y; sxx += x * x; sxy += x * y; syy += y * y
     }
-    if (n < 3) fault(file ": a line through " n + 0 " rows")
+    if (n < 3) fault(file ": a line through " (n + 0) " rows")
     sxx -= sx * sx / n; sxy -= sx * sy / n; syy -= sy * sy / n
     fit_slope = sxy / sxx; fit_intercept = (sy - fit_slope * sx) / n; fit_r2 = sxy * sxy / (sxx * syy)
 }
@@ -266,7 +267,6 @@ function table_heads(first, second,    k, pair, line, rule) {
         if (k <= key_count) keys[k] = pair[1]; else names[k - key_count] = pair[1]
         line = line " " (pair[2] == "" ? pair[1] : pair[2]) " |"; rule = rule "---|"
     }
-    gsub(/_/, " ", line)
     print line "\n" rule
 }
 
