@@ -237,7 +237,10 @@ function rounded(x, error,    digits) {
     if (magnitude(x) < -3 && x != 0) return sprintf("%.*e", larger(0, magnitude(x) + digits), x)
     return sprintf("%.*f", larger(0, digits), x)
 }
-function with_error(x, error) { return rounded(x, error) " ± " (error > 0 && magnitude(error) < -4 ? sprintf("%.1e", error) : error > 0 ? rounded(error, error) : 0) }
+function with_error(x, error) {
+    if (error <= 1e-9 * (x < 0 ? -x : x)) error = 0
+    return rounded(x, error) " ± " (error > 0 && magnitude(error) < -4 ? sprintf("%.1e", error) : error > 0 ? rounded(error, error) : 0)
+}
 
 $1 == "@figure" {
     caption = $0; sub(/^@figure +[^ ]+ +[^ ]+ +/, "", caption)
