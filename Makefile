@@ -46,7 +46,7 @@ paper: build ## runs the studies, one run on each core, and writes docs/explanat
 # The longest studies start first. Figures, which may show runs of two studies, come after all runs.
 STUDIES := accretion-polyhedra spin-up accretion regolith triaxial shape-model
 STUDY = $(MAKE) --no-print-directory -C examples/$*
-# Seconds of a core of each study, for the page.
+# Seconds of a core that each study has taken since `make clean`, for the page.
 TIMED = ; status=$$?; times >> docs/paper/$*.times; exit $$status
 .PHONY: $(STUDIES:%=study-of-%)
 study-of-accretion study-of-accretion-polyhedra study-of-regolith: study-of-%:
@@ -157,4 +157,5 @@ check: lint doc docs test ## lint, doc, docs and test
 
 clean: ## removes build files and the results of the examples
 	$(CARGO) clean
+	rm -f docs/paper/*.times
 	for example in examples/*/Makefile; do $(MAKE) --no-print-directory -C "$${example%/Makefile}" clean; done
