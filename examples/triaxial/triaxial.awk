@@ -12,12 +12,13 @@
 # Reads: probe-*.csv: time, area, wall_pressure; series.csv: friction_angle (rad); BODIES.DAT; DRV_DOF.DAT: pressure
 # Writes: triaxial.csv: friction, friction_angle, error, of_mean_stress (degrees), solid_fraction_at_first, solid_fraction, its error,
 #   deviation (of the pressure, 1), spin2; the same on stdout; packings.csv: a row a case: friction, seed,
-#   friction_angle, of_mean_stress, solid_fraction_at_first, solid_fraction, spin2; stress_strain.svg: (s_1 - s_3) / (s_1 + s_3) against strain
+#   friction_angle, of_mean_stress, solid_fraction_at_first, solid_fraction, spin2, pressure_at_rest: horizontal over
+#   vertical stress of a bed at rest, 1 - sin(phi) (Jaky 1944); stress_strain.svg: (s_1 - s_3) / (s_1 + s_3) against strain
 
 BEGIN {
     FS = ","; FROM = 0.1; TO = 0.22; DEGREE = atan2(0, -1) / 180
     print "friction,friction_angle,error,of_mean_stress,solid_fraction_at_first,solid_fraction,solid_fraction_error,deviation,spin2" > csv
-    print "friction,seed,friction_angle,of_mean_stress,solid_fraction_at_first,solid_fraction,spin2" > packings
+    print "friction,seed,friction_angle,of_mean_stress,solid_fraction_at_first,solid_fraction,spin2,pressure_at_rest" > packings
     print " friction  angle [deg]     +-  of the mean stress  solid fraction, first, then     +-  pressure off by  (spin/critical)^2"
     for (i = 1; i < ARGC; i++) read_case(ARGV[i])
     for (i = 1; i <= frictions; i++) summary(friction[i])
@@ -76,7 +77,7 @@ function read_case(folder,    mu, file, row, rows, ax, ay, az, px, py, pz, z, fi
     close(file)
     sine = (axial - lateral) / (axial + lateral)
     seed = folder; sub(/.*-s/, "", seed)
-    printf "%s,%s,%.5g,%.5g,%.5g,%.5g,%.5g\n", mu, seed, asin(sine) / DEGREE, angle_sum / count, grain_volume / sqrt(ax[first] * ay[first] * az[first]), dense / n, limit(sine) > packings
+    printf "%s,%s,%.5g,%.5g,%.5g,%.5g,%.5g,%.5g\n", mu, seed, asin(sine) / DEGREE, angle_sum / count, grain_volume / sqrt(ax[first] * ay[first] * az[first]), dense / n, limit(sine), 1 - sine > packings
     add("angle", mu, asin(sine) / DEGREE); add("stress", mu, angle_sum / count); add("dense", mu, dense / n)
     add("first", mu, grain_volume / sqrt(ax[first] * ay[first] * az[first]))
 }
