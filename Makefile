@@ -14,7 +14,7 @@ MDBOOK := $(TARGET)/mdbook-$(MDBOOK_VERSION)/bin/mdbook
 MANUAL := $(TARGET)/manual
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-.PHONY: help build demo paper accuracy-study trade extremes performance performance-page test torture fuzz soak ranks python aarch64 vtk browser golden dist lint fmt doc docs check clean
+.PHONY: help build demo paper paper-pages accuracy-study trade extremes performance performance-page test torture fuzz soak ranks python aarch64 vtk browser golden dist lint fmt doc docs check clean
 .DEFAULT_GOAL := help
 
 help: ## lists the targets
@@ -38,9 +38,13 @@ demo: ## runs examples/accretion: the collapse of a thousand grains
 paper: build ## runs the studies, one run on each core, and writes docs/explanation/paper
 	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN) STAGES="pre solve post"
 	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN)
-	for page in $(notdir $(wildcard docs/paper/*.md.in)); do \
-	    LC_ALL=C awk -f docs/paper/paper.awk docs/paper/$$page > docs/paper/$$page.part \
-	        && mv docs/paper/$$page.part docs/explanation/paper/$${page%.in} || exit 1; \
+	$(MAKE) --no-print-directory paper-pages
+
+PAPER_PAGES ?= $(patsubst docs/paper/%.md.in,%,$(wildcard docs/paper/*.md.in))
+paper-pages: ## writes docs/explanation/paper from the runs that are there, or the pages PAPER_PAGES of it
+	for page in $(PAPER_PAGES); do \
+	    LC_ALL=C awk -f docs/paper/paper.awk docs/paper/$$page.md.in > docs/paper/$$page.part \
+	        && mv docs/paper/$$page.part docs/explanation/paper/$$page.md || exit 1; \
 	done
 
 # The longest studies start first. Figures, which may show runs of two studies, come after all runs.
