@@ -14,7 +14,7 @@ MDBOOK := $(TARGET)/mdbook-$(MDBOOK_VERSION)/bin/mdbook
 MANUAL := $(TARGET)/manual
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-.PHONY: help build demo paper accuracy-study trade extremes performance performance-page test torture fuzz soak ranks python aarch64 vtk browser golden dist lint fmt doc docs check clean
+.PHONY: help build demo paper paper-pages accuracy-study trade extremes performance performance-page test torture fuzz soak ranks python aarch64 vtk browser golden dist lint fmt doc docs check clean
 .DEFAULT_GOAL := help
 
 help: ## lists the targets
@@ -38,24 +38,28 @@ demo: ## runs examples/accretion: the collapse of a thousand grains
 paper: build ## runs the studies, one run on each core, and writes docs/explanation/paper
 	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN) STAGES="pre solve post"
 	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN)
-	for page in $(notdir $(wildcard docs/paper/*.md.in)); do \
-	    awk -f docs/paper/paper.awk docs/paper/$$page > docs/paper/$$page.part \
-	        && mv docs/paper/$$page.part docs/explanation/paper/$${page%.in} || exit 1; \
+	$(MAKE) --no-print-directory paper-pages
+
+PAPER_PAGES ?= $(patsubst docs/paper/%.md.in,%,$(wildcard docs/paper/*.md.in))
+paper-pages: ## writes docs/explanation/paper from the runs that are there, or the pages PAPER_PAGES of it
+	for page in $(PAPER_PAGES); do \
+	    LC_ALL=C awk -f docs/paper/paper.awk docs/paper/$$page.md.in > docs/paper/$$page.part \
+	        && mv docs/paper/$$page.part docs/explanation/paper/$$page.md || exit 1; \
 	done
 
 # The longest studies start first. Figures, which may show runs of two studies, come after all runs.
 STUDIES := accretion-polyhedra spin-up accretion regolith triaxial shape-model
 STUDY = $(MAKE) --no-print-directory -C examples/$*
+# Seconds of a core that each study has taken since `make clean`, for the page.
+TIMED = ; status=$$?; times >> docs/paper/$*.times; exit $$status
 .PHONY: $(STUDIES:%=study-of-%)
 study-of-accretion study-of-accretion-polyhedra study-of-regolith: study-of-%:
-	+$(STUDY) study
-study-of-triaxial: study-of-%:
-	+$(STUDY) CASES="mu0.4-s7 mu0.4-s8 mu0.4-s9"
-study-of-shape-model: study-of-%:
-	+$(STUDY)
+	+$(STUDY) study $(TIMED)
+study-of-triaxial study-of-shape-model: study-of-%:
+	+$(STUDY) $(TIMED)
 study-of-spin-up: study-of-%:
-	+$(STUDY)
-	+$(STUDY) fluid
+	+$(STUDY) fluid $(TIMED)
+	+$(STUDY) $(TIMED)
 
 accuracy-study: build ## runs examples/accuracy-study, in some minutes, and writes its figures into docs/explanation/accuracy.md
 	$(MAKE) --no-print-directory -C examples/accuracy-study CD_BIN=$(BIN)
@@ -157,4 +161,5 @@ check: lint doc docs test ## lint, doc, docs and test
 
 clean: ## removes build files and the results of the examples
 	$(CARGO) clean
+	rm -f docs/paper/*.times
 	for example in examples/*/Makefile; do $(MAKE) --no-print-directory -C "$${example%/Makefile}" clean; done

@@ -4,12 +4,12 @@
 #     CD_BIN=FOLDER WINDOW=1500 SHOWN=0.4 ../accretion/figures.sh CASE...
 #
 # WINDOW        time before the event that brings the grains to rest over which means are taken, s
-# SHOWN         friction of the runs whose course is shown for every number of grains, without cohesion
+# SHOWN         friction of the runs whose course is shown for every number of grains, without cohesion; of the first seed
 # SPHERES       folder of a study of spheres whose pressures are compared with these; default: none
 #
-# Reads: DATBOX, OUTBOX and POSTPRO of the cases study/N250-mu0.4-f0 and so on, and study/still-N250.
-# Writes: study/figures: means before the grains are brought to rest, rest/ at rest, still/ at true rest, compared/ with the
-# spheres, by-number/ and by-law/ against time.
+# Reads: DATBOX, OUTBOX and POSTPRO of the cases study/N250-mu0.4-f0-s1 and so on, study/still-N250-s1, study/every-N8000-s1; study.csv.
+# Writes: study/figures: means before the grains are brought to rest, rest/ at rest, still/ at true rest, every/ with gravity in each
+# step, compared/ with the spheres, by-number/ and by-law/ against time, of the first seed.
 # shellcheck disable=SC2046,SC2086
 set -eu
 . ../cases.sh
@@ -17,14 +17,19 @@ figures=study/figures
 columns=Ec_mean,Z_all,nu_sphere,pressure_sphere
 
 runs=$(cases 'study/N*')
-laws=$(names 's/.*-\(mu[^-]*-f[^-]*\)$/\1/' $runs) # mu0.4-f0 of study/N250-mu0.4-f0
+laws=$(names 's/.*-\(mu[^-]*-f[^-]*\)-s[0-9]*$/\1/' $runs) # mu0.4-f0 of study/N250-mu0.4-f0-s1
 end=$(option "$(echo $runs | cut -d ' ' -f 1)" time) # of the event, the same in all runs
-cd_post study $runs -o $figures --from "$(calculation "$end - $WINDOW")" --until "$end" --groups "$laws"
-cd_post study $runs -o $figures/rest --groups "$laws"
+cd_post study $runs -o $figures --parameters study.csv --from "$(calculation "$end - $WINDOW")" --until "$end" --groups "$laws"
+cd_post study $runs -o $figures/rest --parameters study.csv --groups "$laws"
 
 still=$(cases 'study/still-*')
 if [ "$still" ]; then
-    cd_post study $still -o $figures/still
+    cd_post study $still -o $figures/still --parameters study.csv
+fi
+
+every=$(cases 'study/every-*')
+if [ "$every" ]; then
+    cd_post study $every -o $figures/every --parameters study.csv
 fi
 
 spheres=
@@ -36,13 +41,13 @@ if [ "$spheres" ]; then
         --groups "$(names 's/.*/polyhedra/' $runs),$(names 's/.*/spheres/' $spheres)"
 fi
 
-by_number=$(cases "study/N*-mu$SHOWN-f0")
+by_number=$(cases "study/N*-mu$SHOWN-f0-s1")
 if [ "$by_number" ]; then
     cd_post compare $by_number -o $figures/by-number --columns $columns
 fi
 # All frictions and cohesions of the largest number of grains that has runs with cohesion.
 largest=$(cases 'study/N*-f[!0]*' | sed 's/.*\/N\([0-9]*\)-.*/\1/' | sort -n | tail -n 1)
-by_law=$(cases "study/N$largest-*")
+by_law=$(cases "study/N$largest-*-s1")
 if [ "$by_law" ]; then
     cd_post compare $by_law -o $figures/by-law --columns $columns
 fi

@@ -4,7 +4,7 @@
 # every step. Columns are found by their names; SI units.
 #
 # Reads: series.csv: mass, n_grains, Ec_mean, com_z, bed_nu, bed_stress_ratio; layers.csv: vertical_stress, weight; of the lander track.csv: time,
-#   v_x, v_y, v_z, force, impact.csv: impact_speed, restitution, largest_depth, final_depth, largest_force, contact_time, crater.csv: before,
+#   depth, v_x, v_y, v_z, force, impact.csv: impact_speed, restitution, largest_depth, final_depth, largest_force, contact_time, crater.csv: before,
 #   after; fragments.csv: grains; DATBOX: mass of the lander, the last grain
 # Writes: rest.csv, impacts.csv, touches.csv, with the names of the columns in their first line, and the same on stdout
 
@@ -64,14 +64,15 @@ function bed(path,    files, n, k, all, most, weight, height, nu, ratio, stress,
 }
 
 # The lander from the start to rest.
-function strike(path,    files, k, speed, force, n, loose, hollow, ring) {
+function strike(path,    files, k, speed, force, loose, hollow, ring) {
     read_bodies(path "/DATBOX"); mass = grain_mass
     found(path "/POSTPRO/track-*", files); file = files[1]
     load(file "/impact.csv"); line = sprintf("%s,%g,%s", start(path), g, cohesion)
     line = line "," or_dash(cell[1, "impact_speed"]) "," or_dash(cell[1, "restitution"]) "," or_dash(cell[1, "largest_depth"]) "," or_dash(cell[1, "final_depth"])
     load(file "/track.csv"); speed = cell[rows, "v_z"]
-    for (k = rows - int(rows / 10); k <= rows; k++) { force += cell[k, "force"]; n++ }
-    line = line "," or_dash(speed) "," (speed == "" ? "-" : sprintf("%.4g", force / n / (mass * g)))
+    k = rows - int(rows / 10) # the mean force by the momentum, as snapshots have those of single steps
+    force = 1 + (speed - cell[k, "v_z"]) / (cell[rows, "time"] - cell[k, "time"]) / g
+    line = line "," or_dash(speed) "," (speed == "" ? "-" : sprintf("%.4g", force))
     load(file "/crater.csv")
     for (k = 1; k <= rows; k++) if (cell[k, "before"] != "" && cell[k, "after"] != "") {
         ring = cell[k, "before"] - cell[k, "after"]
@@ -85,7 +86,7 @@ function strike(path,    files, k, speed, force, n, loose, hollow, ring) {
 function lander(row) { return cell[row, "grains"] == 1 && cell[row, "mass"] > 0.999 * mass && cell[row, "mass"] < 1.001 * mass }
 
 # The first seconds: the force, the momentum that it takes, what flies then.
-function touch(path,    files, k, j, sum, impulse, from, half, speed, largest, tenth, v, h, fastest, ejected, rising, change) {
+function touch(path,    files, k, j, sum, impulse, from, half, speed, largest, tenth, v, h, fastest, ejected, rising, change, depth) {
     read_bodies(path "/DATBOX"); mass = grain_mass
     found(path "/POSTPRO/track-*", files); file = files[1]
     load(file "/impact.csv"); from = cell[1, "contact_time"]; speed = cell[1, "impact_speed"]; largest = cell[1, "largest_force"]
@@ -96,6 +97,7 @@ function touch(path,    files, k, j, sum, impulse, from, half, speed, largest, t
         sum += cell[k, "force"]; if (k > 6) sum -= cell[k - 5, "force"]
         if (sum / 5 > tenth) tenth = sum / 5
     }
+    depth = cell[rows, "depth"]
     change = mass * (cell[rows, "v_z"] - cell[1, "v_z"]) + mass * g * (cell[rows, "time"] - cell[1, "time"])
     found(path "/POSTPRO/state-*", files); load(files[1] "/fragments.csv")
     for (k = 2; k <= rows; k++) if (!lander(k)) {
@@ -104,6 +106,6 @@ function touch(path,    files, k, j, sum, impulse, from, half, speed, largest, t
         if (v > speed / 20) ejected += cell[k, "grains"]
         if (cell[k, "v_z"] > 0 && cell[k, "v_z"] ^ 2 > 4 * g * cell[k, "a"]) rising += cell[k, "grains"]
     }
-    put("touches.csv", "case,gravity,cohesion,largest_force,force_of_5_steps,half_time,impulse,momentum,impulse_over_momentum,ejected,rising,fastest", \
-        sprintf("%s,%g,%s,%.4g,%.4g,%s,%.8g,%.8g,%.8f,%d,%d,%.4g", start(path), g, cohesion, largest, tenth, or_dash(half), impulse, change, impulse / change, ejected, rising, fastest))
+    put("touches.csv", "case,gravity,cohesion,largest_force,force_of_5_steps,half_time,impulse,momentum,impulse_over_momentum,ejected,rising,fastest,depth", \
+        sprintf("%s,%g,%s,%.4g,%.4g,%s,%.8g,%.8g,%.8f,%d,%d,%.4g,%.5g", start(path), g, cohesion, largest, tenth, or_dash(half), impulse, change, impulse / change, ejected, rising, fastest, depth))
 }

@@ -1,5 +1,5 @@
 # The figure of a frictionless aggregate against its spin, and that of a fluid (Maclaurin):
-#   awk -v svg=maclaurin.svg -f maclaurin.awk window=0 fluid/POSTPRO/series.csv window=24000 shaken/POSTPRO/series.csv
+#   awk -v svg=maclaurin.svg -f maclaurin.awk window=0 fluid-s1/POSTPRO/series.csv window=24000 shaken-s1/POSTPRO/series.csv ...
 # A point is a state, or the mean over a window of time, s: shaken runs fluctuate.
 # w^2 / (pi G rho) = 2 sqrt(1 - e^2) / e^3 (3 - 2 e^2) asin(e) - 6 (1 - e^2) / e^2, e^2 = 1 - (c/a)^2; a is sqrt(a b) here,
 # rho the mass over the volume of the ellipsoid of equal inertia.
@@ -105,7 +105,7 @@ function draw(    k, r) {
     for (k = 0; k <= 4; k++) printf "<text x=\"%.1f\" y=\"288\" text-anchor=\"middle\">%.1f</text>\n", px(k / 10), k / 10 > svg
     curve(0, "#999"); curve(of_phi(PHI), "#d55e00")
     for (r = 1; r <= runs; r++) for (k = 1; k <= points[r]; k++)
-        printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"%s\"/>\n", px(x[r, k]), py(y[r, k]), r == 1 ? "#0072b2" : "#009e73" > svg
+        printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"%s\"/>\n", px(x[r, k]), py(y[r, k]), name[r] ~ /^fluid/ ? "#0072b2" : "#009e73" > svg
     print "<path d=\"M70 40 V270 H470\" fill=\"none\" stroke=\"black\"/>" > svg
     print "<text x=\"270\" y=\"315\" text-anchor=\"middle\">ω² / πGρ</text>" > svg
     print "<text x=\"22\" y=\"155\" text-anchor=\"middle\" transform=\"rotate(-90 22 155)\">c / a</text>" > svg

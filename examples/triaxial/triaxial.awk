@@ -1,6 +1,6 @@
 # Friction angle of grains between plates, from the pressures on them:
 #
-#   awk -v csv=triaxial.csv -v svg=stress_strain.svg -f ../datbox.awk -f triaxial.awk mu0.2-s7 mu0.2-s8 mu0.4-s7 ...
+#   awk -v csv=triaxial.csv -v packings=packings.csv -v svg=stress_strain.svg -f ../datbox.awk -f triaxial.awk mu0.2-s1 mu0.2-s2 ...
 #
 # CASE/POSTPRO/probe-x.csv, -y and -z have the areas between the plates and the pressures, s_3 at x and y, s_1 on top: sin(phi) = (s_1 -
 # s_3) / (s_1 + s_3). Lengths follow from the areas: z = sqrt(A_x A_y / A_z), V = sqrt(A_x A_y A_z). Means are over axial strains
@@ -11,11 +11,14 @@
 #
 # Reads: probe-*.csv: time, area, wall_pressure; series.csv: friction_angle (rad); BODIES.DAT; DRV_DOF.DAT: pressure
 # Writes: triaxial.csv: friction, friction_angle, error, of_mean_stress (degrees), solid_fraction_at_first, solid_fraction, its error,
-#   deviation (of the pressure, 1), spin2; the same on stdout; stress_strain.svg: (s_1 - s_3) / (s_1 + s_3) against strain
+#   deviation (of the pressure, 1), spin2; the same on stdout; packings.csv: a row a case: friction, seed,
+#   friction_angle, of_mean_stress, solid_fraction_at_first, solid_fraction, spin2, pressure_at_rest: horizontal over
+#   vertical stress of a bed at rest, 1 - sin(phi) (Jaky 1944); stress_strain.svg: (s_1 - s_3) / (s_1 + s_3) against strain
 
 BEGIN {
     FS = ","; FROM = 0.1; TO = 0.22; DEGREE = atan2(0, -1) / 180
     print "friction,friction_angle,error,of_mean_stress,solid_fraction_at_first,solid_fraction,solid_fraction_error,deviation,spin2" > csv
+    print "friction,seed,friction_angle,of_mean_stress,solid_fraction_at_first,solid_fraction,spin2,pressure_at_rest" > packings
     print " friction  angle [deg]     +-  of the mean stress  solid fraction, first, then     +-  pressure off by  (spin/critical)^2"
     for (i = 1; i < ARGC; i++) read_case(ARGV[i])
     for (i = 1; i <= frictions; i++) summary(friction[i])
@@ -45,7 +48,7 @@ function held_pressure(datbox,    file, words, value) {
     return value < 0 ? -value : value
 }
 
-function read_case(folder,    mu, file, row, rows, ax, ay, az, px, py, pz, z, first, strain, s1, s3, n, tenth, m, sum_x, sum_y, axial, lateral, dense, held, off, count, angle_sum, from_time, to_time, sine) {
+function read_case(folder,    mu, file, row, rows, ax, ay, az, px, py, pz, z, first, strain, s1, s3, n, tenth, m, sum_x, sum_y, axial, lateral, dense, held, off, count, angle_sum, from_time, to_time, sine, seed) {
     read_bodies(folder "/DATBOX"); held = held_pressure(folder "/DATBOX")
     probe(folder, "x", ax, px); probe(folder, "y", ay, py); rows = probe(folder, "z", az, pz)
     mu = folder; sub(/.*mu/, "", mu); sub(/-s.*/, "", mu)
@@ -73,6 +76,8 @@ function read_case(folder,    mu, file, row, rows, ax, ay, az, px, py, pz, z, fi
     while ((getline < file) > 0) if ($column["time"] >= from_time && $column["time"] <= to_time) { count++; angle_sum += $column["friction_angle"] / DEGREE }
     close(file)
     sine = (axial - lateral) / (axial + lateral)
+    seed = folder; sub(/.*-s/, "", seed)
+    printf "%s,%s,%.5g,%.5g,%.5g,%.5g,%.5g,%.5g\n", mu, seed, asin(sine) / DEGREE, angle_sum / count, grain_volume / sqrt(ax[first] * ay[first] * az[first]), dense / n, limit(sine), 1 - sine > packings
     add("angle", mu, asin(sine) / DEGREE); add("stress", mu, angle_sum / count); add("dense", mu, dense / n)
     add("first", mu, grain_volume / sqrt(ax[first] * ay[first] * az[first]))
 }
@@ -90,10 +95,13 @@ function error(name, mu,    n, spread) {
     return sqrt(larger(spread, 0) / n)
 }
 
-function summary(mu,    sine, q) {
-    sine = sin(mean("angle", mu) * DEGREE); q = 2 * sine / (3 - sine)
-    printf "%s,%.5g,%.3g,%.5g,%.5g,%.5g,%.3g,%.2g,%.5g\n", mu, mean("angle", mu), error("angle", mu), mean("stress", mu), mean("first", mu), mean("dense", mu), error("dense", mu), deviation[mu], 3 * q / (1 + 2 * q) > csv
-    printf "%9s %12.1f %6.1f %19.1f %21.3f %6.3f %6.3f %15.1f%% %18.3f\n", mu, mean("angle", mu), error("angle", mu), mean("stress", mu), mean("first", mu), mean("dense", mu), error("dense", mu), 100 * deviation[mu], 3 * q / (1 + 2 * q)
+# Square of the spin at which a ball of grains with that sine of the friction angle yields, over 4 pi G rho / 3.
+function limit(sine,    q) { q = 2 * sine / (3 - sine); return 3 * q / (1 + 2 * q) }
+
+function summary(mu,    spin2) {
+    spin2 = limit(sin(mean("angle", mu) * DEGREE))
+    printf "%s,%.5g,%.3g,%.5g,%.5g,%.5g,%.3g,%.2g,%.5g\n", mu, mean("angle", mu), error("angle", mu), mean("stress", mu), mean("first", mu), mean("dense", mu), error("dense", mu), deviation[mu], spin2 > csv
+    printf "%9s %12.1f %6.1f %19.1f %21.3f %6.3f %6.3f %15.1f%% %18.3f\n", mu, mean("angle", mu), error("angle", mu), mean("stress", mu), mean("first", mu), mean("dense", mu), error("dense", mu), 100 * deviation[mu], spin2
 }
 
 # Curves of all cases, one colour for each friction.

@@ -25,9 +25,11 @@ impl FittedLine {
         let (xx, xy, yy) = points.iter().fold((0.0, 0.0, 0.0), |(xx, xy, yy), p| {
             (xx + (p.0 - x) * (p.0 - x), xy + (p.0 - x) * (p.1 - y), yy + (p.1 - y) * (p.1 - y))
         });
+        // Equal x can differ from their mean by rounding.
+        let differ = points.iter().any(|p| p.0 != points[0].0);
         let slope = xy / xx;
         let r2 = if yy > 0.0 { xy * xy / (xx * yy) } else { 1.0 };
-        (xx > 0.0).then_some(FittedLine { slope, intercept: y - slope * x, r2 })
+        (differ && xx > 0.0).then_some(FittedLine { slope, intercept: y - slope * x, r2 })
     }
 }
 
@@ -51,6 +53,10 @@ mod tests {
     fn a_line_needs_two_places() {
         assert_eq!(FittedLine::least_squares(&[(1.0, 2.0), (1.0, 3.0)]), None);
         assert_eq!(FittedLine::least_squares(&[(1.0, 2.0), (f64::NAN, 3.0)]), None);
+        // The mean of seven equal numbers is another one.
+        let x = 250.0_f64.cbrt().recip();
+        let equal: Vec<(f64, f64)> = (0..7).map(|k| (x, f64::from(k))).collect();
+        assert_eq!(FittedLine::least_squares(&equal), None);
         let line = FittedLine::least_squares(&[(0.0, 1.0), (2.0, 5.0), (1.0, f64::NAN)]);
         assert_eq!(line, Some(FittedLine { slope: 2.0, intercept: 1.0, r2: 1.0 }));
     }
