@@ -55,9 +55,9 @@ fn scenes_are_accepted_and_begin_to_run() {
 #[test]
 fn studies_are_accepted() {
     let mut count = 0;
-    // One of the many seeds.
-    let one_seed = ["--set", "groups.1.seeds=[101]", "--set", "groups.2.seeds=[101]"];
-    let names = [("study.ron", &[][..]), ("fluid.ron", &[]), ("many.ron", &one_seed)];
+    // One of the many seeds of each of 18 groups.
+    let one_seed: Vec<String> = (1..=18).flat_map(|k| ["--set".into(), format!("groups.{k}.seeds=[201]")]).collect();
+    let names = [("study.ron", &[][..]), ("fluid.ron", &[]), ("presets.ron", &one_seed)];
     for (study, flags) in
         folders_with_surfaces().iter().flat_map(|folder| names.map(|(name, flags)| (folder.join(name), flags)))
     {
@@ -65,7 +65,7 @@ fn studies_are_accepted() {
             let output = tempfile::tempdir().unwrap();
             let words =
                 ["cd-pre".as_ref(), "study".as_ref(), study.as_os_str(), "-o".as_ref(), output.path().as_os_str()];
-            let words = words.into_iter().chain(flags.iter().map(|flag| flag.as_ref()));
+            let words = words.into_iter().chain(flags.iter().map(|flag: &String| flag.as_ref()));
             assert_eq!(cd_pre::run(words.map(Into::into)), 0, "{}", study.display());
             count += 1;
         }
