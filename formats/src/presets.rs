@@ -54,7 +54,7 @@ knobs! {
     // none, draft, standard, fine, reference; value of a run with `target_error`
     adaptive: Adaptive = [FIXED_STEP, DRAFT_STEP, STANDARD_STEP, FIXED_STEP, FIXED_STEP], |options| options.adaptive;
     tol: f64 = [1e-2, 2e-2, 5e-3, 1e-3, 1e-4], |options| options.tol;
-    penetration_tol: f64 = [5e-4, 1e-2, 5e-4, 2e-4, 1e-4], |options| options.penetration_tol;
+    penetration_tol: f64 = [5e-4, 1e-3, 5e-4, 2e-4, 1e-4], |options| options.penetration_tol;
     max_sweeps: u64 = [20_000, 500, 20_000, 20_000, 20_000], |_| None;
     narrow_phase: NarrowPhase = [NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate], |_| None;
     gravity_error: f64 = [1e-3, 1e-2, 1e-3, 1e-4, 1e-6], |options| options.gravity_error;

@@ -16,7 +16,7 @@ use cd_formats::snapshot::RunParameters;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
-use crate::accuracy_control::{Comparison, adapt_to_step, compare_next_step, target_lines};
+use crate::accuracy_control::{Comparison, adapt_to_step, add_z_errors, compare_next_step, target_lines};
 use crate::assemble::{potential_energy, take_unended_impacts};
 use crate::contact_division::undivided_reason;
 use crate::detect;
@@ -323,13 +323,15 @@ fn warn_at_start(
 fn summarise_run(case: &Path, scene: &Scene, state: &State, statistics: &RunStatistics) -> Result<String, RunFailure> {
     ranks::compute_alone(|| {
         let balance = BalanceErrors::new(scene, state);
-        let sources = statistics.estimator.error_sources(scene, state, &balance);
+        let mut sources = statistics.estimator.error_sources(scene, state, &balance);
+        let z_line = add_z_errors(scene, statistics.estimator.longest_loaded_step(), &mut sources);
         // A resumed run without steps writes them if the earlier run was killed before it did.
         if statistics.steps > 0 || state.step > scene.start.step && !errors::has_errors_file(case) {
             errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
         }
-        let targets = target_lines(scene, state, &sources);
-        Ok(summary_text(scene, state, statistics, &balance, &sources, &targets))
+        let mut lines = target_lines(scene, state, &sources);
+        lines.extend(z_line);
+        Ok(summary_text(scene, state, statistics, &balance, &sources, &lines))
     })
 }
 

@@ -423,7 +423,7 @@ pub(super) fn warm_start(old: &SolvedContact, contact: &Contact, shift: &LawShif
     if old.impulse == Vec3::zeros() && shift.impulse == 0.0 {
         return Vec3::zeros(); // most contacts are open
     }
-    let [n_old, t_old, s_old] = old.contact.frame();
+    let [_, t_old, s_old] = old.contact.frame();
     let tangential = t_old * old.impulse.y + s_old * old.impulse.z;
     normal + (tangential - n * n.dot(&tangential)) * scale
 }

@@ -26,7 +26,7 @@ use crate::scene::{BodyId, Scene};
 use crate::state::{SolvedContact, State};
 use crate::step::{BalanceErrors, StageTimes};
 
-use super::log::{LogRow, figures, narrow_phase, row_steps, seconds};
+use super::log::{LogRow, figures, length, narrow_phase, row_steps, seconds};
 
 /// File next to OUTBOX; it contains durations.
 pub const ERRORS_FILE: &str = "ERRORS.csv";
@@ -56,6 +56,8 @@ pub struct ErrorEstimator {
     clock: StageTimes,
     /// Steps between two snapshots.
     output_every: f64,
+    /// Longest step in which contacts carry force, s; of a row of several steps their mean. 0 if the lengths are not logged.
+    longest_step: f64,
 }
 
 /// Mean of errors that only some steps measure.
@@ -191,6 +193,8 @@ pub struct ErrorSource {
     pub option: &'static str,
     /// Error divided by the mean pressure, or by the corresponding energy.
     pub error: f64,
+    /// Relative error of Z by the same cause; `None` if it is not estimated.
+    pub z_error: Option<f64>,
     /// Time that the stages that the option controls took, s.
     pub seconds: f64,
 }
@@ -235,6 +239,9 @@ impl ErrorEstimator {
         }
         let steps = row.get(row_steps::steps);
         let steps = if steps.is_nan() { 1.0 } else { steps };
+        if row.get(figures::contacts_active) > 0.0 {
+            self.longest_step = self.longest_step.max(row.get(length::h) / steps);
+        }
         self.flights.push(FlightRow { time, error: row.get(figures::flight_error), steps });
         self.virial_error.add(row.get(figures::gravity_sampled_virial));
         self.narrow_phase_error.add(row.get(narrow_phase::narrow_error));
@@ -296,6 +303,7 @@ impl ErrorEstimator {
             name,
             option,
             error: error + 0.0, // not -0, the sum of nothing
+            z_error: None,
             seconds: seconds.as_secs_f64(),
         };
         let none = Duration::ZERO;
@@ -319,6 +327,11 @@ impl ErrorEstimator {
 }
 
 impl ErrorEstimator {
+    /// Longest step in which contacts carry force, s, 0 if lengths are not logged; `None` if no contact has carried force.
+    pub fn longest_loaded_step(&self) -> Option<f64> {
+        (!self.loaded.rows.is_empty()).then_some(self.longest_step)
+    }
+
     /// Error of a step in the kinetic energy of bodies in flight, mean of the second half, J.
     fn flight_error(&self) -> f64 {
         let recent = second_half(&self.flights.rows);
@@ -478,9 +491,12 @@ pub fn has_errors_file(case: &Path) -> bool {
 
 /// Writes [`ERRORS_FILE`].
 pub fn write_errors(case: &Path, sources: &[ErrorSource]) -> Result<(), Faults> {
-    let row =
-        |source: &ErrorSource| format!("{},{},{:e},{:e}\n", source.name, source.option, source.error, source.seconds);
-    let text = format!("source,option,error,seconds\n{}", sources.iter().map(row).collect::<String>());
+    let row = |source: &ErrorSource| {
+        let ErrorSource { name, option, error, z_error, seconds } = source;
+        let z_error = z_error.map_or(String::new(), |z_error| format!("{z_error:e}"));
+        format!("{name},{option},{error:e},{z_error},{seconds:e}\n")
+    };
+    let text = format!("source,option,error,z_error,seconds\n{}", sources.iter().map(row).collect::<String>());
     atomic::write_file(&case.join(ERRORS_FILE), |file| file.write_all(text.as_bytes()))
 }
 
@@ -524,7 +540,7 @@ mod tests {
 
     #[test]
     fn what_dominates_is_named() {
-        let source = |name, option, error, seconds| ErrorSource { name, option, error, seconds };
+        let source = |name, option, error, seconds| ErrorSource { name, option, error, z_error: None, seconds };
         let sources = [
             source("contacts", "tol", 1e-2, 1.0),
             source("step", "dt", 4e-2, 0.5),

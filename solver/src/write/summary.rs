@@ -118,14 +118,14 @@ impl RunStatistics {
 pub const INERT_REASON: &str = "along the normal of their contact the motion of both is imposed, so that it does not act; free one of \
      them along it, or remove the row between them";
 
-/// Returns the text of the summary. `balance`: balance of the state; `targets`: lines about target errors.
+/// Returns the text of the summary. `balance`: balance of the state; `estimates`: lines about the error of Z and target errors.
 pub fn summary_text(
     scene: &Scene,
     state: &State,
     statistics: &RunStatistics,
     balance: &BalanceErrors,
     sources: &[ErrorSource],
-    targets: &[(&'static str, String)],
+    estimates: &[(&'static str, String)],
 ) -> String {
     let mut summary = SummaryLines::default();
     summary.add("models", scene.model_names().join("; "));
@@ -133,7 +133,7 @@ pub fn summary_text(
     add_penetration(&mut summary, scene, state, statistics);
     add_warnings(&mut summary, statistics);
     add_balances(&mut summary, scene, balance);
-    add_errors(&mut summary, scene, statistics, sources, targets);
+    add_errors(&mut summary, scene, statistics, sources, estimates);
     add_cost(&mut summary, statistics);
     summary.text
 }
@@ -258,7 +258,7 @@ fn add_errors(
     scene: &Scene,
     statistics: &RunStatistics,
     sources: &[ErrorSource],
-    targets: &[(&'static str, String)],
+    estimates: &[(&'static str, String)],
 ) {
     if let Some(SampledError { rms, largest, bodies, .. }) = statistics.gravity {
         let target = scene.options.gravity_error();
@@ -278,7 +278,7 @@ fn add_errors(
     let [(error, estimate), (cost, stages)] = errors::summary_lines(sources, statistics.force_noise());
     let unknown_text = || "not known: components of the velocities of all bodies are imposed".into();
     summary.add(error, if scene.free.is_empty() { unknown_text() } else { estimate });
-    targets.iter().for_each(|(name, line)| summary.add(name, line));
+    estimates.iter().for_each(|(name, line)| summary.add(name, line));
     summary.add(cost, stages);
 }
 

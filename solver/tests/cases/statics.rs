@@ -168,7 +168,7 @@ fn a_run_reports_what_its_errors_are() {
         let text = std::fs::read_to_string(case.path().join("ERRORS.csv")).unwrap();
         let row = |line: &str| -> (String, f64) {
             let cells: Vec<&str> = line.split(',').collect();
-            assert_eq!(cells.len(), 4, "{line}");
+            assert_eq!(cells.len(), 5, "{line}");
             (cells[0].to_string(), cells[2].parse().unwrap())
         };
         text.lines().skip(1).map(row).collect::<Vec<_>>()

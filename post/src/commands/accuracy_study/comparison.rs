@@ -427,7 +427,9 @@ fn estimated_error(path: &Path) -> Result<f64, Faults> {
     for (number, line) in (1..).zip(text.lines()).skip(1) {
         match line.split(',').nth(2).and_then(|error| error.parse::<f64>().ok()).filter(|error| error.is_finite()) {
             Some(error) => sum += error,
-            None => faults.push(Fault::new(path, Some(number), "row", line, "expected source,option,error,seconds")),
+            None => {
+                faults.push(Fault::new(path, Some(number), "row", line, "expected source,option,error,z_error,seconds"))
+            }
         }
     }
     faults.into_result(sum)
