@@ -228,6 +228,11 @@ fn adapted_tol(targets: &TargetErrors, control: &AccuracyControl) -> f64 {
     (control.tol * factor).clamp(TOL_RANGE[0], TOL_RANGE[1])
 }
 
+/// Error of the source of this name.
+fn error_of(sources: &[ErrorSource], name: &str) -> f64 {
+    sources.iter().find(|source| source.name == name).map_or(0.0, |source| source.error)
+}
+
 /// Errors of an observable by source.
 struct EstimatedParts {
     parts: [(&'static str, &'static str, f64); 4],
@@ -241,25 +246,27 @@ impl EstimatedParts {
             2 => control.virial_error.significant_size(),
             _ => 0.0,
         };
-        Self::with_contacts(k, scene, contacts, control.longest_multiple > 1, sources)
+        let has_long_steps = control.longest_multiple > 1;
+        let overlaps = error_of(sources, "step");
+        Self::with_contacts(k, scene, contacts, overlaps, has_long_steps, sources)
     }
 
-    /// Estimates for the observable `k` with the error by contacts, in steps longer than `dt` or not.
+    /// Estimates for the observable `k` with the errors by contacts and of ν by overlaps, in steps longer than `dt` or not.
     fn with_contacts(
         k: usize,
         scene: &Scene,
         contacts: f64,
+        overlaps: f64,
         has_long_steps: bool,
         sources: &[ErrorSource],
     ) -> EstimatedParts {
-        let source = |name: &str| sources.iter().find(|source| source.name == name).map_or(0.0, |source| source.error);
         let steps = if has_long_steps { STEP_ERRORS[k].error_at(scene.options.adaptive().penetration) } else { 0.0 };
-        let balance = if k == 4 { source("energy") } else { 0.0 };
-        let gravity = if k == 2 || k == 4 { source("gravity") } else { 0.0 };
+        let balance = if k == 4 { error_of(sources, "energy") } else { 0.0 };
+        let gravity = if k == 2 || k == 4 { error_of(sources, "gravity") } else { 0.0 };
         EstimatedParts {
             parts: [
                 ("contacts", "tol", contacts),
-                ("overlaps", "dt or tol", OVERLAP_FACTORS[k] * source("step")),
+                ("overlaps", "dt or tol", OVERLAP_FACTORS[k] * overlaps),
                 ("length of steps", "dt", steps + balance),
                 ("gravity", "gravity_error", gravity),
             ],
@@ -297,18 +304,19 @@ const Z_TOL_LIMIT: f64 = 2e-2;
 const Z_TOL_EXPONENT: f64 = 0.5;
 
 /// Adds the errors of Z of a run with a preset to its sources, and returns a line of the summary with their sum. They are those
-/// of `docs/explanation/accuracy.md` for such values of `tol` and `adaptive`, and those by the overlaps of the run.
+/// of `docs/explanation/accuracy.md` for such values of `tol` and `adaptive`, and twice `overlaps`, the error of ν by them.
 /// `longest_step`: longest step in which contacts carry force, s. `None` without a preset or such steps.
 pub fn add_z_errors(
     scene: &Scene,
     longest_step: Option<f64>,
+    overlaps: f64,
     sources: &mut [ErrorSource],
 ) -> Option<(&'static str, String)> {
     let options = &scene.options;
     options.accuracy?;
     let has_long_steps = longest_step? > 1.5 * options.dt;
     let contacts = Z_TOL_ERROR * libm::pow((options.tol() / Z_TOL_LIMIT).min(1.0), Z_TOL_EXPONENT);
-    let estimate = EstimatedParts::with_contacts(0, scene, contacts, has_long_steps, sources);
+    let estimate = EstimatedParts::with_contacts(0, scene, contacts, overlaps, has_long_steps, sources);
     let [contacts, overlaps, steps, _] = estimate.parts.map(|(_, _, error)| error);
     for source in sources {
         source.z_error = match source.name {

@@ -324,7 +324,8 @@ fn summarise_run(case: &Path, scene: &Scene, state: &State, statistics: &RunStat
     ranks::compute_alone(|| {
         let balance = BalanceErrors::new(scene, state);
         let mut sources = statistics.estimator.error_sources(scene, state, &balance);
-        let z_line = add_z_errors(scene, statistics.estimator.longest_loaded_step(), &mut sources);
+        let estimator = &statistics.estimator;
+        let z_line = add_z_errors(scene, estimator.longest_loaded_step(), estimator.overlap_error(), &mut sources);
         // A resumed run without steps writes them if the earlier run was killed before it did.
         if statistics.steps > 0 || state.step > scene.start.step && !errors::has_errors_file(case) {
             errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;

@@ -276,7 +276,6 @@ impl ErrorEstimator {
     /// Returns the sources of error, each with its cost. `balance`: balance of the state.
     pub fn error_sources(&self, scene: &Scene, state: &State, balance: &BalanceErrors) -> Vec<ErrorSource> {
         let recent = second_half(&self.loaded.rows);
-        let depth = mean_of(recent.iter().map(|row| row.penetration_mean));
         let virials: Vec<f64> = recent.iter().map(|row| row.virial).collect();
         let typical_virial = median(virials.iter().map(|virial| virial.abs()));
         let noise = if self.loaded.stride == 1 {
@@ -309,7 +308,7 @@ impl ErrorEstimator {
         let none = Duration::ZERO;
         vec![
             source("contacts", "tol", ratio(noise, typical_virial), assembly + solve),
-            source("step", "dt", 2.0 * depth + flight, detection + integration),
+            source("step", "dt", self.overlap_error() + flight, detection + integration),
             source("gravity", "gravity_error", self.virial_error.mean().abs(), gravity),
             source("narrow", "narrow_phase", 2.0 * self.narrow_phase_error.mean(), none),
             source(
@@ -330,6 +329,11 @@ impl ErrorEstimator {
     /// Longest step in which contacts carry force, s, 0 if lengths are not logged; `None` if no contact has carried force.
     pub fn longest_loaded_step(&self) -> Option<f64> {
         (!self.loaded.rows.is_empty()).then_some(self.longest_step)
+    }
+
+    /// Error of the solid fraction by overlaps, 2 δ/r̄: δ/r̄ is the mean penetration in the second half of the loaded steps.
+    pub fn overlap_error(&self) -> f64 {
+        2.0 * mean_of(second_half(&self.loaded.rows).iter().map(|row| row.penetration_mean))
     }
 
     /// Error of a step in the kinetic energy of bodies in flight, mean of the second half, J.

@@ -107,6 +107,17 @@ fn runs_with_a_preset_state_their_error_of_z() {
     assert_eq!(errors(None), [None; 2]);
 }
 
+/// Grains that fly in self-gravity have an error of the step that is none of Z.
+#[test]
+fn an_error_in_flight_is_no_error_of_z() {
+    let mut case = preset(false, Some(Accuracy::Fine));
+    case.options.self_gravity = true;
+    files(&case, &[&[]]);
+    let [_, step] = z_errors(&case);
+    // The part by overlaps is twice what the error has without that in flight; steps are not longer than `dt`.
+    assert!(step.unwrap() < 0.0, "{step:?}");
+}
+
 #[test]
 fn a_resumed_run_and_other_threads_state_the_same_error_of_z() {
     for blocks in [false, true] {
