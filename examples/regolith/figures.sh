@@ -18,7 +18,7 @@ other_strikes=$(cases 'study/s*/g*/strike-[!f]*') # on beds of polyhedra, on per
 
 for folder in $(printf '%s\n' $strikes | sed -n 's/^\(study\/s1\/.*\)\/strike.*/\1/p' | sort -u); do # study/s1/g9.81e-4
     strikes_here=$(cases "$folder/strike-f*")
-    cohesions=$(names 's/.*strike-f\(.*\)/\1-N/' $strikes_here)
+    cohesions=$(names 's/.*strike-f\(.*\)/\1 N/' $strikes_here)
     cd_post compare $strikes_here -o "$figures/${folder#study/s1/}" --labels "$cohesions" \
         --columns largest_fraction,Ec_mean,Z,E_friction,E_shocks
     cd_post compare $strikes_here -o "$figures/${folder#study/s1/}" --labels "$cohesions" --table lander/track.csv
