@@ -38,3 +38,11 @@ fn texts_that_are_cut_off_are_rejected() {
         }
     }
 }
+
+/// The word behind the missing comma was a panic where it is longer than what messages show: its end was taken from the message.
+#[test]
+fn a_long_word_behind_a_missing_comma_is_rejected() {
+    let text = format!("(dt: 1.0, events: [1 2{}:])", "é".repeat(200));
+    let faults = from_ron::<Compute>(Path::new("COMPUTE.RON"), &text, "options").unwrap_err();
+    assert!(faults.format_report("program").contains("no ',' before"), "{}", faults.format_report("program"));
+}

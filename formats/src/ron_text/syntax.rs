@@ -560,7 +560,8 @@ impl<'a> RonParser<'a> {
 
     /// Reports the text that follows a value instead of a comma; `mark` is its first character.
     fn report_missing_comma(&mut self, path: &str, value: &str, mark: char) {
-        let next = display_text(&self.remaining_text()[..self.word_length().max(mark.len_utf8())]);
+        let next_length = self.word_length().max(mark.len_utf8());
+        let next = display_text(&self.remaining_text()[..next_length]);
         let is_same_line = !self.text[self.last_end..self.offset].contains('\n');
         let is_number = begins_with_number(value);
         // The text up to the end of the item, as in `2700.0 kg/m3` and `2.7*1000`.
@@ -587,7 +588,7 @@ impl<'a> RonParser<'a> {
             }
         } else if mark.is_alphanumeric() || "\"'([{-+._".contains(mark) {
             self.add_fault(self.last_end, path, &format!("no ',' before '{next}'"), "expected ',' here");
-            if is_number && is_same_line && rest[next.len()..].trim_start().starts_with(':') {
+            if is_number && is_same_line && rest[next_length..].trim_start().starts_with(':') {
                 self.give_up();
             }
         } else {
