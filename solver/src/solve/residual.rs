@@ -945,6 +945,7 @@ pub fn project_on_cone<L: F64Arithmetic>(l: L, z_n: L::V, z_t: L::V, mu: L::V) -
 mod tests {
     use super::*;
     use crate::math::simd::Scalar;
+    use crate::ranks::threads::run_as_ranks;
     use crate::solve::{StoppingCriteria, solve_nlgs};
     use nalgebra::Matrix3;
     use proptest::prelude::*;
@@ -1101,6 +1102,295 @@ mod tests {
         other.rolling_constraints[0].rolling *= 1.01;
         let found = e(&solved(&other));
         assert!(found.value > 1e-3 && found.worst == Some(ContactId(0)), "{found:?}");
+    }
+
+    /// `count` balls of radius 1 m and mass 2 kg that fall on a plate at 1, 2 and 3 m/s in turn, in a ring. Row k is the
+    /// contact of ball k with the plate, row `count` + k that with the next ball; none has friction.
+    fn balls_on_plate(count: usize) -> ContactProblem {
+        let ball = |k: usize| SolverBody {
+            v: Vec3::new(0.0, 0.0, -((1 + k % 3) as f64)),
+            inverse_mass: 0.5,
+            w: Vec3::zeros(),
+            inverse_inertia: 0.25,
+            radius: 1.0,
+        };
+        let plate =
+            SolverBody { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 };
+        let row = |bodies: [usize; 2], normal: Vec3, w_n: f64, w_t: f64| ContactConstraint {
+            bodies: bodies.map(BodyId::new),
+            normal,
+            arm: 1.0,
+            w_n,
+            w_t,
+            acts: true,
+            can_close: true,
+            ..ContactConstraint::default()
+        };
+        let on_plate = (0..count).map(|k| row([k, count], Vec3::z(), 1.0, 3.5));
+        let side_by_side = (0..count).map(|k| row([k, (k + 1) % count], Vec3::x(), 2.0, 5.0));
+        ContactProblem {
+            rows: on_plate.chain(side_by_side).collect(),
+            block_data: None,
+            rolling_constraints: vec![],
+            memories: vec![],
+            pair_attractions: vec![],
+            regularised: vec![],
+            order: (0..=count as u32).collect(),
+            bodies: (0..count).map(ball).chain([plate]).collect(),
+        }
+    }
+
+    fn all_rows(problem: &ContactProblem) -> Vec<ContactId> {
+        (0..problem.rows.len()).map(ContactId::new).collect()
+    }
+
+    /// The rows are those of five tasks.
+    #[test]
+    fn half_of_the_impulses_that_stop_bodies_leaves_half_of_the_residual() {
+        let mut problem = balls_on_plate(2100);
+        // Of three equally fast ones the first is reported: the second is in its task, the third in another.
+        for k in [1500, 1600, 2050] {
+            problem.bodies[k].v.z = -5.0;
+        }
+        let rows = all_rows(&problem);
+        let speeds: Vec<f64> = problem.bodies.iter().map(|body| body.v.norm()).collect();
+        let root_of_squares = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>().sqrt();
+        let root_of_speeds = root_of_squares(&mut speeds.iter().copied());
+        for width in SimdWidth::all_widths() {
+            let evaluator = ResidualEvaluator::new(&problem, &rows, width);
+            // 3 · 2N rows divided by a trace of (1 + 2 · 3.5) N + (2 + 2 · 5) N; sums of 4200 squares, to rounding.
+            let initial_norm = 0.3 * root_of_speeds;
+            assert!((evaluator.initial_norm / initial_norm - 1.0).abs() < 1e-13);
+            let next_speeds = (0..2100).map(|k| speeds[k] + speeds[(k + 1) % 2100]);
+            let floor = ROUNDING_FLOOR * root_of_squares(&mut speeds.iter().copied().chain(next_speeds));
+            assert!((evaluator.relative_floor() * root_of_speeds / floor - 1.0).abs() < 1e-13);
+            let at_rest = vec![Vec3::zeros(); rows.len()];
+            assert_eq!(evaluator.residual(&at_rest), Residual { value: 1.0, worst: Some(ContactId(1500)) });
+            // Impulses of m v / 2.
+            let mut halves = at_rest;
+            (0..2100).for_each(|k| halves[k].z = speeds[k]);
+            let Residual { value, worst } = evaluator.residual(&halves);
+            assert!((value - 0.5).abs() < 1e-13 && worst == Some(ContactId(1500)), "{value} {worst:?}");
+            assert!((evaluator.rounding_share(&halves) / (0.5 * f64::EPSILON) - 1.0).abs() < 1e-13);
+        }
+        // Bodies at rest have neither a residual nor rounding.
+        problem.bodies.iter_mut().for_each(|body| body.v = Vec3::zeros());
+        let evaluator = ResidualEvaluator::new(&problem, &rows, SimdWidth::detect());
+        assert_eq!((evaluator.initial_norm, evaluator.relative_floor()), (0.0, 0.0));
+    }
+
+    /// Impulses and velocities are small multiples of 1/8: no sum is rounded.
+    #[test]
+    fn impulses_move_bodies_alike_on_any_number_of_threads() {
+        let spheres = balls_on_plate(2100);
+        let mut offset = spheres.clone();
+        let arms = (0..spheres.rows.len()).map(|k| [0, 1].map(|side| spheres.contact_arm(k, side))).collect();
+        let inertia = |body: &SolverBody| Matrix3::identity() * body.inverse_inertia;
+        let offset_of_row = |k: usize| if k < 2100 && k.is_multiple_of(3) { Vec3::x() } else { Vec3::zeros() };
+        offset.block_data = Some(crate::assemble::BlockData {
+            arms,
+            friction_offsets: (0..spheres.rows.len()).map(offset_of_row).collect(),
+            locked_axes: vec![],
+            inverse_inertia: spheres.bodies.iter().map(inertia).collect(),
+        });
+        let impulse = |k: usize| Vec3::new((k % 5) as f64, (k % 7) as f64, (k % 11) as f64);
+        for problem in [spheres, offset] {
+            let rows = all_rows(&problem);
+            let impulses: Vec<Vec3> = (0..rows.len()).map(impulse).collect();
+            let mut expected = problem.clone();
+            impulses.iter().enumerate().for_each(|(k, r)| expected.apply_impulse(k, r));
+            for threads in [1, 4] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                let found = pool.install(|| {
+                    let evaluator = ResidualEvaluator::new(&problem, &rows, SimdWidth::detect());
+                    evaluator.solver_bodies(&evaluator.body_motions(&impulses))
+                });
+                assert!(found == expected.bodies, "{threads} threads");
+            }
+        }
+    }
+
+    #[test]
+    fn friction_offsets_are_those_of_the_rows_of_each_task() {
+        // A ball that falls at v m/s and spins at v rad/s slides at v m/s at a friction offset of 1 m. With a coefficient of
+        // 1 the natural map projects rho v (1 - 1, 1), normal and tangential, on the cone: F is rho v (1, 1)/2.
+        let mut problem = balls_on_plate(2100);
+        let arms = (0..problem.rows.len()).map(|k| [0, 1].map(|side| problem.contact_arm(k, side))).collect();
+        problem.block_data = Some(crate::assemble::BlockData {
+            arms,
+            friction_offsets: (0..4200)
+                .map(|k| if k < 2100 && k % 5 == 0 { Vec3::x() } else { Vec3::zeros() })
+                .collect(),
+            locked_axes: vec![],
+            inverse_inertia: vec![Matrix3::identity(); problem.bodies.len()],
+        });
+        for k in 0..2100 {
+            problem.bodies[k].w.z = -problem.bodies[k].v.z;
+            problem.rows[k].friction = 1.0;
+        }
+        let rows = all_rows(&problem);
+        let squared_share = |k: usize| if k.is_multiple_of(5) { 0.5 } else { 1.0 };
+        let squares: f64 = (0..2100).map(|k| squared_share(k) * problem.bodies[k].v.norm_squared()).sum();
+        let evaluator = ResidualEvaluator::new(&problem, &rows, SimdWidth::detect());
+        assert!((evaluator.initial_norm / (0.3 * squares.sqrt()) - 1.0).abs() < 1e-13);
+    }
+
+    #[test]
+    fn unmoved_bodies_have_no_negative_zeros() {
+        let mut problem = balls_on_plate(2);
+        problem.bodies[1].w = Vec3::new(1.0, 2.0, 3.0);
+        let expected = problem.bodies.clone();
+        problem.bodies.iter_mut().flat_map(|body| body.v.iter_mut().chain(body.w.iter_mut())).for_each(|x| {
+            if *x == 0.0 {
+                *x = -0.0;
+            }
+        });
+        let rows = all_rows(&problem);
+        let found = ResidualEvaluator::new(&problem, &rows, SimdWidth::detect()).unmoved_bodies();
+        assert_eq!(found, expected);
+        let is_negative_zero = |x: &f64| *x == 0.0 && x.is_sign_negative();
+        assert!(!found.iter().flat_map(|body| body.v.iter().chain(body.w.iter())).any(is_negative_zero));
+    }
+
+    #[test]
+    fn a_moment_counts_where_the_impulse_presses() {
+        let mut problem = ball_on_plate(Vec3::zeros());
+        let n = Vec3::new(2.0, -1.0, 2.0) / 3.0;
+        problem.rows[0].normal = n;
+        problem.bodies[1].w = Vec3::new(1.0, 0.0, -2.0);
+        let roll = RollingConstraint {
+            rolling: 100.0,
+            spinning: 100.0,
+            shift: Vec3::new(0.5, 0.25, -1.0),
+            ..problem.rolling_constraints[0]
+        };
+        let evaluator = ResidualEvaluator::new(&problem, &[ContactId(0)], SimdWidth::detect());
+        let motions = evaluator.body_motions(&[Vec3::zeros()]);
+        // w of (0, 2, 0.1) - (1, 0, -2), and the shift; the moment is within its bounds.
+        let turning = (0.375 * 0.5f64).powi(2) * Vec3::new(-0.5, 2.25, 1.1).norm_squared();
+        for (axis, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
+            let mut r = Vec3::zeros();
+            r[axis] = 0.5 * sign;
+            let expected = if n.dot(&r) > 0.0 { turning } else { 10.0f64.powi(2) };
+            let found = evaluator.moment_residual_squared(&roll, &Vec3::new(3.0, 0.0, 4.0), &r, &motions);
+            assert!((found / expected - 1.0).abs() < 1e-13, "{r:?}: {found} {expected}");
+        }
+    }
+
+    /// Impulses and rho û are (normal, tangential), in N s; the coefficient of friction is 1/2.
+    #[test]
+    fn sliding_contacts_part_by_the_associated_law() {
+        let oblique = Matrix3::new(2.0, -1.0, 2.0, 2.0, 2.0, -1.0, -1.0, 2.0, 2.0) / 3.0;
+        let (solved, inside) = (([2.0, -1.0], [1.0, 2.0]), ([4.0, 0.0], [0.0, 1.0]));
+        let (sliding, pressed) = (([0.0, 0.0], [0.0, 1.0]), ([0.0, 0.0], [-1.0, 0.0]));
+        for rotation in [Matrix3::identity(), oblique] {
+            let mut problem = ball_on_plate(Vec3::zeros());
+            let (n, t) = (rotation * Vec3::z(), rotation * Vec3::x());
+            (problem.rows[0].normal, problem.rows[0].friction) = (n, 0.5);
+            (problem.bodies[0].v, problem.bodies[0].w) = (-n, Vec3::zeros());
+            let evaluator = ResidualEvaluator::new(&problem, &[ContactId(0)], SimdWidth::detect());
+            for ((r, u), associated, squared, separation) in [
+                (solved, true, 0.0, 1.0),   // the nearest point to (1, -3) is r
+                (solved, false, 0.8, 0.0),  // that to (1 - 1, -3) is (1.2, -0.6)
+                (inside, true, 1.0, 0.5),   // F is rho û
+                (inside, false, 1.25, 0.0), // F is (0.5, 1)
+                (sliding, true, 0.2, 0.0),  // that to (0, -1) is (0.4, -0.2)
+                (sliding, false, 0.0, 0.0), // (-0.5, -1) is in the polar cone
+                (pressed, true, 1.0, 0.0),  // F is (-1, 0)
+                (pressed, false, 1.0, 0.0),
+            ] {
+                let [r, u] = [r, u].map(|[normal, tangential]: [f64; 2]| n * normal + t * tangential);
+                // rho is 3/8 kg, and |F(0)| 3/8 N s.
+                let motions = [body_motion(&(u / 0.375), &Vec3::zeros()), body_motion(&Vec3::zeros(), &Vec3::zeros())];
+                let found = evaluator.associated_residual(&[r], &motions, &[associated]);
+                let expected = (f64::sqrt(squared) / 0.375, separation / 0.375);
+                assert!((found.residual - expected.0).abs() < 1e-13, "{associated} {r:?}: {}", found.residual);
+                assert!(
+                    (found.separations[0] - expected.1).abs() < 1e-13,
+                    "{associated} {r:?}: {:?}",
+                    found.separations
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn few_groups_of_contacts_are_added_at_once_and_more_in_two_halves() {
+        assert_eq!([0, 1, 127, 128, 129, 1000].map(groups_in_half), [1, 1, 127, 64, 65, 500]);
+    }
+
+    /// Expects the bits of one rank from ranks that list the rows of a problem in parts of these lengths.
+    fn expect_bits_of_one_rank(problem: &ContactProblem, parts: &[usize]) {
+        let can_close = |problem: &ContactProblem| -> Vec<ContactId> {
+            all_rows(problem).into_iter().filter(|k| problem.rows[k.index()].can_close).collect()
+        };
+        let impulses: Vec<Vec3> = problem.rows.iter().map(|row| row.warm_start).collect();
+        let active = can_close(problem);
+        let whole = ResidualEvaluator::new(problem, &active, SimdWidth::detect());
+        let motions = whole.body_motions(&impulses);
+        let expected = whole.residual_at(&impulses, &motions);
+        assert!(expected.worst.is_some() && !whole.is_empty());
+        run_as_ranks(parts.len(), |communicator| {
+            let rank = communicator.rank();
+            let first: usize = parts[..rank].iter().sum();
+            let mut own = ContactProblem { rows: problem.rows[first..first + parts[rank]].to_vec(), ..problem.clone() };
+            let own_active = can_close(&own);
+            let scales = ResidualScales::of_ranks(&own, &own_active, active.len());
+            let own_impulses = &impulses[first..first + parts[rank]];
+            let (division, rows) = RowDivision::new(&own, &own_active, own_impulses, 16);
+            let swept_impulses: Vec<Vec3> = rows.iter().map(|row| row.warm_start).collect();
+            own.rows = rows;
+            let swept = all_rows(&own);
+            let evaluator = ResidualEvaluator::of_division(&own, &swept, SimdWidth::detect(), &division, scales);
+            assert!(!evaluator.is_empty());
+            let scales_of = |evaluator: &ResidualEvaluator| [evaluator.rho, evaluator.floor, evaluator.initial_norm];
+            assert_eq!(scales_of(&evaluator), scales_of(&whole), "rank {rank}");
+            let found = evaluator.body_motions(&swept_impulses);
+            assert!(found == motions, "rank {rank}");
+            assert_eq!(evaluator.residual_at(&swept_impulses, &found), expected, "rank {rank}");
+        });
+    }
+
+    #[test]
+    fn ranks_that_divide_the_contacts_have_the_bits_of_one_rank() {
+        for count in [20, 1300] {
+            let mut problem = balls_on_plate(count);
+            for (k, row) in problem.rows.iter_mut().enumerate() {
+                row.can_close = k % 7 != 3;
+            }
+            // Without impulses many of the balls are the fastest; with these the sums are rounded.
+            let mut irregular = problem.clone();
+            for (k, row) in irregular.rows.iter_mut().enumerate() {
+                row.warm_start = [1.0, 2.0, 3.0].map(|x| (x + k as f64).sin()).into();
+                (row.friction, row.w_n) = (0.3, 2.0 + (k as f64).cos());
+            }
+            for (k, body) in irregular.bodies[..count].iter_mut().enumerate() {
+                body.v += Vec3::repeat((k as f64).sin());
+            }
+            for problem in [problem, irregular] {
+                expect_bits_of_one_rank(&problem, &[2 * count]);
+                expect_bits_of_one_rank(&problem, &[count / 2, count, count / 2]);
+                expect_bits_of_one_rank(&problem, &[count + 1, 0, count - 4, 3]);
+            }
+        }
+    }
+
+    #[test]
+    fn ranks_that_each_have_all_contacts_have_the_bits_of_one_rank() {
+        let problem = balls_on_plate(2100);
+        let rows = all_rows(&problem);
+        let residual = || {
+            let evaluator = ResidualEvaluator::new(&problem, &rows, SimdWidth::detect());
+            evaluator.residual(&vec![Vec3::z(); rows.len()])
+        };
+        let expected = residual();
+        assert_eq!(run_as_ranks(3, |_| residual()), [expected; 3]);
+    }
+
+    #[test]
+    fn an_evaluator_without_rows_is_empty() {
+        let problem = balls_on_plate(2);
+        assert!(ResidualEvaluator::new(&problem, &[], SimdWidth::detect()).is_empty());
     }
 
     proptest! {
