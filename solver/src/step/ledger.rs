@@ -312,3 +312,39 @@ impl BalanceErrors {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::LawId;
+    use crate::state::{Contact, ContactStatus};
+
+    #[test]
+    fn arms_of_a_contact_across_a_periodic_boundary_are_from_the_touched_image() {
+        // Balls of 1 m at x = 1 m and 9 m, with a period of 10 m: the second touches the first at x = 0.
+        let x = vec![Vec3::new(9.0, 2.0, 3.0), Vec3::new(1.0, 2.0, 3.0)];
+        let zeros = vec![Vec3::zeros(); 2];
+        let start = StepStart { x, q: vec![Quat::identity(); 2], v: zeros.clone(), w: zeros };
+        let contact = Contact {
+            candidate: BodyId(1),
+            antagonist: BodyId(0),
+            part_numbers: [0, 0].into(),
+            features: [0, 0].into(),
+            point: Vec3::new(0.0, 2.0, 3.0),
+            image: Vec3::new(-10.0, 0.0, 0.0),
+            normal: Vec3::x(),
+            gap: 0.0,
+            area: 0.0,
+            law: LawId(0),
+        };
+        let solved = SolvedContact {
+            contact,
+            impulse: Vec3::zeros(),
+            moment: Vec3::zeros(),
+            velocity: Vec3::zeros(),
+            status: ContactStatus::Stick,
+            bond: None,
+        };
+        assert_eq!(start.arms(&solved), [(BodyId(1), -Vec3::x(), 1.0), (BodyId(0), Vec3::x(), -1.0)]);
+    }
+}

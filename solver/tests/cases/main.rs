@@ -30,6 +30,7 @@ mod invariants;
 mod joints;
 mod laws;
 mod laws_of_lmgc90;
+mod ledger;
 mod limits;
 mod listing;
 mod long_runs;
