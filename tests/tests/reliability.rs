@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Output, Stdio};
 
+use cd_formats::accuracy::AccuracyControl;
 use cd_formats::lock::FolderLock;
 use cd_tests::case::{Case, assert_same_results, copy, files, from_outbox, pre};
 use cd_tests::process::{Executables, STDOUT, run_requested_program};
@@ -271,15 +272,26 @@ fn a_snapshot_that_lacks_what_its_laws_need_is_not_resumed() {
     reject(&|s| s.memory = None, &lacks("contact_bonded to contact_moment", "a law has bonds or moments"));
     reject(&|s| s.interval = None, &lacks("interval_body, interval_virial", "meta has interval_start"));
     // Twice dt is a step of adaptive runs only.
-    for h in [0.0, -1.0, 1e300, 3.1e-3, 4e-3] {
+    for h in [0.0, -1.0, 1e300, 2.6e-3, 3.1e-3, 4e-3] {
         reject(&|s| s.meta.h = h, "meta, h: ");
     }
-    for time in [-1.0, 1e300, 0.021] {
+    for time in [-1.0, 1e300, 0.021, 0.02 + 1e-9] {
         reject(&|s| s.meta.time = time, "meta, time: ");
     }
     reject(&|s| s.bodies.body_x[0][0] = 1e308, "expected numbers below 1e100");
-    let no_choice = cd_formats::accuracy::AccuracyControl::default();
+    let no_choice = AccuracyControl::default();
     reject(&|s| s.meta.accuracy_control = Some(no_choice), "meta, accuracy_control, tol: ");
+    let control = AccuracyControl { tol: 0.5, penetration: 0.5, gravity_error: 0.5, ..no_choice };
+    let too_large = AccuracyControl { tol: 1.0, ..control };
+    reject(
+        &|s| s.meta.accuracy_control = Some(too_large),
+        "meta, accuracy_control, tol: 1; expected more than 0 and less",
+    );
+    let mut snapshot = case.last_snapshot();
+    snapshot.meta.accuracy_control = Some(control);
+    fs::write(&path, snapshot.to_bytes()).unwrap();
+    assert_eq!(case.solve(&["--resume"]), 0);
+    fs::write(&path, &sound).unwrap();
     assert_eq!(case.solve(&["--resume"]), 0);
 }
 
@@ -300,13 +312,21 @@ fn a_start_that_is_not_of_the_text_files_is_rejected() {
         assert!(code == 2 && said.contains(expected), "{expected}: {code} {said}");
         assert_eq!(said.lines().count(), 1, "{said}");
     };
+    let (c, s) = (1.0, 0.5e-3);
+    let tilted = |[w, x, y, z]: [f64; 4]| [w * c - x * s, x * c + w * s, y * c + z * s, z * c - y * s];
     reject(&|b| b.body_id[1] = 9, "body 9: is not in DATBOX; expected 1 to 4");
     reject(&|b| b.body_id[1] = 1, "body 1: occurs twice; expected once");
     reject(&|b| b.body_x[1][0] += 1e-3, "body 2: at [");
+    // A body in another position is reported once.
+    reject(
+        &|b| {
+            (b.body_x[1][0], b.body_v[1][0]) = (b.body_x[1][0] + 1e-3, 1.0);
+            b.body_q[1] = tilted(b.body_q[1]);
+        },
+        "body 2: at [",
+    );
     reject(&|b| b.body_v[1][0] += 1e-3, "body 2: velocity [");
     reject(&|b| b.body_w_world[1][0] += 1e-3, "body 2: angular velocity [");
-    let (c, s) = (1.0, 0.5e-3);
-    let tilted = |[w, x, y, z]: [f64; 4]| [w * c - x * s, x * c + w * s, y * c + z * s, z * c - y * s];
     reject(&|b| b.body_q[1] = tilted(b.body_q[1]), "body 2: turned by 1.0e-3 rad; expected axes a, b, g as in DOF.INI");
     fs::write(&path, sound.to_bytes()).unwrap();
     assert_eq!(case.solve(&["--steps", "1"]), 0);

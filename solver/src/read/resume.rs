@@ -623,3 +623,48 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
         (0..laws.contact_reference_gap.len()).map(law_memory).collect()
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exchanged_sides_have_the_opposite_loads() {
+        let contact = Contact {
+            candidate: BodyId(3),
+            antagonist: BodyId(5),
+            part_numbers: [1, 2].into(),
+            features: [0, 0].into(),
+            point: Vec3::zeros(),
+            image: Vec3::zeros(),
+            normal: Vec3::new(2.0, -1.0, 2.0) / 3.0,
+            gap: 0.0,
+            area: 0.0,
+            law: LawId(0),
+        };
+        let loads = [[1.0, 2.0, 3.0], [4.0, -5.0, 6.0], [-7.0, 8.0, 9.0]].map(Vec3::from);
+        let before = SolvedContact {
+            contact,
+            impulse: loads[0],
+            moment: loads[1],
+            velocity: loads[2],
+            status: ContactStatus::Stick,
+            bond: None,
+        };
+        let mut after = before;
+        swap_sides(&mut after);
+        let sides = (after.contact.candidate, after.contact.antagonist, after.contact.part_numbers);
+        assert_eq!(sides, (BodyId(5), BodyId(3), [2, 1].into()));
+        assert_eq!(after.contact.normal, -contact.normal);
+        let in_world = |solved: &SolvedContact| {
+            let frame = solved.contact.frame();
+            [solved.impulse, solved.moment, solved.velocity].map(|vector| to_world(&frame, &vector))
+        };
+        for (before, after) in in_world(&before).into_iter().zip(in_world(&after)) {
+            // Rounding of numbers up to 10.
+            assert!((before + after).norm() < 1e-14, "{before:?} {after:?}");
+        }
+        // The normal component, a pressure, is that of both sides.
+        assert!((after.impulse.x - 1.0).abs() < 1e-14);
+    }
+}

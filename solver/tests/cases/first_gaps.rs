@@ -88,6 +88,21 @@ fn a_resumed_run_and_one_from_text_keep_first_gaps() {
     }
 }
 
+#[test]
+fn the_next_run_keeps_first_gaps() {
+    for kind in KINDS {
+        let mut start = over_floor(kind, FIRST).run(4);
+        start.bodies.body_v[1] = [0.0; 3]; // as in DOF.INI, without rounding
+        let mut case = over_floor(kind, FIRST);
+        case.options.steps = Some(100);
+        case.write();
+        std::fs::write(case.path().join("DATBOX/START.npz"), start.to_bytes()).unwrap();
+        assert_eq!(case.solve(&[]), 0);
+        near(case.last().x(1), [0.0, 0.0, 0.5 + FIRST], 1e-15);
+        assert_eq!(case.last().laws.unwrap().contact_reference_gap, [FIRST]);
+    }
+}
+
 /// Contacts need their reference gap in Vloc_Rloc.INI, as without it they would count from touch.
 #[test]
 fn contacts_of_a_file_without_a_reference_gap_are_rejected() {

@@ -51,6 +51,7 @@ mod probes;
 #[cfg(feature = "mpi")]
 mod ranks;
 mod refusals;
+mod resume;
 mod rolling;
 mod rotation;
 mod same_bits;

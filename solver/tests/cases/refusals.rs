@@ -21,7 +21,7 @@ fn sound() -> Case {
 }
 
 /// Runs the program on DATBOX as it stands; exit code, and standard error with CASE for the case's folder.
-fn spawn(case: &Case, flags: &[&str]) -> (i32, String) {
+pub fn spawn(case: &Case, flags: &[&str]) -> (i32, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).args(flags).output().unwrap();
     let text = String::from_utf8(output.stderr).unwrap().replace(case.path().to_str().unwrap(), "CASE");
     (output.status.code().unwrap(), text)
