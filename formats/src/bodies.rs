@@ -11,7 +11,6 @@ use crate::geometry::faces::FLATNESS_OF_FILES;
 use crate::geometry::surface::{CleanedSurface, with_joined_vertices, without_unused_vertices};
 use crate::geometry::wall_mesh::{MeshSides, WallMesh};
 use crate::names::number_text;
-use crate::ron_text::known_names;
 use crate::scan::parts::{put_records, read_records};
 use crate::scan::{
     AcceptedDeviation, AsciiText, GRID_COLUMNS, LineScanner, RealText, TextLine, format_e14, format_long14, put_grid,
@@ -387,11 +386,8 @@ fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
         "MESHx" => read_surface_name(scan, line)?,
         _ => {
             let found = format!("a contactor of type '{}'", line.keyword().trim());
-            scan.add_fault(
-                line.number,
-                found,
-                known_names(line.keyword().trim(), &[&CONTACTOR_TYPES[..], &["POLYF"]].concat()),
-            );
+            let known = [&CONTACTOR_TYPES[..], &["POLYF"]].concat();
+            scan.add_unknown_name(line.number, found, line.keyword().trim(), &known);
             return None;
         }
     };

@@ -140,14 +140,24 @@ fn printable_line(text: &str) -> String {
     line
 }
 
-/// All faults of one reading; at least one.
+/// All faults of one reading; at least one. Of very many the first are kept.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Faults(pub Vec<Fault>);
 
+/// Number of faults after which no more are kept: more than anybody reads, and the memory for a file full of faults is bounded.
+const MAX_KEPT_FAULTS: usize = 10_000;
+
 impl Faults {
-    /// Adds a fault.
+    /// Adds a fault, unless [`Faults::are_too_many`].
     pub fn push(&mut self, fault: Fault) {
-        self.0.push(fault);
+        if !self.are_too_many() {
+            self.0.push(fault);
+        }
+    }
+
+    /// Whether there are more faults than are kept.
+    pub fn are_too_many(&self) -> bool {
+        self.0.len() > MAX_KEPT_FAULTS
     }
 
     /// Returns `Ok(value)` if there are no faults.
@@ -157,12 +167,12 @@ impl Faults {
 
     /// Moves the faults of `result` into this collection; returns its value if there is one.
     pub fn gather_result<T>(&mut self, result: Result<T, Faults>) -> Option<T> {
-        result.map_err(|faults| self.0.extend(faults.0)).ok()
+        result.map_err(|faults| faults.0.into_iter().for_each(|fault| self.push(fault))).ok()
     }
 
     /// Message that a program prints: each distinct fault on its own line after the program's name. A fault repeated at
     /// more than five positions of a file is printed once, with the next lines, or lines and columns, and their number. After
-    /// a hundred lines only the number of the others is printed.
+    /// a hundred lines only the number of the others is printed, if it is known.
     pub fn format_report(&self, program: &str) -> String {
         let mut reported = HashSet::new();
         let mut faults: Vec<&Fault> = self.0.iter().filter(|fault| reported.insert(fault.to_string())).collect();
@@ -204,7 +214,9 @@ impl Faults {
                 text += &format!("{program}: {fault}{others}\n");
             }
         }
-        if line_count > MAX_REPORTED_LINES {
+        if self.are_too_many() {
+            text += &format!("{program}: more than {MAX_KEPT_FAULTS} faults; correct those above first\n");
+        } else if line_count > MAX_REPORTED_LINES {
             let further = line_count - MAX_REPORTED_LINES;
             text += &format!("{program}: {further} more; correct those above first\n");
         }
@@ -339,6 +351,20 @@ mod tests {
         assert_eq!(report.lines().count(), MAX_REPORTED_LINES + 1);
         assert_eq!(report.lines().last(), Some("cd-pre: 7 more; correct those above first"));
         assert_eq!(Faults(faults(MAX_REPORTED_LINES)).format_report("cd-pre").lines().count(), MAX_REPORTED_LINES);
+    }
+
+    #[test]
+    fn the_number_of_kept_faults_is_bounded() {
+        let mut faults = Faults::default();
+        let fault = |line: usize| Fault::new(Path::new("f"), Some(line), "row", "x", "expected 3 numbers");
+        (1..=MAX_KEPT_FAULTS).for_each(|line| faults.push(fault(line)));
+        let first = "cd-post: f:1: row: x; expected 3 numbers; the same in 9999 more lines: 2, 3, 4, ...\n";
+        assert_eq!(faults.format_report("cd-post"), first);
+        let all: Result<(), Faults> = Err(Faults((1..=2 * MAX_KEPT_FAULTS).map(fault).collect()));
+        faults.gather_result(all);
+        assert_eq!(faults.0.len(), MAX_KEPT_FAULTS + 1);
+        let report = faults.format_report("cd-post");
+        assert_eq!(report.lines().last(), Some("cd-post: more than 10000 faults; correct those above first"));
     }
 
     #[test]

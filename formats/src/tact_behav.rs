@@ -113,7 +113,8 @@ impl TactBehav {
     pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let scan = &mut LineScanner::new(path, text);
         let mut laws: Vec<LawRecord> = Vec::new();
-        let mut rows = Vec::new();
+        // Rows with their numbers, from 1, and the number of rows with those that have faults.
+        let (mut rows, mut row_count) = (Vec::new(), 0);
         // Lines like those of laws without `$behav`, which LMGC90 skips.
         let mut skipped_laws = Vec::new();
         while let Some(begin) = scan.next_line() {
@@ -131,17 +132,18 @@ impl TactBehav {
                     laws.push(law);
                 }
                 "seety" => {
-                    scan.set_object(format!("visibility row {}", rows.len() + 1));
-                    rows.push(read_row(scan));
+                    row_count += 1;
+                    scan.set_object(format!("visibility row {row_count}"));
+                    rows.extend(read_row(scan).map(|row| (row_count, row)));
                 }
                 "RBDY3" => {
-                    scan.set_object(format!("visibility row {}", rows.len() + 1));
+                    row_count += 1;
+                    scan.set_object(format!("visibility row {row_count}"));
                     scan.add_fault(
                         begin.number,
                         "a row that LMGC90 would skip",
                         "expected $seety and a line of titles before",
                     );
-                    rows.push(None);
                 }
                 _ if begin.is_data() && names_law(begin) => skipped_laws.push(begin),
                 // Rows may have a line with a halo.
@@ -150,13 +152,13 @@ impl TactBehav {
                 _ => scan.reject_unknown_keyword(begin, "expected $behav or $seety"),
             }
         }
-        if laws.is_empty() && rows.is_empty() && !text.lines().any(|line| line.text().starts_with(NO_LAWS)) {
+        if laws.is_empty() && row_count == 0 && !text.lines().any(|line| line.text().starts_with(NO_LAWS)) {
             let expected = format!("expected a $behav for each law; a file without laws says so by a line '{NO_LAWS}'");
             scan.add_file_fault("no contact laws", expected);
         }
         // LMGC90 stops at rows that name such a law.
         for line in skipped_laws {
-            if rows.iter().flatten().any(|row| row.law == line.columns(2, 6).trim()) {
+            if rows.iter().any(|(_, row)| row.law == line.columns(2, 6).trim()) {
                 scan.set_object("file");
                 scan.add_fault(line.number, "a law that LMGC90 would skip", "expected $behav before it, from column 1");
             } else {
@@ -348,18 +350,16 @@ fn read_row(scan: &mut LineScanner) -> Option<VisibilityRow> {
 }
 
 /// Rows that do not contradict an earlier row, without repetitions.
-fn check_rows(scan: &mut LineScanner, rows: Vec<Option<VisibilityRow>>) -> Vec<VisibilityRow> {
+fn check_rows(scan: &mut LineScanner, rows: Vec<(usize, VisibilityRow)>) -> Vec<VisibilityRow> {
     // Rows with their numbers, from 1.
     let mut distinct_rows: Vec<(usize, VisibilityRow)> = Vec::new();
-    for (number, row) in (1..).zip(rows) {
-        let Some(row) = row else { continue };
+    for (number, row) in rows {
         scan.set_object(format!("visibility row {number}"));
         for contactor in [&row.candidate.contactor, &row.antagonist.contactor] {
             if !contactor.is_empty() && !CONTACTOR_TYPES.contains(&contactor.as_str()) {
                 // Rows that name SPHEb have no effect.
                 let names: Vec<&str> = CONTACTOR_TYPES.into_iter().filter(|name| *name != "SPHEb").collect();
-                let expected = known_names(contactor, &names);
-                scan.add_fault(row.line, format!("a contactor of type '{contactor}'"), expected);
+                scan.add_unknown_name(row.line, format!("a contactor of type '{contactor}'"), contactor, &names);
             }
         }
         let sides = |row: &VisibilityRow| [row.candidate.clone(), row.antagonist.clone()];

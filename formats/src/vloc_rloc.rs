@@ -11,7 +11,6 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::error::Faults;
 use crate::law_table::INTERFACE_SLIDING;
-use crate::ron_text::known_names;
 use crate::scan::{
     AcceptedDeviation, AsciiText, FRAME_TOLERANCE, GRID_COLUMNS, LineScanner, TextLine, format_d14, format_integer,
     frame_defect, put_grid, put_steps, put_text,
@@ -383,7 +382,7 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
     scan.set_object(format!("contact {name} {}", begin.columns(16, 22).trim()));
     let Some(kind) = ContactKind::from_name(name) else {
         let known = CONTACT_KINDS.map(|kind| kind.name);
-        scan.add_fault(begin.number, format!("a contact of type '{name}'"), known_names(name, &known));
+        scan.add_unknown_name(begin.number, format!("a contact of type '{name}'"), name, &known);
         return None;
     };
     let next_is_pair =

@@ -19,12 +19,19 @@ pub struct PolygonMesh {
 pub struct ReadError {
     pub line: Option<usize>,
     pub found: String,
-    pub expected: String,
+    pub expected: Cow<'static, str>,
 }
+
+/// Number of errors after which a file is not read on: more than anybody reads.
+pub const MAX_READ_ERRORS: usize = 10_000;
 
 impl ReadError {
     /// Error in a line, 1-based, or in the file as a whole.
-    pub fn new(line: impl Into<Option<usize>>, found: impl Into<String>, expected: impl Into<String>) -> Self {
+    pub fn new(
+        line: impl Into<Option<usize>>,
+        found: impl Into<String>,
+        expected: impl Into<Cow<'static, str>>,
+    ) -> Self {
         ReadError { line: line.into(), found: found.into(), expected: expected.into() }
     }
 }

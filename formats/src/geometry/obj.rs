@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::mesh::{PolygonMesh, ReadError, coordinate, lines, parse_real};
+use super::mesh::{MAX_READ_ERRORS, PolygonMesh, ReadError, coordinate, lines, parse_real};
 use super::surface::Surface;
 use crate::atomic;
 use crate::error::{Fault, Faults};
@@ -47,6 +47,9 @@ pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
     let (mut weights, mut elements) = (0, 0);
     let mut lines_of_polygons = Vec::new();
     for (line, statement) in logical_lines(text) {
+        if errors.len() > MAX_READ_ERRORS {
+            break;
+        }
         let mut words = statement.split_whitespace();
         let Some(keyword) = words.next().map(str::to_ascii_lowercase) else { continue };
         match keyword.as_str() {
@@ -81,7 +84,9 @@ pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
             other => errors.push(ReadError::new(line, format!("the word '{other}'"), EXPECTED_STATEMENTS)),
         }
     }
-    for (polygon, line) in mesh.polygons.iter().zip(lines_of_polygons) {
+    // Vertices behind the last line that was read are not known.
+    let is_whole = errors.len() <= MAX_READ_ERRORS;
+    for (polygon, line) in mesh.polygons.iter().zip(lines_of_polygons).filter(|_| is_whole) {
         if let Some(beyond) = polygon.iter().find(|&&corner| corner >= mesh.points.len()) {
             let found = format!("vertex {}", beyond + 1);
             errors.push(ReadError::new(line, found, format!("1 to {}", mesh.points.len())));

@@ -29,7 +29,7 @@ use std::path::Path;
 
 use crate::atomic;
 use crate::error::{Fault, Faults};
-use crate::names::number_text;
+use crate::names::{known_names, number_text};
 pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
 pub use forms::{AcceptedDeviation, AcceptedDeviations};
 pub use numbers::{
@@ -206,9 +206,6 @@ impl<'a> TextLine<'a> {
     }
 }
 
-/// Largest number of faults of a text that are kept; others are counted.
-const MAX_KEPT_FAULTS: usize = 10_000;
-
 /// Reads a file line by line, without comments and blank lines, and collects its faults.
 pub struct LineScanner<'a> {
     path: &'a Path,
@@ -220,8 +217,6 @@ pub struct LineScanner<'a> {
     /// Object of the next faults.
     object: String,
     faults: Faults,
-    /// Line of the first fault that is not kept, and number of such faults.
-    omitted_faults: Option<(usize, usize)>,
     /// Forms that are read although they deviate.
     forms: AcceptedDeviations,
     /// Numbers of the lines with a comment that does not begin in column 1.
@@ -246,15 +241,11 @@ impl<'a> LineScanner<'a> {
         commented.for_each(|line| forms.add(AcceptedDeviation::TrailingComment, line.number));
         let last = lines.last().map_or(1, |line| line.number);
         let (object, faults) = ("file".into(), Faults::default());
-        LineScanner { path, lines, next: 0, last, object, faults, omitted_faults: None, forms, indented_comments }
+        LineScanner { path, lines, next: 0, last, object, faults, forms, indented_comments }
     }
 
     /// Returns the value that was read, or all faults.
     pub fn finish<T>(&mut self, value: T) -> Result<T, Faults> {
-        if let Some((line, count)) = self.omitted_faults.take() {
-            let found = format!("{count} more faults from here on");
-            self.faults.push(Fault::new(self.path, Some(line), "file", found, "correct those above first"));
-        }
         std::mem::take(&mut self.faults).into_result(value)
     }
 
@@ -288,12 +279,14 @@ impl<'a> LineScanner<'a> {
 
     /// Adds a fault of the present object.
     pub fn add_fault(&mut self, line: usize, found: impl Into<String>, expected: impl Into<String>) {
-        if self.faults.0.len() >= MAX_KEPT_FAULTS {
-            let (_, count) = self.omitted_faults.get_or_insert((line, 0));
-            *count += 1;
-            return;
-        }
         self.faults.push(Fault::new(self.path, Some(line), self.object.as_str(), found, expected));
+    }
+
+    /// Adds a fault of an unknown name, with the nearest of the `known` names.
+    pub fn add_unknown_name(&mut self, line: usize, found: impl Into<String>, name: &str, known: &[&str]) {
+        if !self.faults.are_too_many() {
+            self.add_fault(line, found, known_names(name, known));
+        }
     }
 
     /// Adds a fault of the file as a whole.

@@ -51,8 +51,9 @@ pub fn read_particles(path: &Path, format: Option<ParticleFormat>) -> Result<Par
     }
     if faults.0.len() > MAX_PRINTED_FAULTS {
         let others = faults.0.len() - MAX_PRINTED_FAULTS;
+        let found = format!("{}{others} more faults", if faults.are_too_many() { "at least " } else { "" });
         faults.0.truncate(MAX_PRINTED_FAULTS);
-        faults.push(Fault::new(path, None, "file", format!("{others} more faults"), "correct those above first"));
+        faults.push(Fault::new(path, None, "file", found, "correct those above first"));
     }
     faults.into_result(state)
 }

@@ -144,7 +144,7 @@ impl<'a> LegacyReader<'a> {
     }
 
     /// Reads a count, which errors call `name`.
-    fn read_count(&mut self, name: &str) -> Result<usize, ReadError> {
+    fn read_count(&mut self, name: &'static str) -> Result<usize, ReadError> {
         let word = self.next_word();
         word.parse().map_err(|_| self.error_here(format!("'{word}'"), name))
     }
@@ -155,7 +155,7 @@ impl<'a> LegacyReader<'a> {
         count: usize,
         number: NumberType,
         form: NumberFormat,
-        name: &str,
+        name: &'static str,
     ) -> Result<Vec<f64>, ReadError> {
         if form.binary {
             self.next_text_line();
@@ -207,7 +207,7 @@ impl<'a> LegacyReader<'a> {
         String::from_utf8_lossy(&rest[..length]).into_owned()
     }
 
-    fn error_here(&self, found: String, expected: &str) -> ReadError {
+    fn error_here(&self, found: String, expected: &'static str) -> ReadError {
         let found = if found == "the word ''" { "the end of the file".into() } else { found };
         ReadError::new(self.line, found, expected)
     }

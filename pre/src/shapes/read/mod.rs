@@ -20,7 +20,7 @@ use std::path::Path;
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults, RecordFault};
-use cd_formats::mesh::{PolygonMesh, ReadError, lines};
+use cd_formats::mesh::{MAX_READ_ERRORS, PolygonMesh, ReadError, lines};
 use cd_formats::obj;
 use cd_formats::report::FaultReport;
 use cd_formats::surface::{Surface, SurfaceFaults};
@@ -87,7 +87,8 @@ fn read_faults(path: &Path, errors: &[ReadError]) -> Faults {
         faults.push(Fault::new(path, *line, "file", found, format!("expected {expected}")));
     }
     if errors.len() > MAX_PRINTED_FAULTS {
-        let others = format!("{} more faults", errors.len() - MAX_PRINTED_FAULTS);
+        let bound = if errors.len() > MAX_READ_ERRORS { "at least " } else { "" };
+        let others = format!("{bound}{} more faults", errors.len() - MAX_PRINTED_FAULTS);
         faults.push(Fault::new(path, None, "file", others, format!("expected {}", errors[0].expected)));
     }
     faults

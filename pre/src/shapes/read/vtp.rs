@@ -98,7 +98,7 @@ impl<'a> VtpFile<'a> {
             let expected = "PolyData; in ParaView: Extract Surface";
             return Err(ReadError::new(first.line, format!("VTKFile of the type '{kind}'"), expected));
         }
-        let attribute_error = |name: &str, value: &str, expected: &str| {
+        let attribute_error = |name: &str, value: &str, expected: &'static str| {
             Err(ReadError::new(first.line, format!("{name}=\"{value}\""), expected))
         };
         file.big_endian = match first.attribute("byte_order") {
@@ -187,7 +187,7 @@ impl<'a> VtpFile<'a> {
     }
 
     fn read_array(&self, tag: &XmlTag) -> Result<Vec<f64>, ReadError> {
-        let tag_error = |found: String, expected: &str| ReadError::new(tag.line, found, expected);
+        let tag_error = |found: String, expected: &'static str| ReadError::new(tag.line, found, expected);
         let kind = tag.attribute("type").unwrap_or_default();
         let number = NumberType::from_name(kind)
             .ok_or_else(|| tag_error(format!("numbers of the type '{kind}'"), "Float64, Int64 or alike"))?;
