@@ -4,6 +4,11 @@
 pub fn nearest_name<'a>(name: &str, candidates: &[&'a str]) -> Option<&'a str> {
     let plain_form = |name: &str| name.to_lowercase().replace(['-', '_'], "");
     let plain_name = plain_form(name);
+    // Names that are this much longer than all known ones are not compared letter by letter.
+    let longest = candidates.iter().map(|other| other.len()).max()?;
+    if plain_name.len() > 4 * longest {
+        return None;
+    }
     let distance = |other: &str| strsim::damerau_levenshtein(&plain_name, &plain_form(other));
     let best = candidates.iter().copied().min_by_key(|other| distance(other))?;
     // A third of the letters may differ; with more, unrelated short names would match.

@@ -55,8 +55,13 @@ impl CurrentText {
             return Err(conflicts.iter().map(fault).collect());
         }
         let uses = locations.former_names().to_vec();
-        let mut current = text.to_string();
-        uses.iter().rev().for_each(|former| current.replace_range(former.span.clone(), former.name.current));
+        let (mut current, mut copied) = (String::with_capacity(text.len()), 0);
+        for former in &uses {
+            current += &text[copied..former.span.start];
+            current += former.name.current;
+            copied = former.span.end;
+        }
+        current += &text[copied..];
         Ok(CurrentText { text: current, uses })
     }
 

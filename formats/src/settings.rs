@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::error::{Fault, Faults, RecordFault};
 use crate::former_names::{FormerNameUse, former_field};
 use crate::ron_text;
-use crate::value_locations::{ValueLocation, ValueLocations};
+use crate::value_locations::{MAX_DEPTH, ValueLocation, ValueLocations};
 
 /// Returns a RON text with other values: each of `settings` is `PATH=VALUE`, as in `grains.1.number=2000`. A field that was
 /// left out is inserted. Lines keep their numbers.
@@ -61,7 +61,7 @@ pub fn setting_at<'a>(settings: &'a [String], text: &str, line: usize, column: u
     let bytes_in_line: usize = text[line_start..].chars().take(column - 1).map(char::len_utf8).sum();
     // RON reports some missing values where the blank before them begins.
     let byte = text.len() - text[line_start + bytes_in_line..].trim_start().len();
-    setting_of_path(settings, ValueLocations::from_text(text).path_at(byte)?)
+    setting_of_path(settings, ValueLocations::from_text(text).path_at(byte)?.as_str())
 }
 
 /// Current names and 0-based positions of a path in which positions in lists count from 1; none if a position is 0.
@@ -72,9 +72,9 @@ fn path_keys(path: &str) -> Option<Vec<String>> {
 /// [`path_keys`], and the former names in the path, with their bytes there.
 fn path_with_current_names(path: &str) -> Option<(Vec<String>, Vec<FormerNameUse>)> {
     let (mut keys, mut former): (Vec<String>, _) = (Vec::new(), Vec::new());
-    let mut start = 0;
+    let (mut start, mut holder) = (0, String::new());
     for key in path.split('.') {
-        let current = match (key.parse::<usize>(), former_field(&keys.join("."), key)) {
+        let current = match (key.parse::<usize>(), former_field(&holder, key)) {
             (Ok(index), _) => index.checked_sub(1)?.to_string(),
             (Err(_), Some(name)) => {
                 former.push(FormerNameUse { name, span: start..start + key.len() });
@@ -82,6 +82,8 @@ fn path_with_current_names(path: &str) -> Option<(Vec<String>, Vec<FormerNameUse
             }
             (Err(_), None) => key.to_string(),
         };
+        holder += if keys.is_empty() { "" } else { "." };
+        holder += &current;
         keys.push(current);
         start += key.len() + 1;
     }
@@ -143,7 +145,7 @@ fn insert_field(
     value: &str,
 ) -> Result<String, RecordFault> {
     let has_value = |length: &usize| locations.value(&keys[..*length].join(".")).is_some();
-    let known_length = (0..keys.len()).rev().find(has_value).unwrap_or(0);
+    let known_length = (0..keys.len().min(MAX_DEPTH)).rev().find(has_value).unwrap_or(0);
     let (holder_keys, new_keys) = keys.split_at(known_length);
     let holder_path = holder_keys.join(".");
     let is_name = |key: &String| key.starts_with(|c: char| c.is_alphabetic() || c == '_');
@@ -184,6 +186,14 @@ mod tests {
 
     fn set_to(text: &str, setting: &str) -> Result<String, String> {
         apply_settings(text, &[setting.to_string()]).map_err(|faults| faults.to_string())
+    }
+
+    #[test]
+    fn a_long_path_is_rejected_at_once() {
+        // It took minutes when the time grew with the square of its length.
+        let path = vec!["a"; 200_000].join(".");
+        assert!(apply_settings("(a: (b: 1))", &[format!("{path}=1")]).is_ok_and(|text| text.len() > path.len()));
+        assert!(apply_settings("(a: [1])", &[format!("{path}=1")]).is_err());
     }
 
     #[test]

@@ -4,18 +4,26 @@
 //! names, strings and comments suffice to locate the values. Paths have current names, also where the text has
 //! [former](former_names) ones.
 
-use std::collections::HashMap;
+use std::cell::OnceCell;
+use std::fmt::Write;
 use std::ops::Range;
 
 use crate::former_names::{self, FormerName, FormerNameUse};
 use crate::names::path_in_words;
-use crate::ron_text::syntax::line_and_column;
 
 /// Values of a RON text by their paths: field names and 0-based positions in lists and tuples, joined by points; the path
 /// of the whole is empty.
 pub struct ValueLocations<'a> {
     text: &'a str,
-    values: HashMap<String, ValueLocation>,
+    /// First byte of each line, found when the first position is asked for.
+    line_starts: OnceCell<Vec<usize>>,
+    /// Path of the first value, in which all others are.
+    root: String,
+    /// Values in the order of the text: each before those in it.
+    values: Vec<ValueLocation<'a>>,
+    /// Values by the values in which they are: those in value `k` begin at `first_items[k]`, up to `first_items[k + 1]`.
+    items: Vec<u32>,
+    first_items: Vec<u32>,
     former_names: Vec<FormerNameUse>,
     conflicts: Vec<NameConflict>,
 }
@@ -31,7 +39,11 @@ pub struct NameConflict {
 }
 
 /// Position of a value.
-pub struct ValueLocation {
+pub struct ValueLocation<'a> {
+    /// Number of the value that it is in; of the first its own.
+    holder: u32,
+    /// Current name of its field; none for an item.
+    name: Option<&'a str>,
     /// Byte at which its name or, without one, the value begins.
     start: usize,
     /// Bytes of the value.
@@ -43,32 +55,65 @@ pub struct ValueLocation {
 impl<'a> ValueLocations<'a> {
     /// Locations of all values of a text, as far as its syntax is right.
     pub fn from_text(text: &'a str) -> Self {
-        let mut walker = LocationWalker::new(text);
+        let mut walker = LocationWalker::new(text, "");
         walker.skip_extensions();
-        walker.skip_value("", 0);
-        walker.into_locations(text)
+        walker.skip_item(0, None, 0);
+        walker.into_locations(text, "")
     }
 
     /// Locations in the text of a value whose path is `path`, and the byte after the value.
     pub fn from_value(text: &'a str, path: &str) -> (Self, usize) {
-        let mut walker = LocationWalker::new(text);
-        walker.skip_value(path, 0);
+        let mut walker = LocationWalker::new(text, path);
+        walker.skip_item(0, None, 0);
         let end = walker.offset;
-        (walker.into_locations(text), end)
+        (walker.into_locations(text, path), end)
     }
 
     /// Location of the value at `path`.
-    pub fn value(&self, path: &str) -> Option<&ValueLocation> {
-        self.values.get(path)
+    pub fn value(&self, path: &str) -> Option<&ValueLocation<'a>> {
+        Some(&self.values[self.number(path)?])
+    }
+
+    /// Number of the value at `path`.
+    fn number(&self, path: &str) -> Option<usize> {
+        if path == self.root {
+            return Some(0);
+        }
+        let keys = if self.root.is_empty() { path } else { path.strip_prefix(&self.root)?.strip_prefix('.')? };
+        keys.split('.').try_fold(0, |holder, key| {
+            let items = self.items_in(holder);
+            let is_named = |item: &&u32| self.values[**item as usize].name == Some(key);
+            let item = match key.parse::<usize>() {
+                Ok(index) => items.get(index).filter(|item| self.values[**item as usize].name.is_none()),
+                Err(_) => items.iter().rfind(is_named),
+            };
+            item.map(|item| *item as usize)
+        })
+    }
+
+    /// Numbers of the values in a value.
+    fn items_in(&self, holder: usize) -> &[u32] {
+        &self.items[self.first_items[holder] as usize..self.first_items[holder + 1] as usize]
+    }
+
+    /// Path of a value.
+    fn path(&self, number: usize) -> String {
+        if number == 0 {
+            return self.root.clone();
+        }
+        let holder = self.values[number].holder as usize;
+        let index = || self.items_in(holder).partition_point(|item| (*item as usize) < number).to_string();
+        let key = self.values[number].name.map_or_else(index, str::to_string);
+        let path = self.path(holder);
+        if path.is_empty() { key } else { format!("{path}.{key}") }
     }
 
     /// Names of the fields of the value at `holder`, sorted.
-    pub fn fields(&self, holder: &str) -> Vec<&str> {
-        let parts = self.values.keys().map(|path| path.rsplit_once('.').unwrap_or(("", path)));
-        let is_field = |name: &str| !name.is_empty() && name.parse::<usize>().is_err();
-        let mut fields: Vec<&str> =
-            parts.filter(|(parent, name)| *parent == holder && is_field(name)).map(|(_, name)| name).collect();
+    pub fn fields(&self, holder: &str) -> Vec<&'a str> {
+        let items = self.number(holder).map_or(&[][..], |holder| self.items_in(holder));
+        let mut fields: Vec<&str> = items.iter().filter_map(|item| self.values[*item as usize].name).collect();
         fields.sort_unstable();
+        fields.dedup();
         fields
     }
 
@@ -87,17 +132,27 @@ impl<'a> ValueLocations<'a> {
     pub fn position(&self, path: &str) -> Option<(usize, usize)> {
         let mut path = path;
         loop {
-            match (self.values.get(path), path.rfind('.')) {
-                (Some(value), _) => return Some(line_and_column(self.text, value.span.start)),
+            match (self.value(path), path.rfind('.')) {
+                (Some(value), _) => return Some(self.line_and_column(value.span.start)),
                 (None, Some(end)) => path = &path[..end],
                 (None, None) => return None,
             }
         }
     }
 
+    /// Line and column of a byte, 1-based, columns in characters.
+    fn line_and_column(&self, offset: usize) -> (usize, usize) {
+        let starts = self.line_starts.get_or_init(|| {
+            let newlines = self.text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
+            std::iter::once(0).chain(newlines.map(|(end, _)| end + 1)).collect()
+        });
+        let line = starts.partition_point(|start| *start <= offset);
+        (line, 1 + self.text[starts[line - 1]..offset].chars().count())
+    }
+
     /// Text of the value at `path`, without its name.
     pub fn text(&self, path: &str) -> Option<&'a str> {
-        self.values.get(path).map(|value| &self.text[value.span.clone()])
+        self.value(path).map(|value| &self.text[value.span.clone()])
     }
 
     /// `path` in words: `grains.0.sizes.min` is `grains 1, sizes, min`. The only value of a kind, as in `Single(0.1)`, is
@@ -117,9 +172,12 @@ impl<'a> ValueLocations<'a> {
     }
 
     /// Path of the innermost value at a byte of the text; the name counts as part of the value.
-    pub fn path_at(&self, byte: usize) -> Option<&str> {
-        let holders = self.values.iter().filter(|(_, value)| value.start <= byte && byte <= value.span.end);
-        holders.max_by_key(|(path, value)| (value.start, path.len())).map(|(path, _)| path.as_str())
+    pub fn path_at(&self, byte: usize) -> Option<String> {
+        // Inner values are behind outer ones.
+        self.values
+            .iter()
+            .rposition(|value| value.start <= byte && byte <= value.span.end)
+            .map(|number| self.path(number))
     }
 }
 
@@ -130,22 +188,40 @@ struct LocationWalker<'a> {
     offset: usize,
     /// Number of open brackets.
     depth: usize,
-    values: HashMap<String, ValueLocation>,
+    /// Path of the present value.
+    path: String,
+    values: Vec<ValueLocation<'a>>,
     former_names: Vec<FormerNameUse>,
     conflicts: Vec<NameConflict>,
 }
 
 /// Deepest nesting that is scanned; RON rejects more.
-const MAX_DEPTH: usize = 256;
+pub(crate) const MAX_DEPTH: usize = 256;
 
 impl<'a> LocationWalker<'a> {
-    fn new(text: &'a str) -> Self {
-        let (values, former_names, conflicts) = (HashMap::new(), Vec::new(), Vec::new());
-        LocationWalker { text: text.as_bytes(), offset: 0, depth: 0, values, former_names, conflicts }
+    /// Scan of a text whose first value has the path `root`.
+    fn new(text: &'a str, root: &str) -> Self {
+        let (values, former_names, conflicts) = (Vec::new(), Vec::new(), Vec::new());
+        let path = root.to_string();
+        LocationWalker { text: text.as_bytes(), offset: 0, depth: 0, path, values, former_names, conflicts }
     }
 
-    fn into_locations(self, text: &'a str) -> ValueLocations<'a> {
-        ValueLocations { text, values: self.values, former_names: self.former_names, conflicts: self.conflicts }
+    fn into_locations(self, text: &'a str, root: &str) -> ValueLocations<'a> {
+        let LocationWalker { values, former_names, mut conflicts, .. } = self;
+        conflicts.sort_by_key(|conflict| conflict.offset);
+        // The first value is in none.
+        let inner = || (1..).zip(&values[1..]);
+        let mut first_items = vec![0; values.len() + 1];
+        inner().for_each(|(_, value)| first_items[value.holder as usize + 1] += 1);
+        (0..values.len()).for_each(|holder| first_items[holder + 1] += first_items[holder]);
+        let (mut next, mut items) = (first_items.clone(), vec![0; values.len() - 1]);
+        for (number, value) in inner() {
+            let place = &mut next[value.holder as usize];
+            items[*place as usize] = number;
+            *place += 1;
+        }
+        let (line_starts, root) = (OnceCell::new(), root.to_string());
+        ValueLocations { text, line_starts, root, values, items, first_items, former_names, conflicts }
     }
 
     fn current_byte(&self) -> u8 {
@@ -209,8 +285,8 @@ impl<'a> LocationWalker<'a> {
     }
 
     /// Reads a field's name followed by a colon, if there is one; moves after the colon.
-    fn read_field_name(&mut self) -> Option<String> {
-        let name = self.current_word().to_string();
+    fn read_field_name(&mut self) -> Option<&'a str> {
+        let name = self.current_word();
         let (start, length) = (self.offset, name.len());
         self.advance(length);
         self.skip_blank();
@@ -222,24 +298,29 @@ impl<'a> LocationWalker<'a> {
         None
     }
 
-    /// Moves after the value at `path`; the value, or its name, begins at the byte `start`.
-    fn skip_value(&mut self, path: &str, start: usize) {
+    /// Moves after a value of the value `holder`; it, or its `name`, begins at the byte `start`.
+    fn skip_item(&mut self, holder: u32, name: Option<&'a str>, start: usize) {
+        let number = self.values.len();
+        self.values.push(ValueLocation { holder, name, start, span: start..start, content_start: None });
+        self.skip_value(number);
+    }
+
+    /// Moves after the value with this number, or after a value in `Some( )` that stands for it.
+    fn skip_value(&mut self, number: usize) {
         self.skip_blank();
+        let start = self.offset;
         let word = self.current_word();
-        if let Some(name) = former_names::former_value(path, word) {
-            self.former_names.push(FormerNameUse { name, span: self.offset..self.offset + word.len() });
+        if let Some(name) = former_names::former_value(&self.path, word) {
+            self.former_names.push(FormerNameUse { name, span: start..start + word.len() });
         }
-        let mut value = ValueLocation { start, span: self.offset..self.offset, content_start: None };
+        let mut end = start;
         loop {
             self.skip_blank();
             match self.current_byte() {
-                b'(' if word == "Some" => {
-                    self.skip_optional(path, start);
-                    value.content_start = self.values.get(path).and_then(|inner| inner.content_start);
-                }
+                b'(' if word == "Some" => self.skip_optional(number),
                 b'(' | b'[' | b'{' => {
-                    value.content_start = Some(self.offset + 1);
-                    self.skip_items(path);
+                    self.values[number].content_start = Some(self.offset + 1);
+                    self.skip_items(number);
                 }
                 b'"' => self.skip_string(),
                 b'r' => self.skip_raw_string(),
@@ -247,20 +328,20 @@ impl<'a> LocationWalker<'a> {
                 _ if self.offset >= self.text.len() => break,
                 _ => self.advance(1),
             }
-            value.span.end = self.offset;
+            end = self.offset;
         }
-        self.values.insert(path.to_string(), value);
+        self.values[number].span = start..end;
     }
 
     /// Moves from the bracket of `Some(...)` to after its closing one. The value in it has the path of the whole.
-    fn skip_optional(&mut self, path: &str, start: usize) {
+    fn skip_optional(&mut self, number: usize) {
         if self.depth == MAX_DEPTH {
             self.advance(self.text.len());
             return;
         }
         self.depth += 1;
         self.advance(1);
-        self.skip_value(path, start);
+        self.skip_value(number);
         if self.current_byte() == b',' {
             self.advance(1);
             self.skip_blank();
@@ -269,21 +350,20 @@ impl<'a> LocationWalker<'a> {
         self.depth -= 1;
     }
 
-    /// Returns the current name of the field `name` of the value at `holder`; `start` is the byte of the name.
-    fn current_field(&mut self, holder: &str, name: String, start: usize) -> String {
-        let former = former_names::former_field(holder, &name);
-        let current = former.map_or(name.as_str(), |name| name.current).to_string();
-        if let Some(known) = self.values.get(&format!("{holder}.{current}")) {
-            let known_former = self.former_names.iter().find(|one| one.span.start == known.start).map(|one| one.name);
+    /// Adds the fields of the present value that are there under their former and their current names. `fields`: all its
+    /// fields with their first bytes and, where they have one, their former names.
+    fn add_conflicts(&mut self, fields: &mut [FieldName<'a>]) {
+        if fields.iter().all(|field| field.former.is_none()) {
+            return;
+        }
+        fields.sort_by_key(|field| (field.current, field.start));
+        for pair in fields.windows(2).filter(|pair| pair[0].current == pair[1].current) {
             // The same name twice is reported when the text is parsed.
-            if let (Some(name), true) = (former.or(known_former), former.is_some() != known_former.is_some()) {
-                self.conflicts.push(NameConflict { offset: start, holder: holder.to_string(), name });
+            let formers = [pair[1].former, pair[0].former];
+            if let [Some(name), None] | [None, Some(name)] = formers {
+                self.conflicts.push(NameConflict { offset: pair[1].start, holder: self.path.clone(), name });
             }
         }
-        if let Some(former) = former {
-            self.former_names.push(FormerNameUse { name: former, span: start..start + name.len() });
-        }
-        current
     }
 
     fn skip_string(&mut self) {
@@ -305,32 +385,59 @@ impl<'a> LocationWalker<'a> {
     }
 
     /// Moves from an opening bracket to after its closing one.
-    fn skip_items(&mut self, path: &str) {
+    fn skip_items(&mut self, number: usize) {
         if self.depth == MAX_DEPTH {
             self.advance(self.text.len());
             return;
         }
         self.depth += 1;
         self.advance(1);
-        for index in 0.. {
+        let (path_length, mut fields, mut index) = (self.path.len(), Vec::new(), 0);
+        loop {
             self.skip_blank();
             if self.offset >= self.text.len() || matches!(self.current_byte(), b')' | b']' | b'}') {
                 break;
             }
+            if self.current_byte() == b',' {
+                self.advance(1); // a comma without a value
+                continue;
+            }
             let start = self.offset;
-            let key = match self.read_field_name() {
-                Some(name) => self.current_field(path, name, start),
-                None => index.to_string(),
+            let name = self.read_field_name().map(|name| {
+                let former = former_names::former_field(&self.path, name);
+                if let Some(name) = former {
+                    self.former_names.push(FormerNameUse { name, span: start..start + name.former.len() });
+                }
+                let current = former.map_or(name, |name| name.current);
+                fields.push(FieldName { current, start, former });
+                current
+            });
+            let point = if path_length == 0 { "" } else { "." };
+            // A String takes all.
+            let _ = match name {
+                Some(name) => write!(self.path, "{point}{name}"),
+                None => write!(self.path, "{point}{index}"),
             };
-            let path = if path.is_empty() { key } else { format!("{path}.{key}") };
-            self.skip_value(&path, start);
+            self.skip_item(number as u32, name, start);
+            self.path.truncate(path_length);
+            index += 1;
             if self.current_byte() == b',' {
                 self.advance(1);
             }
         }
+        self.add_conflicts(&mut fields);
         self.advance(1);
         self.depth -= 1;
     }
+}
+
+/// Name of a field in a text.
+struct FieldName<'a> {
+    current: &'a str,
+    /// First byte of the name.
+    start: usize,
+    /// Its row, if the text has the former name.
+    former: Option<&'static FormerName>,
 }
 
 #[cfg(test)]
@@ -388,12 +495,51 @@ mod tests {
     }
 
     #[test]
+    fn long_texts_are_searched_once() {
+        // Each of these took minutes when the time grew with the square of the number of values or names.
+        let many = 200_000;
+        let list = format!("(list: [{}])", "1, ".repeat(many));
+        let locations = ValueLocations::from_text(&list);
+        let last = format!("list.{}", many - 1);
+        assert_eq!(locations.path_at(list.len() - 5), Some(last.clone()));
+        assert!((0..many).all(|k| locations.text(&format!("list.{k}")) == Some("1")));
+        assert_eq!(locations.value(&format!("list.{many}")).map(|value| value.span.clone()), None);
+        let lines = "(a: 1),\n".repeat(many);
+        let text = format!("[\n{lines}]");
+        let locations = ValueLocations::from_text(&text);
+        assert!((0..many).all(|k| locations.position(&format!("{k}.a")) == Some((k + 2, 5))));
+        let names: String = (0..many).map(|k| format!("n{k}: 1, ")).collect();
+        let text = format!("({names})");
+        assert_eq!(ValueLocations::from_text(&text).fields("").len(), many);
+    }
+
+    #[test]
+    fn commas_without_values_are_no_values() {
+        let locations = ValueLocations::from_text("(,, a: 1,, b: [,1,,2,])");
+        assert_eq!(locations.fields(""), ["a", "b"]);
+        assert_eq!(["b.0", "b.1", "b.2"].map(|path| locations.text(path)), [Some("1"), Some("2"), None]);
+    }
+
+    #[test]
+    fn fields_under_both_names_are_conflicts() {
+        let text = "(grains: [(place: 1, number: 2, placement: 3), (placement: 1, place: 2), (place: 1)])";
+        let locations = ValueLocations::from_text(text);
+        let found: Vec<_> = locations.conflicts().iter().map(|one| (one.holder.as_str(), one.offset)).collect();
+        let second = |name: &str, from: usize| from + text[from..].find(name).unwrap();
+        assert_eq!(found, [("grains.0", second("placement", 20)), ("grains.1", second("place:", 60))]);
+        assert_eq!(locations.former_names().len(), 3);
+    }
+
+    #[test]
     fn values_know_where_they_are_from() {
         let text = "(a: 1, list: [(b: x, c: (2, 3))])";
         let locations = ValueLocations::from_text(text);
         let at = |what: &str| locations.path_at(text.find(what).unwrap());
         let found = ["a:", "1", "x", "c:", "(2", "3"].map(at);
-        assert_eq!(found, ["a", "a", "list.0.b", "list.0.c", "list.0.c", "list.0.c.1"].map(Some));
+        assert_eq!(
+            found,
+            ["a", "a", "list.0.b", "list.0.c", "list.0.c", "list.0.c.1"].map(|path| Some(path.to_string()))
+        );
         assert_eq!(locations.path_at(text.len() + 1), None);
     }
 }

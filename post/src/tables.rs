@@ -1,6 +1,6 @@
 //! Tables of runs: their columns, the names of runs in them, and times up to rounding.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
@@ -107,7 +107,8 @@ fn parse_columns(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Fa
     let mut add_fault = |name: &str, found: &str, expected: &str| {
         faults.push(Fault::new(path, Some(1), format!("column '{name}'"), found, expected));
     };
-    for (k, name) in names.iter().enumerate().filter(|(k, name)| names[..*k].contains(name)) {
+    let mut known = HashSet::new();
+    for (k, name) in names.iter().enumerate().filter(|(_, name)| !known.insert(**name)) {
         add_fault(name, &format!("is given again as number {}", k + 1), "expected each name once");
     }
     // Former column with the values of one that the table does not have: a series without regions has means over the ball
@@ -165,6 +166,18 @@ pub fn check_series_of_run(case: &Path, series: &Columns, end: &SnapshotMeta) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_of_many_columns_are_compared_once() {
+        // It took minutes when each name was compared with all before.
+        let names: Vec<String> = (0..200_000).map(|k| format!("c{k}")).collect();
+        let text = names.join(",") + ",c7\n";
+        let faults = parse_columns(Path::new("t.csv"), &text, &["c0"]).unwrap_err();
+        assert_eq!(
+            faults.format_report("cd-post"),
+            "cd-post: t.csv:1: column 'c7': is given again as number 200001; expected each name once\n"
+        );
+    }
 
     #[test]
     fn a_series_from_before_regions_has_the_means_of_the_ball() {

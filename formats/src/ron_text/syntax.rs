@@ -60,6 +60,9 @@ pub fn display_text(text: &str) -> String {
 /// Number of mistakes after which parsing stops: more than anybody reads, and the time for a text full of mistakes is bounded.
 const MAX_MISTAKES: usize = 500;
 
+/// Number of characters behind a value in which the end of its item is looked for.
+const MAX_ITEM_CHARS: usize = 1000;
+
 /// Nesting depth beyond which the library rejects a text.
 pub const MAX_DEPTH: usize = 128;
 
@@ -160,14 +163,17 @@ impl<'a> RonParser<'a> {
         let open = self.open.iter().map(|&(bracket, offset)| (bracket, offset, self.text.len()));
         let mut brackets: Vec<_> = self.brackets.iter().copied().chain(open).collect();
         brackets.sort_unstable_by_key(|bracket| bracket.1);
+        let line_ends: Vec<usize> = self.text.match_indices('\n').map(|(end, _)| end).collect();
         let seems_open = |&(_, offset, end): &(char, usize, usize)| {
-            let line_start = self.text[..offset].rfind('\n').map_or(0, |end| end + 1);
-            let Some((line, inside)) = self.text[line_start..end.max(line_start)].split_once('\n') else {
+            let line_number = line_ends.partition_point(|line_end| *line_end < offset);
+            let line_start = if line_number == 0 { 0 } else { line_ends[line_number - 1] + 1 };
+            let Some(line_end) = line_ends.get(line_number).filter(|line_end| **line_end < end) else {
                 return false;
             };
+            let line = &self.text[line_start..*line_end];
             // The text behind the line up to the closing bracket, which is part of it if it is the first character.
-            let behind = &self.text[line_start + line.len() + 1..];
-            let behind = &behind[..inside.len().max(1).min(behind.len())];
+            let behind = &self.text[line_end + 1..];
+            let behind = &behind[..(end - line_end - 1).max(1).min(behind.len())];
             let indent = |line: &str| line.len() - line.trim_start().len();
             let next_line = behind.lines().find(|line| !line.trim().is_empty());
             let is_not_deeper =
@@ -199,7 +205,9 @@ impl<'a> RonParser<'a> {
         if !self.aborted {
             let [found, expected] = [found, expected].map(str::to_string);
             self.mistakes.push(TextFault { offset, path: path.into(), found, expected });
-            self.aborted = self.mistakes.len() >= MAX_MISTAKES;
+            if self.mistakes.len() >= MAX_MISTAKES {
+                self.give_up();
+            }
         }
     }
 
@@ -418,10 +426,10 @@ impl<'a> RonParser<'a> {
     /// Skips `'x'`; a longer text in such quotes is a mistake.
     fn skip_character(&mut self, path: &str) {
         let start = self.offset;
-        let line = self.remaining_text()[1..].split('\n').next().unwrap_or("");
-        match line.find('\'') {
+        let rest = &self.remaining_text()[1..];
+        match rest.find(['\'', '\n']).filter(|end| rest[*end..].starts_with('\'')) {
             Some(end) => {
-                let inside = &line[..end];
+                let inside = &rest[..end];
                 if inside.chars().count() != 1 && !inside.starts_with('\\') {
                     self.add_fault(start, path, &format!("'{inside}'"), &unquoted_expectation(inside));
                 }
@@ -564,8 +572,11 @@ impl<'a> RonParser<'a> {
         let next = display_text(&self.remaining_text()[..next_length]);
         let is_same_line = !self.text[self.last_end..self.offset].contains('\n');
         let is_number = begins_with_number(value);
-        // The text up to the end of the item, as in `2700.0 kg/m3` and `2.7*1000`.
+        // The text up to the end of the item, as in `2700.0 kg/m3` and `2.7*1000`. It is short: long texts are not searched
+        // again for each of many mistakes.
         let rest = self.remaining_text();
+        let length = rest.char_indices().nth(MAX_ITEM_CHARS).map_or(rest.len(), |(offset, _)| offset);
+        let rest = &rest[..length.max(next_length)];
         let end = rest.find([',', ')', ']', '}', '(', '[', '"', ':', '\n', '\r']).unwrap_or(rest.len());
         let end = rest[..end].find("//").unwrap_or(end);
         let ends_item = !rest[end..].starts_with([':', '(', '[', '"']);
