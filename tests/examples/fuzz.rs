@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use cd_tests::fuzzing::memory::CountingAllocator;
 use cd_tests::fuzzing::readers::READERS;
-use cd_tests::fuzzing::trials::fuzz;
+use cd_tests::fuzzing::trials::{FuzzOptions, fuzz};
 use clap::Parser;
 use clap::builder::PossibleValuesParser;
 
@@ -27,6 +27,9 @@ struct Options {
     /// Seed of all damage.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Length to which a piece that repeats brings each input, bytes; 0: they stay as damage leaves them.
+    #[arg(long, default_value_t = 0)]
+    length: usize,
     /// Readers, separated by commas; default: all.
     #[arg(long, value_delimiter = ',', value_parser = PossibleValuesParser::new(READERS.iter().map(|reader| reader.name)))]
     readers: Vec<String>,
@@ -39,12 +42,13 @@ struct Options {
 }
 
 fn main() {
-    let Options { inputs, seconds, seed, readers, found, trace } = Options::parse();
+    let Options { inputs, seconds, seed, length, readers, found, trace } = Options::parse();
     let seconds = seconds.unwrap_or(f64::INFINITY);
     let time = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+    let options = FuzzOptions { inputs, time, seed, length, trace };
     let (mut total, mut failures) = (0, 0);
     for reader in READERS.iter().filter(|reader| readers.is_empty() || readers.iter().any(|name| name == reader.name)) {
-        let report = fuzz(reader, inputs, time, seed, trace.as_deref());
+        let report = fuzz(reader, &options);
         println!("{}", report.text());
         for (k, (fault, input)) in report.failures.iter().enumerate() {
             let path = found.join(format!("{}-{seed}-{k}", reader.name));

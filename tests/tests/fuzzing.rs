@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use cd_tests::fuzzing::memory::CountingAllocator;
 use cd_tests::fuzzing::readers::READERS;
-use cd_tests::fuzzing::trials::{fuzz, seed_folder, seeds};
+use cd_tests::fuzzing::trials::{FuzzOptions, fuzz, seed_folder, seeds};
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
@@ -15,7 +15,8 @@ fn damaged_files_are_read_or_rejected_within_limits() {
     let mut failures = Vec::new();
     for reader in &READERS {
         let number = seeds(reader).len() as u64;
-        let report = fuzz(reader, number + 1000, Duration::from_secs(20), 1, None);
+        let time = Duration::from_secs(20);
+        let report = fuzz(reader, &FuzzOptions { inputs: number + 1000, time, seed: 1, length: 0, trace: None });
         println!("{}", report.text());
         let inputs =
             report.failures.iter().map(|(fault, input)| format!("{}: {fault}\n{}", reader.name, input.escape_ascii()));

@@ -137,6 +137,25 @@ pub fn damage(bytes: &mut Vec<u8>, others: &[Vec<u8>], draws: &mut Draws) {
     bytes.truncate(MAX_LENGTH);
 }
 
+/// Repeats a piece at its place until there are `length` bytes: a line, a few bytes, a word of the formats or a number.
+pub fn lengthen(bytes: &mut Vec<u8>, length: usize, draws: &mut Draws) {
+    let at = draws.below(bytes.len() as u64 + 1) as usize;
+    let (at, piece) = match draws.below(4) {
+        0 => {
+            let start = bytes[..at].iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
+            let end =
+                bytes[at..].iter().position(|&byte| byte == b'\n').map_or(bytes.len(), |newline| at + newline + 1);
+            (start, bytes[start..end].to_vec())
+        }
+        1 => (at, bytes[at..(at + 1 + draws.below(40) as usize).min(bytes.len())].to_vec()),
+        2 => (at, draws.choice(&TOKENS).as_bytes().to_vec()),
+        _ => (at, format!("{}{}", draws.choice(&NUMBERS), draws.choice(&[" ", ",", "\n", ", "])).into_bytes()),
+    };
+    let piece = if piece.is_empty() { b" ".to_vec() } else { piece };
+    let times = length.saturating_sub(bytes.len()) / piece.len();
+    insert(bytes, at, &piece.repeat(times));
+}
+
 fn insert(bytes: &mut Vec<u8>, at: usize, piece: &[u8]) {
     bytes.splice(at..at, piece.iter().copied());
 }
@@ -204,6 +223,20 @@ mod tests {
         let found: Vec<&str> =
             numbers_in(text).into_iter().map(|range| std::str::from_utf8(&text[range]).unwrap()).collect();
         assert_eq!(found, ["-1.5e-3", "2.D+01", "7", ".5", "-1"]);
+    }
+
+    #[test]
+    fn lengthened_bytes_have_the_length_and_begin_and_end_as_before() {
+        let start = b"first\nsecond 2\nthird".to_vec();
+        for number in 0..200 {
+            let mut bytes = start.clone();
+            lengthen(&mut bytes, 10_000, &mut Draws::new(3, number));
+            // The piece is at most 41 bytes.
+            assert!((10_000 - 41..=10_000).contains(&bytes.len()), "{}", bytes.len());
+            let same = bytes.iter().zip(&start).take_while(|(a, b)| a == b).count();
+            let same_end = bytes.iter().rev().zip(start.iter().rev()).take_while(|(a, b)| a == b).count();
+            assert!(same + same_end >= start.len());
+        }
     }
 
     #[test]

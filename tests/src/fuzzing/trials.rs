@@ -8,7 +8,7 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use super::memory::{begin_count, largest_since};
-use super::mutation::damage;
+use super::mutation::{damage, lengthen};
 use super::readers::{Reader, remove_files};
 use crate::draws::Draws;
 
@@ -66,9 +66,23 @@ pub fn seeds(reader: &Reader) -> Vec<Vec<u8>> {
     paths.iter().map(|path| fs::read(path).expect("a seed")).collect()
 }
 
-/// Reads damaged inputs: at most `inputs`, and for at most `time`. `trace`: file to which each input is written before it is
-/// read, to find one that ends the whole program. Panics if there are no seeds.
-pub fn fuzz(reader: &Reader, inputs: u64, time: Duration, seed: u64, trace: Option<&Path>) -> FuzzReport {
+/// How many inputs are read, and what is done with them.
+#[derive(Debug, Clone)]
+pub struct FuzzOptions {
+    /// Largest number of inputs.
+    pub inputs: u64,
+    /// Longest time.
+    pub time: Duration,
+    /// Seed of all damage.
+    pub seed: u64,
+    /// Length to which inputs are brought after the damage, by a piece that repeats, bytes; 0: they stay as they are.
+    pub length: usize,
+    /// File to which each input is written before it is read, to find one that ends the whole program.
+    pub trace: Option<PathBuf>,
+}
+
+/// Reads damaged inputs. Panics if there are no seeds.
+pub fn fuzz(reader: &Reader, options: &FuzzOptions) -> FuzzReport {
     let hook = panic::take_hook();
     panic::set_hook(Box::new(|info| *PANIC.lock().expect("no panic holds it") = info.to_string()));
     let seeds = seeds(reader);
@@ -76,8 +90,8 @@ pub fn fuzz(reader: &Reader, inputs: u64, time: Duration, seed: u64, trace: Opti
     let (mut pool, start) = (seeds.clone(), Instant::now());
     let (slowest, failures) = (Duration::ZERO, Vec::new());
     let mut report = FuzzReport { name: reader.name, inputs: 0, accepted: 0, slowest, largest: 0, failures };
-    while report.inputs < inputs && start.elapsed() < time {
-        let mut draws = Draws::new(seed, report.inputs);
+    while report.inputs < options.inputs && start.elapsed() < options.time {
+        let mut draws = Draws::new(options.seed, report.inputs);
         // Seeds first, unchanged.
         let mut input = match seeds.get(report.inputs as usize) {
             Some(seed) => seed.clone(),
@@ -86,10 +100,15 @@ pub fn fuzz(reader: &Reader, inputs: u64, time: Duration, seed: u64, trace: Opti
         if report.inputs >= seeds.len() as u64 {
             (0..=draws.below(4)).for_each(|_| damage(&mut input, &seeds, &mut draws));
         }
-        if let Some(trace) = trace {
+        // Not added to the pool: the next damage would cut it.
+        let is_long = options.length > input.len();
+        if is_long {
+            lengthen(&mut input, options.length, &mut draws);
+        }
+        if let Some(trace) = &options.trace {
             fs::write(trace, &input).expect("a file for inputs");
         }
-        if read_input(reader, &input, &mut report) {
+        if read_input(reader, &input, &mut report) && !is_long {
             let slot = seeds.len() + draws.below(MAX_POOL as u64) as usize;
             if slot < pool.len() { pool[slot] = input } else { pool.push(input) }
         }
