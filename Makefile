@@ -61,9 +61,10 @@ study-of-spin-up: study-of-%:
 	+$(STUDY) fluid $(TIMED)
 	+$(STUDY) $(TIMED)
 
-accuracy-study: build ## runs examples/accuracy-study, in an hour, and writes its figures into docs/explanation/accuracy.md
+accuracy-study: build ## runs examples/accuracy-study, in one and a half hours, and writes its figures into docs/explanation/accuracy.md
 	$(MAKE) --no-print-directory -C examples/accuracy-study CD_BIN=$(BIN)
 	$(SIDE_BY_SIDE) -C examples/accuracy-study presets CD_BIN=$(BIN)
+	$(SIDE_BY_SIDE) -C examples/accuracy-study targets CD_BIN=$(BIN)
 	awk -f docs/accuracy/accuracy.awk docs/explanation/accuracy.md > docs/explanation/accuracy.md.part
 	mv docs/explanation/accuracy.md.part docs/explanation/accuracy.md
 

@@ -9,6 +9,7 @@
 # shellcheck disable=SC2046,SC2086
 set -eu
 . ../cases.sh
+. ./compare.sh
 
 # start SCENE: time from which means are taken, s. All has come to rest, or to the motion that is studied.
 start() {
@@ -23,18 +24,9 @@ start() {
     esac
 }
 
-# compare SCENE KIND CASE...: tables of these cases.
-compare() {
-    scene=$1
-    kind=$2
-    shift 2
-    cd_post accuracy-study "$@" --parameters presets.csv -o figures/$scene/$kind --from $(start $scene) \
-        --title "$scene, $kind: error against time"
-}
-
 for scene in collapse rest spin impact bonds heap drum triaxial; do
     candidates=$(cases "presets/$scene-*/[ab][0-9]*-t*")
     folders=$(printf '%s\n' $candidates | sed 's/[^/]*$//' | sort -u)
-    compare $scene chosen $candidates $(printf '%sreference\n' $folders)
-    compare $scene validated $(cases "presets/$scene-*/[dslr]*" | grep -v -F "$folders")
+    compare presets.csv $scene chosen $(start $scene) $candidates $(printf '%sreference\n' $folders)
+    compare presets.csv $scene validated $(start $scene) $(cases "presets/$scene-*/[dslr]*" | grep -v -F "$folders")
 done

@@ -55,13 +55,14 @@ fn scenes_are_accepted_and_begin_to_run() {
 #[test]
 fn studies_are_accepted() {
     let mut count = 0;
-    let names = ["study.ron", "fluid.ron", "presets.ron"];
+    let names = ["study.ron", "fluid.ron", "presets.ron", "targets.ron"];
     for study in folders_with_surfaces().iter().flat_map(|folder| names.map(|name| folder.join(name))) {
         if study.is_file() {
             // One of many seeds.
             let text = fs::read_to_string(&study).unwrap();
-            let has_many =
-                ["seeds: [1, 2, 3, 4, 5]", "seeds: [201,", "seeds: [\n"].iter().any(|seeds| text.contains(seeds));
+            let has_many = ["seeds: [1, 2, 3, 4, 5]", "seeds: [201,", "seeds: [301,", "seeds: [\n"]
+                .iter()
+                .any(|seeds| text.contains(seeds));
             let flags: &[&str] = if has_many { &["--replicates", "1"] } else { &[] };
             let output = tempfile::tempdir().unwrap();
             let words =
