@@ -15,7 +15,7 @@ use crate::names::path_in_words;
 /// of the whole is empty.
 pub struct ValueLocations<'a> {
     text: &'a str,
-    /// First byte of each line, found when the first position is asked for.
+    /// First byte of each line, found with the first position.
     line_starts: OnceCell<Vec<usize>>,
     /// Path of the first value, in which all others are.
     root: String,
@@ -436,7 +436,7 @@ struct FieldName<'a> {
     current: &'a str,
     /// First byte of the name.
     start: usize,
-    /// Its row, if the text has the former name.
+    /// Former name, if the text has that one.
     former: Option<&'static FormerName>,
 }
 

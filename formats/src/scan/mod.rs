@@ -282,10 +282,10 @@ impl<'a> LineScanner<'a> {
         self.faults.push(Fault::new(self.path, Some(line), self.object.as_str(), found, expected));
     }
 
-    /// Adds a fault of an unknown name, with the nearest of the `known` names.
-    pub fn add_unknown_name(&mut self, line: usize, found: impl Into<String>, name: &str, known: &[&str]) {
+    /// Adds a fault of a name that is not in `candidates`, with the nearest of them.
+    pub fn add_unknown_name(&mut self, line: usize, found: impl Into<String>, name: &str, candidates: &[&str]) {
         if !self.faults.are_too_many() {
-            self.add_fault(line, found, known_names(name, known));
+            self.add_fault(line, found, known_names(name, candidates));
         }
     }
 
