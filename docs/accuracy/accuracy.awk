@@ -218,7 +218,7 @@ function target_counts(title, first, last,    s, k, t, setting, name, target, x,
     listed(sprintf("%s: %d of %d errors are below their target, %d are not more than 3 times below it. With the coarsest options, too, %d of %d are below a third of the target. The standard error alone exceeds the target in %d.", \
         title, below, cases, near, free, cases, chance))
     listed(sprintf("Beyond the target: %s. With a 95 %% interval that is beyond the target: %s.", beyond == "" ? "none" : beyond, shown == "" ? "none" : shown))
-    listed(sprintf("Run time over that of the fastest setting chosen by hand whose error is below the target: %.1f (median), at most 2 in %d of %d cases, at most %.1f (%s). None of these settings is below the target in %d.", \
+    listed(sprintf("Run time over that of the fastest setting chosen by hand whose error is below the target: %.1f (median), at most 2 in %d of %d cases, at most %.1f (%s). In %d cases none of these settings is below it.", \
         median(ratios, compared_cases), twice, compared_cases, largest, largest_name, none))
 }
 

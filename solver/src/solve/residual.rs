@@ -1148,7 +1148,7 @@ mod tests {
     #[test]
     fn half_of_the_impulses_that_stop_bodies_leaves_half_of_the_residual() {
         let mut problem = balls_on_plate(2100);
-        // Of three equally fast ones the first is reported: the second is in its task, the third in another.
+        // The first of three equally fast ones is reported: the second is in its task, the third in another.
         for k in [1500, 1600, 2050] {
             problem.bodies[k].v.z = -5.0;
         }

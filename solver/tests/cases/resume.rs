@@ -106,7 +106,7 @@ fn changed_options_are_named_in_full_up_to_100_characters() {
         let line = format!("cd-solve: warning: theta was {before} and is 0.5 from here on{advice}\n");
         assert!(code == 0 && text.contains(&line), "{code} {text}");
     }
-    // Of an option that is written only if it is given.
+    // `zperiode` is written only if it is given.
     edit(&case, |snapshot| {
         *snapshot = sound.clone();
         snapshot.meta.options.insert("zperiode".into(), "4.0".into());
