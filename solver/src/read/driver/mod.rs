@@ -17,7 +17,7 @@ use cd_formats::error::{Fault, Faults};
 
 pub use commands::table_rows;
 use commands::{CommandMeaning, DriverSetting, find_command};
-use tokens::logical_lines;
+use tokens::script_tokens;
 use values::{Evaluation, ScriptValue, UnknownValue};
 use walk::{LoopEnd, ScriptCall, walk};
 
@@ -54,10 +54,10 @@ const MAX_COUNTED_STEPS: u64 = 100_000_000;
 pub fn read_driver(path: &Path, case: &Path, given: &ComputeFlags) -> Result<DriverSettings, Faults> {
     let bytes = atomic::read_bytes(path)?;
     let text = String::from_utf8_lossy(&bytes);
-    let lines = logical_lines(text.trim_start_matches('\u{feff}')).map_err(|unclosed| {
+    let tokens = script_tokens(text.trim_start_matches('\u{feff}')).map_err(|unclosed| {
         Fault::new(path, Some(unclosed.line), unclosed.kind.name(), "is not closed", "expected a script of Python")
     })?;
-    let script = walk(lines);
+    let script = walk(&tokens);
     let mut reader = DriverReader {
         path,
         case,

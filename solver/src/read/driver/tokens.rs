@@ -1,36 +1,38 @@
 //! Lexical analysis of Python: splits the text of a script into logical lines with indentation, for `walk`.
 
+use std::borrow::Cow;
+
 /// Keywords of statements with a block below them.
 pub const BLOCK_KEYWORDS: [&str; 12] =
     ["if", "elif", "else", "for", "while", "def", "class", "try", "except", "finally", "with", "async"];
 
 /// Token of a logical line.
-#[derive(Debug, Clone, PartialEq)]
-pub enum ScriptToken {
-    Name(String),
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ScriptToken<'t> {
+    Name(&'t str),
     /// Number as it is written.
-    Number(String),
+    Number(&'t str),
     /// String without its quotes; escapes are not replaced.
-    Text(String),
+    Text(&'t str),
     /// Operator or bracket.
-    Symbol(String),
+    Symbol(&'t str),
     /// String `f'...'`, whose value is not known.
     FormattedText,
 }
 
-impl ScriptToken {
+impl<'t> ScriptToken<'t> {
     /// Whether it is this operator or bracket.
-    pub fn is(&self, symbol: &str) -> bool {
+    pub fn is(self, symbol: &str) -> bool {
         matches!(self, ScriptToken::Symbol(found) if found == symbol)
     }
 
     /// The name, or the empty string.
-    pub fn name(&self) -> &str {
+    pub fn name(self) -> &'t str {
         if let ScriptToken::Name(name) = self { name } else { "" }
     }
 
     /// Text of the token, without quotes.
-    pub fn text(&self) -> &str {
+    pub fn text(self) -> &'t str {
         match self {
             ScriptToken::Name(text)
             | ScriptToken::Number(text)
@@ -41,30 +43,68 @@ impl ScriptToken {
     }
 
     /// Text of the token, for messages.
-    pub fn source(&self) -> String {
+    pub fn source(self) -> Cow<'t, str> {
         match self {
-            ScriptToken::Name(text) | ScriptToken::Number(text) | ScriptToken::Symbol(text) => text.clone(),
-            ScriptToken::Text(text) => format!("'{text}'"),
+            ScriptToken::Name(text) | ScriptToken::Number(text) | ScriptToken::Symbol(text) => text.into(),
+            ScriptToken::Text(text) => format!("'{text}'").into(),
             ScriptToken::FormattedText => "f-string".into(),
         }
     }
 }
 
 /// Token with its line, from 1.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Lexeme {
-    pub token: ScriptToken,
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lexeme<'t> {
+    pub token: ScriptToken<'t>,
     pub line: usize,
 }
 
-/// Logical line: brackets and backslashes join lines, semicolons separate them.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LogicalLine {
+/// Tokens of a script, by logical lines: brackets and backslashes join lines, semicolons separate them.
+#[derive(Debug, Default, PartialEq)]
+pub struct ScriptTokens<'t> {
+    lexemes: Vec<Lexeme<'t>>,
+    lines: Vec<LineEnd>,
+}
+
+/// Indentation of a logical line, and the index after its last token.
+#[derive(Debug, PartialEq)]
+struct LineEnd {
+    indent: usize,
+    end: usize,
+}
+
+/// Logical line.
+#[derive(Debug, Clone, Copy)]
+pub struct LogicalLine<'a> {
     /// Columns before the first token; a tab extends to the next multiple of 8. Plus 1 for statements after the first on a
     /// header's line, as `z = 2` in `if x: y = 1; z = 2`.
     pub indent: usize,
     /// Tokens of the line, at least one.
-    pub tokens: Vec<Lexeme>,
+    pub tokens: &'a [Lexeme<'a>],
+}
+
+impl ScriptTokens<'_> {
+    /// The logical lines in their order.
+    pub fn lines(&self) -> impl Iterator<Item = LogicalLine<'_>> {
+        let mut start = 0;
+        self.lines.iter().map(move |&LineEnd { indent, end }| {
+            let tokens = &self.lexemes[start..end];
+            start = end;
+            LogicalLine { indent, tokens }
+        })
+    }
+
+    /// Tokens of the last line, which is not ended.
+    fn begun(&self) -> &[Lexeme<'_>] {
+        &self.lexemes[self.lines.last().map_or(0, |line| line.end)..]
+    }
+
+    /// Ends the last line, if it has tokens.
+    fn end_line(&mut self, indent: usize) {
+        if !self.begun().is_empty() {
+            self.lines.push(LineEnd { indent, end: self.lexemes.len() });
+        }
+    }
 }
 
 /// Bracket or string that is not closed.
@@ -106,10 +146,10 @@ const LONG_OPERATORS: [&str; 23] = [
     "^=", "->", ":=", "<<", ">>",
 ];
 
-/// Splits a script into its logical lines. Errors: a bracket or string that is not closed.
-pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, UnclosedText> {
+/// Splits a script into the tokens of its logical lines. Errors: a bracket or string that is not closed.
+pub fn script_tokens(text: &str) -> Result<ScriptTokens<'_>, UnclosedText> {
     let mut scanner = TokenScanner { rest: text, line: 1 };
-    let (mut lines, mut tokens) = (Vec::new(), Vec::<Lexeme>::new());
+    let mut script = ScriptTokens::default();
     let mut indent = scanner.skip_indentation();
     // Lines of the brackets that are open.
     let mut open = Vec::new();
@@ -122,12 +162,11 @@ pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, UnclosedText> {
             }
             '\n' | ';' if open.is_empty() => {
                 scanner.skip(1);
-                if !tokens.is_empty() {
-                    let is_header = next == ';' && BLOCK_KEYWORDS.contains(&tokens[0].token.name());
-                    lines.push(LogicalLine { indent, tokens: std::mem::take(&mut tokens) });
-                    // All statements on the line of a header are below it: `if x: y = 1; z = 2`.
-                    indent += usize::from(is_header);
-                }
+                let is_header =
+                    script.begun().first().is_some_and(|first| BLOCK_KEYWORDS.contains(&first.token.name()));
+                script.end_line(indent);
+                // All statements on the line of a header are below it: `if x: y = 1; z = 2`.
+                indent += usize::from(is_header);
                 if next == '\n' {
                     indent = scanner.skip_indentation();
                 }
@@ -135,24 +174,20 @@ pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, UnclosedText> {
             _ if next.is_whitespace() => scanner.skip(next.len_utf8()),
             _ => {
                 let token = scanner.read_token()?;
-                if let ScriptToken::Symbol(symbol) = &token {
-                    match symbol.as_str() {
-                        "(" | "[" | "{" => open.push(line),
-                        ")" | "]" | "}" => drop(open.pop()),
-                        _ => {}
-                    }
+                match token {
+                    ScriptToken::Symbol("(" | "[" | "{") => open.push(line),
+                    ScriptToken::Symbol(")" | "]" | "}") => drop(open.pop()),
+                    _ => {}
                 }
-                tokens.push(Lexeme { token, line });
+                script.lexemes.push(Lexeme { token, line });
             }
         }
     }
     if let Some(&line) = open.first() {
         return Err(UnclosedText { line, kind: UnclosedKind::Bracket });
     }
-    if !tokens.is_empty() {
-        lines.push(LogicalLine { indent, tokens });
-    }
-    Ok(lines)
+    script.end_line(indent);
+    Ok(script)
 }
 
 /// Rest of a script that is not split yet, and the number of its first line.
@@ -161,7 +196,7 @@ struct TokenScanner<'a> {
     line: usize,
 }
 
-impl TokenScanner<'_> {
+impl<'t> TokenScanner<'t> {
     fn skip(&mut self, bytes: usize) {
         let (skipped, rest) = self.rest.split_at(bytes);
         self.line += skipped.matches('\n').count();
@@ -181,7 +216,7 @@ impl TokenScanner<'_> {
     }
 
     /// Reads the token at the start of the rest, which is neither empty nor begins with a blank.
-    fn read_token(&mut self) -> Result<ScriptToken, UnclosedText> {
+    fn read_token(&mut self) -> Result<ScriptToken<'t>, UnclosedText> {
         let text = self.rest;
         let word_length = text.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(text.len());
         let first = text.chars().next().unwrap_or_default();
@@ -199,20 +234,20 @@ impl TokenScanner<'_> {
                 (end, before) = (end + c.len_utf8(), c);
             }
             self.skip(end);
-            return Ok(ScriptToken::Number(text[..end].to_string()));
+            return Ok(ScriptToken::Number(&text[..end]));
         }
         if word_length > 0 {
             self.skip(word_length);
-            return Ok(ScriptToken::Name(text[..word_length].to_string()));
+            return Ok(ScriptToken::Name(&text[..word_length]));
         }
         let symbol = LONG_OPERATORS.into_iter().find(|operator| text.starts_with(operator));
         let length = symbol.map_or(first.len_utf8(), str::len);
         self.skip(length);
-        Ok(ScriptToken::Symbol(text[..length].to_string()))
+        Ok(ScriptToken::Symbol(&text[..length]))
     }
 
     /// Reads a string whose prefix, as the f of `f'...'`, has `prefix` bytes.
-    fn read_string(&mut self, prefix: usize) -> Result<ScriptToken, UnclosedText> {
+    fn read_string(&mut self, prefix: usize) -> Result<ScriptToken<'t>, UnclosedText> {
         let (line, text) = (self.line, self.rest);
         let quote = &text[prefix..=prefix];
         let triple = quote.repeat(3);
@@ -222,7 +257,7 @@ impl TokenScanner<'_> {
         for (length, c) in text[start..].char_indices() {
             if !escaped && text[start + length..].starts_with(&quotes) {
                 self.skip(start + length + quotes.len());
-                let content = text[start..start + length].to_string();
+                let content = &text[start..start + length];
                 let formatted = text[..prefix].contains(['f', 'F']);
                 return Ok(if formatted { ScriptToken::FormattedText } else { ScriptToken::Text(content) });
             }
@@ -240,11 +275,11 @@ mod tests {
     use super::*;
 
     fn sources(text: &str) -> Vec<(usize, usize, Vec<String>)> {
-        let lines = logical_lines(text).unwrap();
-        let source = |line: LogicalLine| {
-            (line.indent, line.tokens[0].line, line.tokens.iter().map(|lexeme| lexeme.token.source()).collect())
+        let script = script_tokens(text).unwrap();
+        let source = |LogicalLine { indent, tokens }: LogicalLine| {
+            (indent, tokens[0].line, tokens.iter().map(|lexeme| lexeme.token.source().into_owned()).collect())
         };
-        lines.into_iter().map(source).collect()
+        script.lines().map(source).collect()
     }
 
     #[test]
@@ -277,12 +312,12 @@ mod tests {
 
     #[test]
     fn lines_that_do_not_end() {
-        assert_eq!(logical_lines("a = 1\nf(2,\n3"), Err(UnclosedText { line: 2, kind: UnclosedKind::Bracket }));
-        assert_eq!(logical_lines("a = 'b\nc'"), Err(UnclosedText { line: 1, kind: UnclosedKind::String }));
-        assert_eq!(logical_lines("'''a\n"), Err(UnclosedText { line: 1, kind: UnclosedKind::String }));
+        assert_eq!(script_tokens("a = 1\nf(2,\n3"), Err(UnclosedText { line: 2, kind: UnclosedKind::Bracket }));
+        assert_eq!(script_tokens("a = 'b\nc'"), Err(UnclosedText { line: 1, kind: UnclosedKind::String }));
+        assert_eq!(script_tokens("'''a\n"), Err(UnclosedText { line: 1, kind: UnclosedKind::String }));
         // Bytes of no meaning are symbols.
         for text in ["$", "é$\u{1}", ")", "\\", "1e", ".", "'", "\u{feff}a"] {
-            let _ = logical_lines(text);
+            let _ = script_tokens(text);
         }
     }
 }

@@ -223,15 +223,21 @@ pub fn evaluate(tokens: &[Lexeme], variables: &Variables) -> Evaluation {
     }
 }
 
+/// Value of `left operator right`.
+pub fn evaluate_operation(operator: &str, left: ScriptValue, right: ScriptValue) -> Evaluation {
+    match operator {
+        "+" | "-" | "*" | "/" | "//" | "%" | "**" => apply_operator(operator, left, right),
+        _ => Err(format!("'{operator}'").into()),
+    }
+}
+
 /// Number of tokens that [`evaluate`] reads again: those inside of brackets, once for each level that it reads.
 pub fn nested_count(tokens: &[Lexeme]) -> usize {
     let (mut count, mut depth) = (0, 0usize);
     for lexeme in tokens {
         match &lexeme.token {
-            ScriptToken::Symbol(symbol) if ["(", "[", "{"].contains(&symbol.as_str()) => depth += 1,
-            ScriptToken::Symbol(symbol) if [")", "]", "}"].contains(&symbol.as_str()) => {
-                depth = depth.saturating_sub(1)
-            }
+            ScriptToken::Symbol(symbol) if ["(", "[", "{"].contains(symbol) => depth += 1,
+            ScriptToken::Symbol(symbol) if [")", "]", "}"].contains(symbol) => depth = depth.saturating_sub(1),
             _ => {}
         }
         count += depth.min(MAX_EXPRESSION_DEPTH);
@@ -244,10 +250,8 @@ pub fn after_bracket(tokens: &[Lexeme], open: usize) -> usize {
     let mut depth = 0usize;
     for (index, lexeme) in tokens.iter().enumerate().skip(open) {
         match &lexeme.token {
-            ScriptToken::Symbol(symbol) if ["(", "[", "{"].contains(&symbol.as_str()) => depth += 1,
-            ScriptToken::Symbol(symbol) if [")", "]", "}"].contains(&symbol.as_str()) => {
-                depth = depth.saturating_sub(1)
-            }
+            ScriptToken::Symbol(symbol) if ["(", "[", "{"].contains(symbol) => depth += 1,
+            ScriptToken::Symbol(symbol) if [")", "]", "}"].contains(symbol) => depth = depth.saturating_sub(1),
             _ => {}
         }
         if depth == 0 {
@@ -261,7 +265,7 @@ pub fn after_bracket(tokens: &[Lexeme], open: usize) -> usize {
 pub fn outside_brackets(tokens: &[Lexeme]) -> impl Iterator<Item = usize> {
     let mut next = 0;
     std::iter::from_fn(move || {
-        let (index, token) = (next, &tokens.get(next)?.token);
+        let (index, token) = (next, tokens.get(next)?.token);
         let opens = ["(", "[", "{"].iter().any(|open| token.is(open));
         next = if opens { after_bracket(tokens, index) } else { index + 1 };
         Some(index)
@@ -269,7 +273,7 @@ pub fn outside_brackets(tokens: &[Lexeme]) -> impl Iterator<Item = usize> {
 }
 
 /// Parts of a list of tokens between the symbols `separator` outside of brackets; empty if there are no tokens.
-pub fn split_at<'a>(tokens: &'a [Lexeme], separator: &str) -> Vec<&'a [Lexeme]> {
+pub fn split_at<'a, 't>(tokens: &'a [Lexeme<'t>], separator: &str) -> Vec<&'a [Lexeme<'t>]> {
     let (mut parts, mut start) = (Vec::new(), 0);
     for index in outside_brackets(tokens).filter(|&index| tokens[index].token.is(separator)) {
         parts.push(&tokens[start..index]);
@@ -294,7 +298,7 @@ pub fn dotted_name(tokens: &[Lexeme], index: usize) -> (String, usize) {
 
 /// Recursive descent through the grammar of expressions, with a function for each level of precedence.
 struct ExpressionParser<'a> {
-    tokens: &'a [Lexeme],
+    tokens: &'a [Lexeme<'a>],
     /// Index of the next token.
     next: usize,
     variables: &'a Variables,
@@ -302,10 +306,10 @@ struct ExpressionParser<'a> {
     depth: usize,
 }
 
-impl ExpressionParser<'_> {
+impl<'a> ExpressionParser<'a> {
     /// The next token, which stays the next one.
-    fn peek(&self) -> Option<&ScriptToken> {
-        self.tokens.get(self.next).map(|lexeme| &lexeme.token)
+    fn peek(&self) -> Option<ScriptToken<'a>> {
+        self.tokens.get(self.next).map(|lexeme| lexeme.token)
     }
 
     /// Reads the symbol or keyword `word`, if it comes next.
@@ -433,14 +437,15 @@ impl ExpressionParser<'_> {
 
     /// Value of a number, text, name, call, bracket or dictionary.
     fn atom(&mut self) -> Evaluation {
-        let Some(token) = self.peek().cloned() else { return Err("an incomplete expression".into()) };
+        let Some(token) = self.peek() else { return Err("an incomplete expression".into()) };
         if !token.name().is_empty() {
             return self.named_value();
         }
         self.next += 1;
         match token {
-            ScriptToken::Number(text) => parse_number(&text),
-            ScriptToken::Text(mut text) => {
+            ScriptToken::Number(text) => parse_number(text),
+            ScriptToken::Text(text) => {
+                let mut text = text.to_string();
                 while let Some(ScriptToken::Text(more)) = self.peek() {
                     text += more;
                     self.next += 1;
@@ -461,7 +466,7 @@ impl ExpressionParser<'_> {
                 let is_list = matches!(value, ScriptValue::List(_));
                 if symbol == "[" && is_single && !is_list { ScriptValue::list(vec![value]) } else { Ok(value) }
             }
-            ScriptToken::Symbol(symbol) if symbol == "{" => {
+            ScriptToken::Symbol("{") => {
                 let mut map = BTreeMap::new();
                 while !self.accept("}") {
                     let ScriptValue::Text(key) = self.read_nested(Self::disjunction)? else {
@@ -713,15 +718,15 @@ fn real_range(arguments: &[ScriptValue]) -> Option<ScriptValue> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tokens::logical_lines;
+    use super::super::tokens::script_tokens;
     use super::*;
 
     fn value(text: &str) -> Evaluation {
         let variables =
             [("t", Ok(ScriptValue::Real(2.0))), ("n", Ok(ScriptValue::Int(4))), ("u", Err("set in line 3".into()))];
         let variables = variables.into_iter().map(|(name, value)| (name.to_string(), value)).collect();
-        let lines = logical_lines(text).unwrap();
-        evaluate(&lines[0].tokens, &variables)
+        let script = script_tokens(text).unwrap();
+        evaluate(script.lines().next().unwrap().tokens, &variables)
     }
 
     #[test]
@@ -789,8 +794,8 @@ mod tests {
         assert!(value(&("int(".repeat(500) + "1" + &")".repeat(500))).is_err());
         for text in [")", "(", "[,]", "1 +", "a.b(", "f(,)", "int(1 2)", "range(1,2,0)", "min()", "2**99999999999"] {
             let variables = Variables::new();
-            for line in logical_lines(text).unwrap_or_default() {
-                let _ = evaluate(&line.tokens, &variables);
+            for line in script_tokens(text).unwrap_or_default().lines() {
+                let _ = evaluate(line.tokens, &variables);
             }
         }
     }

@@ -6,11 +6,13 @@
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
+use std::iter::Peekable;
 
 use super::commands::{CommandMeaning, find_command};
-use super::tokens::{BLOCK_KEYWORDS, Lexeme, LogicalLine, ScriptToken};
+use super::tokens::{BLOCK_KEYWORDS, Lexeme, LogicalLine, ScriptToken, ScriptTokens};
 use super::values::{
-    Evaluation, ScriptValue, Variables, after_bracket, dotted_name, evaluate, nested_count, outside_brackets, split_at,
+    Evaluation, ScriptValue, Variables, after_bracket, dotted_name, evaluate, evaluate_operation, nested_count,
+    outside_brackets, split_at,
 };
 
 /// Call of a command of LMGC90.
@@ -115,12 +117,12 @@ const ITERATIONS_PER_COST: u64 = 32;
 
 /// Statement, with the block below it.
 #[derive(Debug)]
-struct ScriptStatement {
-    tokens: Vec<Lexeme>,
-    body: Vec<ScriptStatement>,
+struct ScriptStatement<'t> {
+    tokens: &'t [Lexeme<'t>],
+    body: Vec<ScriptStatement<'t>>,
 }
 
-impl ScriptStatement {
+impl<'t> ScriptStatement<'t> {
     /// Cost of following the statement without its body.
     fn cost(&self) -> usize {
         self.tokens.iter().map(|lexeme| 1 + lexeme.token.text().len()).sum()
@@ -130,15 +132,14 @@ impl ScriptStatement {
         self.tokens[0].line
     }
 
-    fn keyword(&self) -> &str {
+    fn keyword(&self) -> &'t str {
         self.tokens[0].token.name()
     }
 }
 
 /// Follows the statements of a script, and returns its calls and remarks.
-pub fn walk(lines: Vec<LogicalLine>) -> ScriptCalls {
-    let mut lines = lines.into_iter().peekable();
-    let statements = read_block(&mut lines, 0, 0);
+pub fn walk(script: &ScriptTokens) -> ScriptCalls {
+    let statements = read_block(&mut script.lines().peekable(), 0, 0);
     let mut walker = ScriptWalker::default();
     walker.find_functions(&statements);
     let mut assigned = BTreeSet::new();
@@ -153,10 +154,11 @@ pub fn walk(lines: Vec<LogicalLine>) -> ScriptCalls {
     walker.found
 }
 
-type Lines = std::iter::Peekable<std::vec::IntoIter<LogicalLine>>;
-
 /// Reads the statements of a block that is indented by at least `indent`.
-fn read_block(lines: &mut Lines, indent: usize, depth: usize) -> Vec<ScriptStatement> {
+fn read_block<'t, L>(lines: &mut Peekable<L>, indent: usize, depth: usize) -> Vec<ScriptStatement<'t>>
+where
+    L: Iterator<Item = LogicalLine<'t>>,
+{
     let mut block = Vec::new();
     while let Some(line) = lines.next_if(|line| line.indent >= indent) {
         let own_indent = line.indent;
@@ -171,14 +173,14 @@ fn read_block(lines: &mut Lines, indent: usize, depth: usize) -> Vec<ScriptState
 }
 
 /// Separates a statement on the line of its header, as in `if x: y = 1`.
-fn split_header(tokens: Vec<Lexeme>) -> ScriptStatement {
+fn split_header<'t>(tokens: &'t [Lexeme<'t>]) -> ScriptStatement<'t> {
     if !BLOCK_KEYWORDS.contains(&tokens[0].token.name()) {
         return ScriptStatement { tokens, body: Vec::new() };
     }
-    let header = split_at(&tokens, ":").first().map_or(0, |header| header.len());
-    let rest = tokens.get(header + 1..).unwrap_or_default().to_vec();
+    let header = split_at(tokens, ":").first().map_or(0, |header| header.len());
+    let rest = tokens.get(header + 1..).unwrap_or_default();
     let body = if rest.is_empty() { Vec::new() } else { vec![ScriptStatement { tokens: rest, body: Vec::new() }] };
-    ScriptStatement { tokens: tokens[..header.max(1)].to_vec(), body }
+    ScriptStatement { tokens: &tokens[..header.max(1)], body }
 }
 
 /// State of following a script: its variables, functions, loops and conditions, and the calls that were found.
@@ -187,9 +189,9 @@ struct ScriptWalker<'a> {
     found: ScriptCalls,
     variables: Variables,
     /// Functions of the script by name.
-    functions: BTreeMap<String, &'a ScriptStatement>,
+    functions: BTreeMap<String, &'a ScriptStatement<'a>>,
     /// Classes of the script by name.
-    classes: BTreeMap<String, &'a ScriptStatement>,
+    classes: BTreeMap<String, &'a ScriptStatement<'a>>,
     called_functions: BTreeSet<String>,
     /// Functions and classes with a decorator, which may call or change them.
     decorated: BTreeSet<String>,
@@ -245,7 +247,7 @@ impl<'a> ScriptWalker<'a> {
     }
 
     /// Records the functions, classes and global variables of a block, and names that change variables indirectly.
-    fn find_functions(&mut self, block: &'a [ScriptStatement]) {
+    fn find_functions(&mut self, block: &'a [ScriptStatement<'a>]) {
         let mut has_decorator = false;
         for statement in block {
             for lexeme in statement.tokens.iter().filter(|lexeme| INDIRECT_NAMES.contains(&lexeme.token.name())) {
@@ -288,7 +290,7 @@ impl<'a> ScriptWalker<'a> {
                 let (start, (name, end)) = (index, dotted_name(tokens, index));
                 index = end;
                 let follows_word =
-                    |words: &[&str]| start > 0 && words.contains(&tokens[start - 1].token.source().as_str());
+                    |words: &[&str]| start > 0 && words.contains(&tokens[start - 1].token.source().as_ref());
                 let precedes_symbol = |symbol: &str| tokens.get(end).is_some_and(|lexeme| lexeme.token.is(symbol));
                 let is_target = precedes_symbol("=") || start == 0 && precedes_symbol(":");
                 if name.is_empty()
@@ -315,7 +317,7 @@ impl<'a> ScriptWalker<'a> {
     }
 
     /// Follows the statements of a block in their order.
-    fn follow(&mut self, block: &'a [ScriptStatement]) {
+    fn follow(&mut self, block: &'a [ScriptStatement<'a>]) {
         self.depth += 1;
         // Value of the last condition of a chain of `if` and `elif`: whether a branch was taken, unless it is not known.
         let mut branch_taken = Some(true);
@@ -380,7 +382,7 @@ impl<'a> ScriptWalker<'a> {
                 "del" => {
                     statement.tokens[1..].iter().for_each(|lexeme| self.make_unknown(lexeme.token.name(), "deleted"))
                 }
-                "import" | "from" => self.import(&statement.tokens),
+                "import" | "from" => self.import(statement.tokens),
                 "continue" | "return" => {
                     self.find_calls(&statement.tokens[1..]);
                     // The caller may change the returned value under another name.
@@ -391,7 +393,7 @@ impl<'a> ScriptWalker<'a> {
                     }
                 }
                 _ => {
-                    self.assign(&statement.tokens);
+                    self.assign(statement.tokens);
                     self.note_exit(statement);
                 }
             }
@@ -412,13 +414,13 @@ impl<'a> ScriptWalker<'a> {
 
     /// Whether a class has no base but `object`, no decorator, and nothing but assignments to single names, texts and `pass`.
     fn is_constant_class(&self, class: &ScriptStatement) -> bool {
-        let header: Vec<String> = class.tokens.iter().skip(2).map(|lexeme| lexeme.token.source()).collect();
+        let header: String = class.tokens.iter().skip(2).map(|lexeme| lexeme.token.source()).collect();
         let name = class.tokens.get(1).map_or("", |lexeme| lexeme.token.name());
-        let is_constant = |statement: &ScriptStatement| match &statement.tokens[..] {
+        let is_constant = |statement: &ScriptStatement| match statement.tokens {
             [only] => matches!(only.token, ScriptToken::Text(_)) || only.token.name() == "pass",
             tokens => class_attribute(tokens).is_some(),
         };
-        ["", "()", "(object)"].contains(&header.concat().as_str())
+        ["", "()", "(object)"].contains(&header.as_str())
             && !self.decorated.contains(name)
             && class.body.iter().all(is_constant)
     }
@@ -428,7 +430,7 @@ impl<'a> ScriptWalker<'a> {
         let outer = self.saved_variables();
         let mut attributes = Vec::new();
         for statement in &class.body {
-            let Some((name, value)) = class_attribute(&statement.tokens) else { continue };
+            let Some((name, value)) = class_attribute(statement.tokens) else { continue };
             self.find_calls(value);
             let value = self.value(value);
             self.variables.insert(name.to_string(), value.clone());
@@ -442,7 +444,7 @@ impl<'a> ScriptWalker<'a> {
 
     /// Ends the script at an exit that is in no condition and no loop; others are for errors.
     fn note_exit(&mut self, statement: &ScriptStatement) {
-        let (name, end) = dotted_name(&statement.tokens, 0);
+        let (name, end) = dotted_name(statement.tokens, 0);
         let called = statement.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
         if called && EXIT_FUNCTIONS.contains(&name.as_str()) && self.condition.is_none() && self.loops.is_empty() {
             self.found.remarks.push((statement.line(), format!("{name}: the rest of the script is not read")));
@@ -451,7 +453,7 @@ impl<'a> ScriptWalker<'a> {
     }
 
     /// Follows the body of a loop or function, whose `continue` or `return` ends there.
-    fn follow_loop_or_function_body(&mut self, block: &'a [ScriptStatement]) {
+    fn follow_loop_or_function_body(&mut self, block: &'a [ScriptStatement<'a>]) {
         let (condition, skipped) = (self.condition, self.skip_condition.take());
         self.follow(block);
         (self.condition, self.skip_condition, self.is_block_ended) = (condition, skipped, false);
@@ -465,7 +467,7 @@ impl<'a> ScriptWalker<'a> {
     }
 
     /// Follows the body of a loop once; variables that it changes are not known in it.
-    fn follow_loop(&mut self, statement: &'a ScriptStatement) {
+    fn follow_loop(&mut self, statement: &'a ScriptStatement<'a>) {
         let (line, tokens) = (statement.line(), &statement.tokens[1..]);
         self.find_calls(tokens);
         let position = tokens.iter().position(|lexeme| lexeme.token.name() == "in");
@@ -510,7 +512,7 @@ impl<'a> ScriptWalker<'a> {
 
     /// Follows the body of a loop for the lists and dictionaries that it changes; all else is restored. The first
     /// iteration may read values that the body changes later.
-    fn find_changes(&mut self, statement: &'a ScriptStatement) {
+    fn find_changes(&mut self, statement: &'a ScriptStatement<'a>) {
         let (variables, imported) = (self.saved_variables(), self.command_aliases.clone());
         let (calls, remarks) = (self.found.calls.len(), self.found.remarks.len());
         self.loops.push(ScriptLoop { line: statement.line(), end: LoopEnd::Count(1) });
@@ -546,7 +548,7 @@ impl<'a> ScriptWalker<'a> {
         if !time_first && !is_time(right) {
             return None;
         }
-        let sign = tokens[position].token.source();
+        let sign = tokens[position].token.text();
         // The condition `time < limit` or `time <= limit` in its four forms.
         let is_before = (sign.starts_with('<') == time_first) != negated;
         let inclusive = sign.ends_with('=') != negated;
@@ -577,14 +579,14 @@ impl<'a> ScriptWalker<'a> {
         }
         let [once] = changed.iter().filter(|other| **other == name).collect::<Vec<_>>()[..] else { return None };
         let step = body.iter().find_map(|statement| {
-            let added = added_term(&statement.tokens, once)?;
-            is_fixed(&added.expression).then(|| number(&added.expression)).flatten().map(|term| added.sign * term)
+            let added = added_term(statement.tokens, once)?;
+            is_fixed(added.expression).then(|| number(added.expression)).flatten().map(|term| added.sign * term)
         })?;
         let (mut value, limit) = (number(counter)?, number(limit)?);
-        let sign = tokens[position].token.source();
+        let sign = tokens[position].token.text();
         let is_true_for = |value: f64| {
             let (a, b) = if counter_first { (value, limit) } else { (limit, value) };
-            match sign.as_str() {
+            match sign {
                 "<" => a < b,
                 "<=" => a <= b,
                 ">" => a > b,
@@ -703,23 +705,19 @@ impl<'a> ScriptWalker<'a> {
         let parts = split_at(tokens, "=");
         let augmented = tokens.iter().position(|lexeme| {
             matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.len() > 1 && symbol.ends_with('=')
-                && !["==", "!=", "<=", ">=", ":="].contains(&symbol.as_str()))
+                && !["==", "!=", "<=", ">=", ":="].contains(symbol))
         });
         if let Some(position) = augmented.filter(|&position| position > 0) {
             let (name, _) = dotted_name(tokens, 0);
-            let mut sum = tokens[..position].to_vec();
-            let operator = tokens[position].token.source();
-            let symbol = |text: &str| Lexeme { token: ScriptToken::Symbol(text.into()), line: tokens[0].line };
-            sum.push(symbol(operator.trim_end_matches('=')));
-            sum.push(symbol("("));
-            sum.extend_from_slice(&tokens[position + 1..]);
-            sum.push(symbol(")"));
-            let value = self.value(&sum);
+            let (target, added) = (&tokens[..position], &tokens[position + 1..]);
+            let operator = tokens[position].token.text().trim_end_matches('=');
+            let value = self.value(target).and_then(|before| evaluate_operation(operator, before, self.value(added)?));
             // A list is extended in place.
             if value.is_err() {
+                self.forget_objects(tokens);
                 self.make_unknown(&name, "which changes in part");
             }
-            self.set_target(&tokens[..position], value);
+            self.set_target(target, value);
         } else if let Some((&value, targets)) = parts.split_last().filter(|(_, targets)| !targets.is_empty()) {
             for target in targets {
                 self.check_command(target, value);
@@ -984,7 +982,7 @@ impl<'a> ScriptWalker<'a> {
     }
 
     /// Function or class of the script that a name means, if it means one.
-    fn definition(&self, name: &str) -> Option<&'a ScriptStatement> {
+    fn definition(&self, name: &str) -> Option<&'a ScriptStatement<'a>> {
         let is_definition =
             self.variables.get(name).is_some_and(|value| value.as_ref().is_err_and(|why| why.0 == DEFINITION_VALUE));
         self.functions.get(name).or_else(|| self.classes.get(name)).copied().filter(|_| is_definition)
@@ -1142,7 +1140,7 @@ impl<'a> ScriptWalker<'a> {
             for index in 0..statement.tokens.len() {
                 let starts = index == 0 || !statement.tokens[index - 1].token.is(".");
                 if starts && !statement.tokens[index].token.name().is_empty() {
-                    let (name, end) = dotted_name(&statement.tokens, index);
+                    let (name, end) = dotted_name(statement.tokens, index);
                     let called = statement.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
                     names.extend(self.command(&name).filter(|_| called));
                 }
@@ -1184,13 +1182,13 @@ fn all_assigned_names(block: &[ScriptStatement], names: &mut Vec<String>) {
     for statement in block {
         let assigns = |lexeme: &Lexeme| {
             matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.ends_with('=')
-                && !["==", "!=", "<=", ">=", ":="].contains(&symbol.as_str()))
+                && !["==", "!=", "<=", ">=", ":="].contains(symbol))
         };
         let position = if statement.keyword() == "for" {
             statement.tokens.iter().position(|lexeme| lexeme.token.name() == "in")
         } else {
             // Not the `=` of a keyword argument.
-            let mut positions = outside_brackets(&statement.tokens).filter(|&index| assigns(&statement.tokens[index]));
+            let mut positions = outside_brackets(statement.tokens).filter(|&index| assigns(&statement.tokens[index]));
             positions.next().filter(|_| !BLOCK_KEYWORDS.contains(&statement.keyword()))
         };
         let walrus = statement.tokens.windows(2).filter(|pair| pair[1].token.is(":="));
@@ -1198,7 +1196,7 @@ fn all_assigned_names(block: &[ScriptStatement], names: &mut Vec<String>) {
         if let Some(end) = position {
             let mut index = 0;
             while index < end {
-                let (name, after) = dotted_name(&statement.tokens, index);
+                let (name, after) = dotted_name(statement.tokens, index);
                 names.extend(Some(name).filter(|name| !name.is_empty()));
                 index = if statement.tokens[index].token.name().is_empty() { index + 1 } else { after };
             }
@@ -1208,7 +1206,7 @@ fn all_assigned_names(block: &[ScriptStatement], names: &mut Vec<String>) {
 }
 
 /// Name and value of an assignment to one name, as `dt = 1e-3` or `dt: float = 1e-3`.
-fn class_attribute(tokens: &[Lexeme]) -> Option<(&str, &[Lexeme])> {
+fn class_attribute<'a>(tokens: &'a [Lexeme]) -> Option<(&'a str, &'a [Lexeme<'a>])> {
     let [target, value] = split_at(tokens, "=")[..] else { return None };
     let [name, rest @ ..] = target else { return None };
     let is_name = rest.first().is_none_or(|lexeme| lexeme.token.is(":")) && !value.is_empty();
@@ -1216,31 +1214,31 @@ fn class_attribute(tokens: &[Lexeme]) -> Option<(&str, &[Lexeme])> {
 }
 
 /// Expression that a statement adds to a variable.
-struct AddedTerm {
+struct AddedTerm<'a> {
     /// -1 if it is subtracted.
     sign: f64,
-    expression: Vec<Lexeme>,
+    expression: &'a [Lexeme<'a>],
 }
 
 /// Term that a statement adds to the variable `name`: `k += 1`, `k -= 1`, `k = k + 1`.
-fn added_term(tokens: &[Lexeme], name: &str) -> Option<AddedTerm> {
+fn added_term<'a>(tokens: &'a [Lexeme], name: &str) -> Option<AddedTerm<'a>> {
     let (target, end) = dotted_name(tokens, 0);
     let rest = tokens.get(end..).filter(|_| target == name)?;
-    let operator = &rest.first()?.token;
-    let sign = |token: &ScriptToken| if token.is("+") { Some(1.0) } else { token.is("-").then_some(-1.0) };
+    let operator = rest.first()?.token;
+    let sign = |token: ScriptToken| if token.is("+") { Some(1.0) } else { token.is("-").then_some(-1.0) };
     if operator.is("+=") {
-        return Some(AddedTerm { sign: 1.0, expression: rest[1..].to_vec() });
+        return Some(AddedTerm { sign: 1.0, expression: &rest[1..] });
     }
     if operator.is("-=") {
-        return Some(AddedTerm { sign: -1.0, expression: rest[1..].to_vec() });
+        return Some(AddedTerm { sign: -1.0, expression: &rest[1..] });
     }
     let value = rest.get(1..).filter(|_| operator.is("="))?;
     let (again, end) = dotted_name(value.get(..1).and(Some(value))?, 0);
     let added = value.get(end + 1..).filter(|_| again == name)?;
     // One term only: `k = k - 1 + 2` has another sign.
-    let one_term = added.iter().all(|lexeme| sign(&lexeme.token).is_none());
-    let sign = sign(&value[end].token)?;
-    one_term.then(|| AddedTerm { sign, expression: added.to_vec() })
+    let one_term = added.iter().all(|lexeme| sign(lexeme.token).is_none());
+    let sign = sign(value[end].token)?;
+    one_term.then_some(AddedTerm { sign, expression: added })
 }
 
 /// Keyword and line of the first `break` or `return` that ends the loop with this body.
@@ -1256,9 +1254,9 @@ fn break_line(body: &[ScriptStatement]) -> Option<(&'static str, usize)> {
 }
 
 /// Parameters of a function, with their default values.
-fn parameters(function: &ScriptStatement) -> Vec<&[Lexeme]> {
+fn parameters<'a>(function: &'a ScriptStatement) -> Vec<&'a [Lexeme<'a>]> {
     let open = function.tokens.iter().position(|lexeme| lexeme.token.is("(")).unwrap_or(0);
-    let close = after_bracket(&function.tokens, open);
+    let close = after_bracket(function.tokens, open);
     let parameters = split_at(&function.tokens[open + 1..(close - 1).max(open + 1)], ",");
     parameters.into_iter().filter(|parameter| !parameter.is_empty()).collect()
 }
@@ -1295,11 +1293,11 @@ fn called_names(block: &[ScriptStatement], names: &mut BTreeSet<String>) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tokens::logical_lines;
+    use super::super::tokens::script_tokens;
     use super::*;
 
     fn walked(text: &str) -> ScriptCalls {
-        walk(logical_lines(text).unwrap())
+        walk(&script_tokens(text).unwrap())
     }
 
     /// Name, line, first argument, line of the condition and ends of the loops of a call.
@@ -1461,7 +1459,7 @@ mod tests {
         for at in (0..text.len()).filter(|&at| text.is_char_boundary(at)) {
             for end in [at, at + 1, at + 3, text.len()] {
                 let rest = text.get(end..).unwrap_or_default();
-                let _ = logical_lines(&format!("{}{rest}", &text[..at])).map(walk);
+                let _ = script_tokens(&format!("{}{rest}", &text[..at])).map(|script| walk(&script));
             }
         }
         walked(&("c.F(".repeat(3_000) + &")".repeat(3_000)));
@@ -1474,8 +1472,8 @@ mod tests {
 
     /// Cost of following a script, at most [`MAX_COST`] and the last addition.
     fn cost_of(text: &str) -> usize {
-        let mut lines = logical_lines(text).unwrap().into_iter().peekable();
-        let statements = read_block(&mut lines, 0, 0);
+        let script = script_tokens(text).unwrap();
+        let statements = read_block(&mut script.lines().peekable(), 0, 0);
         let mut walker = ScriptWalker::default();
         walker.find_functions(&statements);
         walker.follow(&statements);
