@@ -169,9 +169,8 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         progress.show_step(&state, &report);
         if state.accuracy_control.is_some() {
             let better = if let Comparison::Done(report) = &comparison { Some(&**report) } else { None };
-            let mut options = scene.options.clone();
-            if adapt_to_step(&mut options, &mut state, &report, better) {
-                present.to_mut().options = options;
+            if let Some(chosen) = adapt_to_step(scene, &mut state, &report, better) {
+                present.to_mut().options.chosen = chosen;
             }
         }
         let scene = &*present;

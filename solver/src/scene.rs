@@ -861,6 +861,15 @@ impl Scene {
         self.parts.iter().any(|part| is_polyhedron(&part.geometry))
     }
 
+    /// Whether bodies that move freely, now or at another time, have polyhedra.
+    pub fn has_free_polyhedra(&self) -> bool {
+        let (free, parts) = match &self.roster {
+            Some(roster) => (&roster.free, &roster.parts),
+            None => (&self.free, &self.parts),
+        };
+        parts.iter().any(|part| is_polyhedron(&part.geometry) && free.binary_search(&part.body).is_ok())
+    }
+
     /// Whether there are contacts that need full blocks, as contacts of points do. The block of a sphere with a sphere, or
     /// with any body whose motion is all imposed, is diagonal.
     pub fn needs_blocks(&self) -> bool {

@@ -69,6 +69,23 @@ fn options_that_are_set_are_not_chosen() {
     }
 }
 
+/// Steps have 4 `dt` for Z 1 %, and 6 `dt` of polyhedra for other observables, proportional to the target to the power 0.63,
+/// of Z of spheres to twice that power.
+#[test]
+fn steps_are_limited_by_z_and_with_polyhedra_by_all_observables() {
+    let multiple = |blocks, targets| {
+        let states = targeted(blocks, targets).states(60, 30);
+        states.last().unwrap().meta.parameters.adaptive.map_or(1, |adaptive| adaptive.max_multiple)
+    };
+    let z = |error| TargetErrors { z: Some(error), ..TargetErrors::default() };
+    let nu = |error| TargetErrors { nu: Some(error), ..TargetErrors::default() };
+    assert_eq!([0.001, 0.01, 0.03].map(|error| multiple(false, z(error))), [1, 4, 15]);
+    assert_eq!([0.001, 0.01, 0.03].map(|error| multiple(true, z(error))), [1, 4, 7]);
+    assert_eq!([0.001, 0.01, 0.03].map(|error| multiple(true, nu(error))), [1, 6, 11]);
+    assert_eq!(multiple(true, both(0.03)), 7);
+    assert!(multiple(false, nu(0.03)) > 1000);
+}
+
 /// Errors of Z by contacts, and by the step without that by overlaps, twice its other error, in ERRORS.csv; `None` where the
 /// field is empty.
 fn z_errors(case: &Case) -> [Option<f64>; 2] {
