@@ -187,9 +187,10 @@ pub fn script_tokens(text: &str) -> Result<ScriptTokens<'_>, UnclosedText> {
         return Err(UnclosedText { line, kind: UnclosedKind::Bracket });
     }
     script.end_line(indent);
-    // The vectors of a long script have up to twice the length that they need.
-    script.lexemes.shrink_to_fit();
-    script.lines.shrink_to_fit();
+    // Spare memory is up to half; the copy without it takes more than a small part.
+    if script.lexemes.len() < script.lexemes.capacity() / 4 * 3 {
+        script.lexemes.shrink_to_fit();
+    }
     Ok(script)
 }
 
