@@ -75,8 +75,8 @@ impl MultipleLimit {
 /// Z counts neighbours over an interval: in longer steps more of them carry force at once, however slowly they move.
 const Z_LIMIT: MultipleLimit = MultipleLimit { at_one_percent: 4.0, exponent: 1.26 };
 
-/// Limits of Z and of the other observables in scenes with polyhedra. Their errors hardly depend on `penetration`: in a cloud
-/// of 80 rocks, those of Z, ν and pressure are -0.7 %, -0.5 % and -0.8 % in steps of up to 8 `dt`, -3.2 %, -1.4 % and
+/// Limits of Z and of the other observables in scenes with polyhedra. In a collapse errors hardly depend on `penetration`: in a
+/// cloud of 80 rocks those of Z, ν and pressure are -0.7 %, -0.5 % and -0.8 % in steps of up to 8 `dt`, -3.2 %, -1.4 % and
 /// -2.1 % in those of up to 16; in longer ones a `penetration` of 3e-4 leaves -2.7 % of Z.
 const POLYHEDRON_Z_LIMIT: MultipleLimit = MultipleLimit { at_one_percent: 4.0, exponent: 0.63 };
 const POLYHEDRON_LIMIT: MultipleLimit = MultipleLimit { at_one_percent: 6.0, exponent: 0.63 };

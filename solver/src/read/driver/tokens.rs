@@ -26,6 +26,16 @@ impl<'t> ScriptToken<'t> {
         matches!(self, ScriptToken::Symbol(found) if found == symbol)
     }
 
+    /// Whether it is a bracket that opens.
+    pub fn opens_bracket(self) -> bool {
+        matches!(self, ScriptToken::Symbol("(" | "[" | "{"))
+    }
+
+    /// Whether it is a bracket that closes.
+    pub fn closes_bracket(self) -> bool {
+        matches!(self, ScriptToken::Symbol(")" | "]" | "}"))
+    }
+
     /// The name, or the empty string.
     pub fn name(self) -> &'t str {
         if let ScriptToken::Name(name) = self { name } else { "" }
@@ -174,10 +184,10 @@ pub fn script_tokens(text: &str) -> Result<ScriptTokens<'_>, UnclosedText> {
             _ if next.is_whitespace() => scanner.skip(next.len_utf8()),
             _ => {
                 let token = scanner.read_token()?;
-                match token {
-                    ScriptToken::Symbol("(" | "[" | "{") => open.push(line),
-                    ScriptToken::Symbol(")" | "]" | "}") => drop(open.pop()),
-                    _ => {}
+                if token.opens_bracket() {
+                    open.push(line);
+                } else if token.closes_bracket() {
+                    open.pop();
                 }
                 script.lexemes.push(Lexeme { token, line });
             }
@@ -187,7 +197,7 @@ pub fn script_tokens(text: &str) -> Result<ScriptTokens<'_>, UnclosedText> {
         return Err(UnclosedText { line, kind: UnclosedKind::Bracket });
     }
     script.end_line(indent);
-    // Spare memory is up to half; the copy without it takes more than a small part.
+    // Up to half of the memory is spare. To free little of it is not worth the copy, which needs the memory of both.
     if script.lexemes.len() < script.lexemes.capacity() / 4 * 3 {
         script.lexemes.shrink_to_fit();
     }

@@ -231,15 +231,16 @@ pub fn evaluate_operation(operator: &str, left: ScriptValue, right: ScriptValue)
     }
 }
 
+/// Number of open brackets after a token, of `depth` before it.
+fn depth_after(depth: usize, token: ScriptToken) -> usize {
+    (depth + usize::from(token.opens_bracket())).saturating_sub(usize::from(token.closes_bracket()))
+}
+
 /// Number of tokens that [`evaluate`] reads again: those inside of brackets, once for each level that it reads.
 pub fn nested_count(tokens: &[Lexeme]) -> usize {
     let (mut count, mut depth) = (0, 0usize);
     for lexeme in tokens {
-        match &lexeme.token {
-            ScriptToken::Symbol(symbol) if ["(", "[", "{"].contains(symbol) => depth += 1,
-            ScriptToken::Symbol(symbol) if [")", "]", "}"].contains(symbol) => depth = depth.saturating_sub(1),
-            _ => {}
-        }
+        depth = depth_after(depth, lexeme.token);
         count += depth.min(MAX_EXPRESSION_DEPTH);
     }
     count
@@ -249,11 +250,7 @@ pub fn nested_count(tokens: &[Lexeme]) -> usize {
 pub fn after_bracket(tokens: &[Lexeme], open: usize) -> usize {
     let mut depth = 0usize;
     for (index, lexeme) in tokens.iter().enumerate().skip(open) {
-        match &lexeme.token {
-            ScriptToken::Symbol(symbol) if ["(", "[", "{"].contains(symbol) => depth += 1,
-            ScriptToken::Symbol(symbol) if [")", "]", "}"].contains(symbol) => depth = depth.saturating_sub(1),
-            _ => {}
-        }
+        depth = depth_after(depth, lexeme.token);
         if depth == 0 {
             return index + 1;
         }
@@ -266,8 +263,7 @@ pub fn outside_brackets(tokens: &[Lexeme]) -> impl Iterator<Item = usize> {
     let mut next = 0;
     std::iter::from_fn(move || {
         let (index, token) = (next, tokens.get(next)?.token);
-        let opens = ["(", "[", "{"].iter().any(|open| token.is(open));
-        next = if opens { after_bracket(tokens, index) } else { index + 1 };
+        next = if token.opens_bracket() { after_bracket(tokens, index) } else { index + 1 };
         Some(index)
     })
 }

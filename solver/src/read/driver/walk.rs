@@ -917,7 +917,7 @@ impl<'a> ScriptWalker<'a> {
                 if tokens[index].token.is("(") && index > 0 && is_closing_bracket(&tokens[index - 1]) {
                     self.forget_objects(&tokens[..after_bracket(tokens, index)]);
                 }
-                if ["(", "[", "{"].iter().any(|open| tokens[index].token.is(open)) {
+                if tokens[index].token.opens_bracket() {
                     let close = after_bracket(tokens, index);
                     self.find_nested_calls(&tokens[index + 1..(close - 1).max(index + 1)], depth + 1);
                     index = close;
