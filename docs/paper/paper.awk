@@ -239,6 +239,7 @@ function rounded(x, error,    digits) {
 }
 function with_error(x, error) {
     if (error <= 1e-9 * (x < 0 ? -x : x)) error = 0
+    if ((x < 0 ? -x : x) <= 1e-9 * error) x = 0 # a sum of rounding errors
     return rounded(x, error) " ± " (error > 0 && magnitude(error) < -4 ? sprintf("%.1e", error) : error > 0 ? rounded(error, error) : 0)
 }
 
