@@ -524,8 +524,8 @@ impl<'a> StudyPlots<'a> {
 
     /// Time per step of each stage against the number of grains, in a figure for each group.
     fn add_costs(&mut self) {
-        for (k, group) in self.groups.iter().enumerate() {
-            let name = if self.groups.len() == 1 { "cost".to_string() } else { format!("cost-{}", k + 1) };
+        for group in self.groups {
+            let name = if self.groups.len() == 1 { "cost".to_string() } else { self.group_figure("cost", group) };
             let mut curves = Vec::new();
             for (stage, _) in STEP_STAGES {
                 let seconds = |run: &StudyRun| run.value_of(&format!("seconds_{stage}"));
@@ -540,6 +540,19 @@ impl<'a> StudyPlots<'a> {
             let axes = [FigureAxis::logarithmic("N", "1"), FigureAxis::logarithmic("time per step", "s")];
             self.add_figure(name, format!("Seconds per step by stage: {group}"), axes, curves);
         }
+    }
+
+    /// Name of the figure of one of several groups; the first free number if its own is too long, empty or another's, too.
+    fn group_figure(&self, quantity: &str, group: &str) -> String {
+        let words = group.split(|c: char| !c.is_alphanumeric() && !"._+-".contains(c)).filter(|word| !word.is_empty());
+        let own_name = words.collect::<Vec<_>>().join("_");
+        let is_free = |name: &String| self.figures.iter().all(|(other, _)| other.to_lowercase() != name.to_lowercase());
+        std::iter::once(own_name)
+            .filter(|name| (1..=100).contains(&name.len()))
+            .chain((1..).map(|number: usize| number.to_string()))
+            .map(|name| format!("{quantity}-{name}"))
+            .find(is_free)
+            .unwrap_or_default()
     }
 
     /// Sweeps of the contact solver against the number of grains.
@@ -655,7 +668,12 @@ mod tests {
             ["a", "b, c"].into_iter().flat_map(|g| [250.0, 1000.0, 4000.0].map(|n| run(g, n))).collect();
         let StudyPlots { figures, fits, .. } = StudyPlots::new(&runs, &["a", "b, c"]);
         let names: Vec<&str> = figures.iter().map(|(name, _)| name.as_str()).collect();
-        assert_eq!(names, ["Z", "nu", "nu_sphere", "pressure", "cost-1", "cost-2", "sweeps"]);
+        assert_eq!(names, ["Z", "nu", "nu_sphere", "pressure", "cost-a", "cost-b_c", "sweeps"]);
+        let long = "c".repeat(101);
+        let groups = ["1", "b c", "b, c", "B_c", "µ", long.as_str(), ", "];
+        let figures = StudyPlots::new(&runs, &groups).figures;
+        let costs: Vec<&str> = figures.iter().filter_map(|(name, _)| name.strip_prefix("cost-")).collect();
+        assert_eq!(costs, ["1", "b_c", "2", "3", "µ", "4", "5"]);
         let slope = |start: &str| -> f64 {
             let line = fits.lines().find(|line| line.starts_with(start)).unwrap_or_else(|| panic!("{start}: {fits}"));
             line.split(',').nth(3).unwrap().parse().unwrap()
@@ -665,9 +683,9 @@ mod tests {
             ("Z,a", -9.0),
             ("nu,b; c", -0.5),
             ("pressure,all", 1.0),
-            ("cost-1,a,ln(seconds_gravity)", 2.0),
-            ("cost-2,b; c,ln(seconds_detection)", 1.0),
-            ("cost-2,b; c,ln(seconds_contacts)", 1.5),
+            ("cost-a,a,ln(seconds_gravity)", 2.0),
+            ("cost-b_c,b; c,ln(seconds_detection)", 1.0),
+            ("cost-b_c,b; c,ln(seconds_contacts)", 1.5),
         ] {
             assert!((slope(start) / exact - 1.0).abs() < 1e-10, "{start}: {fits}");
         }
