@@ -814,8 +814,8 @@ fn many_runs_are_points_of_one_study() {
     assert_eq!(study(&["--groups", "one,two", "--from", "0.5"]), (0, String::new()));
     let expected = [
         "Z.svg",
-        "cost-1.svg",
-        "cost-2.svg",
+        "cost-one.svg",
+        "cost-two.svg",
         "fits.csv",
         "nu.svg",
         "nu_sphere.svg",
