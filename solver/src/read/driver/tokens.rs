@@ -36,6 +36,12 @@ impl<'t> ScriptToken<'t> {
         matches!(self, ScriptToken::Symbol(")" | "]" | "}"))
     }
 
+    /// Whether it is `=` or an operator that assigns as well, as `+=`; not `:=`, which is a part of an expression.
+    pub fn assigns(self) -> bool {
+        matches!(self, ScriptToken::Symbol(symbol) if symbol.ends_with('=')
+            && !["==", "!=", "<=", ">=", ":="].contains(&symbol))
+    }
+
     /// The name, or the empty string.
     pub fn name(self) -> &'t str {
         if let ScriptToken::Name(name) = self { name } else { "" }

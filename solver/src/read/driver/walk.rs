@@ -703,10 +703,7 @@ impl<'a> ScriptWalker<'a> {
             self.forget_objects(tokens);
         }
         let parts = split_at(tokens, "=");
-        let augmented = tokens.iter().position(|lexeme| {
-            matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.len() > 1 && symbol.ends_with('=')
-                && !["==", "!=", "<=", ">=", ":="].contains(symbol))
-        });
+        let augmented = tokens.iter().position(|lexeme| lexeme.token.assigns() && !lexeme.token.is("="));
         if let Some(position) = augmented.filter(|&position| position > 0) {
             let (name, _) = dotted_name(tokens, 0);
             let (target, added) = (&tokens[..position], &tokens[position + 1..]);
@@ -1180,16 +1177,13 @@ fn assigned_names(block: &[ScriptStatement], names: &mut BTreeSet<String>) {
 /// Names to which a block assigns values, one for each assignment.
 fn all_assigned_names(block: &[ScriptStatement], names: &mut Vec<String>) {
     for statement in block {
-        let assigns = |lexeme: &Lexeme| {
-            matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.ends_with('=')
-                && !["==", "!=", "<=", ">=", ":="].contains(symbol))
-        };
         let position = if statement.keyword() == "for" {
             statement.tokens.iter().position(|lexeme| lexeme.token.name() == "in")
         } else {
             // Not the `=` of a keyword argument.
-            let mut positions = outside_brackets(statement.tokens).filter(|&index| assigns(&statement.tokens[index]));
-            positions.next().filter(|_| !BLOCK_KEYWORDS.contains(&statement.keyword()))
+            let mut positions = outside_brackets(statement.tokens);
+            let first = positions.find(|&index| statement.tokens[index].token.assigns());
+            first.filter(|_| !BLOCK_KEYWORDS.contains(&statement.keyword()))
         };
         let walrus = statement.tokens.windows(2).filter(|pair| pair[1].token.is(":="));
         names.extend(walrus.map(|pair| pair[0].token.name().to_string()));
