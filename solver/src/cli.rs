@@ -264,11 +264,13 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
 }
 
 /// Replaces the state by the state of the last snapshot, and reports the options that have changed since; returns whether there
-/// is a snapshot. Without one, a case with other results is rejected.
+/// is a snapshot. Without one, a case is rejected whose results are of another program.
 fn resume_case(case: &Path, flags: &ComputeFlags, scene: &mut Scene, state: &mut State) -> Result<bool, Faults> {
     let outbox = write::outbox_path(case);
     let Some(snapshot) = read::resume::restore_last(&outbox, scene, state)? else {
-        write::check_no_results(case, scene)?;
+        if !write::has_begun(case) {
+            write::check_no_results(case, scene)?;
+        }
         print_line(format_args!("{PROGRAM}: no snapshot to resume from: starting from DATBOX"));
         return Ok(false);
     };

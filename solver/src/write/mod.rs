@@ -78,6 +78,12 @@ pub fn lock_outbox(case: &Path) -> Result<FolderLock, Faults> {
     })
 }
 
+/// Whether a run of cd-solve has begun in this case: the log of steps is the first file that it writes, before those that it
+/// never writes over others.
+pub fn has_begun(case: &Path) -> bool {
+    path_exists(&outbox_path(case).join(log::STEPS_FILE))
+}
+
 /// Rejects a case that has results; files of LMGC90 count only if this run would overwrite them.
 pub fn check_no_results(case: &Path, scene: &Scene) -> Result<(), Faults> {
     let outbox = outbox_path(case);

@@ -2,11 +2,13 @@
 //! and nothing written.
 
 use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::compute::{Compute, Event, EventAction, ExternalField, SweepPrecision, TargetErrors};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
+use cd_formats::probe::{BodySelection, Probe, ProbeQuantity};
 
 use crate::case::{AXES, Case};
 
@@ -533,6 +535,31 @@ fn results_of_lmgc90_are_not_written_over() {
         expect_rejection(&case, flags, &[line]);
     }
     assert_eq!(fs::read(case.path().join("OUTBOX/DOF.OUT.1")).unwrap(), b"theirs");
+}
+
+#[test]
+fn files_of_a_run_that_ended_before_its_first_snapshot_are_written_anew() {
+    let mut case = sound();
+    (case.options.text, case.options.output_every) = (true, 1);
+    case.options.probes =
+        vec![Probe { name: "all".into(), every: 1, quantity: ProbeQuantity::Energy { of: BodySelection::Free } }];
+    case.write();
+    fs::write(case.path().join("DATBOX/POSTPRO.DAT"), "KINETIC ENERGY\nSTEP 1\nEND\n").unwrap();
+    assert_eq!(spawn(&case, &["--resume"]), (0, String::new()));
+    let results = || -> Vec<(PathBuf, Vec<u8>)> {
+        let names = ["OUTBOX", "POSTPRO"].into_iter().flat_map(|name| fs::read_dir(case.path().join(name)).unwrap());
+        let mut files: Vec<PathBuf> = names.map(|entry| entry.unwrap().path()).collect();
+        files.sort();
+        files.into_iter().map(|path| (path.clone(), fs::read(path).unwrap())).collect()
+    };
+    let unbroken = results();
+    let is_snapshot = |path: &Path| path.extension().is_some_and(|extension| extension == "npz");
+    let snapshots = unbroken.iter().filter(|(path, _)| is_snapshot(path));
+    assert_eq!(snapshots.map(|(path, _)| fs::remove_file(path).unwrap()).count(), 3);
+    let line = "CASE/OUTBOX: results: DOF.OUT.1 exists; --text would overwrite it; use --force to remove such files";
+    expect_rejection(&case, &[], &[line]);
+    assert_eq!(spawn(&case, &["--resume"]), (0, String::new()));
+    assert!(results() == unbroken);
 }
 
 #[test]

@@ -81,24 +81,11 @@ impl<'a> Trial<'a> {
 
     /// Runs the program to its end without disturbance, and compares all files.
     pub fn finish(&mut self, draws: &mut Draws) {
-        let outcome = self.run(draws, |workplace, words| workplace.run(words, None));
+        let words = self.words(draws);
+        let outcome = self.workplace.run(&words, None);
         let message = || format!("the run after it: exit code {}: {}", outcome.code, outcome.stderr);
         self.check(outcome.code == 0, message);
         self.check_results("the run after it");
-    }
-
-    /// Outcome of the next command line by `run`. A run that ended before its first snapshot may have left files, which only
-    /// `--force` replaces.
-    fn run(&mut self, draws: &mut Draws, run: impl Fn(&Workplace, &[String]) -> Outcome) -> Outcome {
-        let mut words = self.words(draws);
-        let outcome = run(self.workplace, &words);
-        let is_rejected = outcome.code == 2 && outcome.stderr.contains("use --force");
-        if !is_rejected || self.new_snapshots(&Contents::read(&self.workplace.case())) > 0 {
-            return outcome;
-        }
-        words.retain(|word| word != "--resume");
-        words.push("--force".into());
-        run(self.workplace, &words)
     }
 
     /// Compares all files with those of the unbroken run. A snapshot of a run that was requested to stop may remain, with its
@@ -132,6 +119,7 @@ impl Torture {
         let mut trial = Trial::new(&self.workplace, program_case);
         let (mut kills, mut events, mut history) = (0, Vec::new(), Vec::new());
         for _ in 0..draws.choice(&[1, 1, 2, 4]) {
+            let words = trial.words(draws);
             let outcome = if draws.below(4) > 0 {
                 let kinds = draw_kinds(draws);
                 // There are far fewer operations of one kind than writes.
@@ -139,17 +127,14 @@ impl Torture {
                     if kinds.contains('w') { program_case.operations } else { 1 + program_case.operations / 20 };
                 let operation = 1 + draws.below(number);
                 history.push(format!("operation {operation} of {kinds}"));
-                let sabotage = Sabotage::Kill { kinds, operation };
-                trial.run(draws, |workplace, words| workplace.run(words, Some(&sabotage)))
+                self.workplace.run(&words, Some(&Sabotage::Kill { kinds, operation }))
             } else {
+                let running = self.workplace.start(&words, None, "");
                 let moment = program_case.duration.mul_f64(draws.share());
+                std::thread::sleep(moment);
+                running.send(&["KILL"]);
                 history.push(format!("after {moment:?}"));
-                trial.run(draws, |workplace, words| {
-                    let running = workplace.start(words, None, "");
-                    std::thread::sleep(moment);
-                    running.send(&["KILL"]);
-                    running.outcome()
-                })
+                running.outcome()
             };
             events.push(format!("{} {}", program_case.program.name(), outcome.code));
             trial.check([0, KILLED].contains(&outcome.code), || format!("{}: {}", outcome.code, outcome.stderr));
