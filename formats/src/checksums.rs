@@ -136,8 +136,17 @@ pub fn list_text<'a>(program: &str, files: impl IntoIterator<Item = (&'a str, &'
 }
 
 /// Reads the list of checksums of a folder; `None` if it has none. Errors: the file cannot be read, or has another line than
-/// those of [`ChecksumLine`]. A last line without an end, which a killed program may leave, is left out.
+/// those of [`ChecksumLine`]. A last line without an end, which a killed program may leave in a list that grows, is left out.
 pub fn read_list(folder: &Path) -> Result<Option<Vec<ChecksumLine>>, Faults> {
+    read_lines(folder, true)
+}
+
+/// Reads a list of checksums that was written at once like [`read_list`]; a last line without an end is an error, too.
+pub fn read_whole_list(folder: &Path) -> Result<Option<Vec<ChecksumLine>>, Faults> {
+    read_lines(folder, false)
+}
+
+fn read_lines(folder: &Path, grows: bool) -> Result<Option<Vec<ChecksumLine>>, Faults> {
     let path = folder.join(CHECKSUMS_FILE);
     if !path_exists(&path) {
         return Ok(None);
@@ -145,12 +154,16 @@ pub fn read_list(folder: &Path) -> Result<Option<Vec<ChecksumLine>>, Faults> {
     let text = atomic::read_text(&path)?;
     let (mut lines, mut faults) = (Vec::new(), Faults::default());
     for (number, line) in (1..).zip(text.split_inclusive('\n')) {
-        let Some(line) = line.strip_suffix('\n') else { break };
-        match ChecksumLine::from_text(line.strip_suffix('\r').unwrap_or(line)) {
+        let ended_line = line.strip_suffix('\n');
+        if ended_line.is_none() && grows {
+            break;
+        }
+        match ended_line.and_then(|line| ChecksumLine::from_text(line.strip_suffix('\r').unwrap_or(line))) {
             Some(line) => lines.push(line),
             None => {
-                let expected = "expected a checksum, two blanks and a path, as of sha256sum";
-                faults.push(Fault::new(&path, Some(number), "checksum", line, expected));
+                let expected = "expected a checksum, two blanks, a path and the end of the line, as of sha256sum; restore \
+                                the file, or remove it: other files are then not compared";
+                faults.push(Fault::new(&path, Some(number), "checksum", line.trim_end(), expected));
             }
         }
     }

@@ -29,6 +29,9 @@ use crate::{activity, agreement, plan, read, thread_pool, write};
 
 const PROGRAM: &str = "cd-solve";
 
+/// Largest number of files that are set aside and named.
+const MAX_SHOWN_PATHS: usize = 100;
+
 /// Simulates rigid grains in contact: reads DIR/DATBOX, writes DIR/OUTBOX.
 ///
 /// The method is Non-Smooth Contact Dynamics. Files and units are described in docs/reference/.
@@ -158,7 +161,7 @@ fn verify(case: &Path) -> i32 {
         None => verify_case(case),
     };
     match verification {
-        Ok(Verification { text, is_sound }) => {
+        Ok(Verification { text, is_sound, .. }) => {
             print_line(format_args!("{PROGRAM}: verify\n{}", text.trim_end()));
             i32::from(!is_sound)
         }
@@ -181,8 +184,12 @@ fn skip_damaged(arguments: &CommandLine, communicator: &dyn Communicator) -> Res
     let renamed = if communicator.rank() == 0 { set_aside() } else { Ok(Vec::new()) };
     // All ranks wait for rank 0.
     all_gather_unsized(communicator, &[]);
-    for path in renamed? {
+    let renamed = renamed?;
+    for path in renamed.iter().take(MAX_SHOWN_PATHS) {
         print_warning(PROGRAM, format_args!("{}: set aside: the snapshot is damaged", path.display()));
+    }
+    if renamed.len() > MAX_SHOWN_PATHS {
+        print_warning(PROGRAM, format_args!("{} more files set aside", renamed.len() - MAX_SHOWN_PATHS));
     }
     Ok(())
 }
@@ -264,7 +271,8 @@ fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator
 }
 
 /// Replaces the state by the state of the last snapshot, and reports the options that have changed since; returns whether there
-/// is a snapshot. Without one, a case is rejected whose results are of another program.
+/// is a snapshot. Without one, a case is rejected whose results are of another program; with one, if it or the logs up to it differ
+/// from their checksums.
 fn resume_case(case: &Path, flags: &ComputeFlags, scene: &mut Scene, state: &mut State) -> Result<bool, Faults> {
     let outbox = write::outbox_path(case);
     let Some(snapshot) = read::resume::restore_last(&outbox, scene, state)? else {
@@ -274,6 +282,7 @@ fn resume_case(case: &Path, flags: &ComputeFlags, scene: &mut Scene, state: &mut
         print_line(format_args!("{PROGRAM}: no snapshot to resume from: starting from DATBOX"));
         return Ok(false);
     };
+    verify::check_last_snapshot(case)?;
     record_changed_forces(scene, &snapshot.parameters, &case.join("DATBOX"), state)?;
     // The initial state has no text in OUTBOX, as it is in DATBOX.
     let has_text = (state.step > scene.start.step).then(|| write::text::is_written(&outbox, state)).transpose()?;

@@ -3,12 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use cd_formats::atomic::path_exists;
 use cd_formats::checksums::{CHECKSUMS_FILE, Checksum, ChecksumLine, FileState, file_state, read_list};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::names::count_text;
 use cd_formats::snapshot::{Snapshot, list_snapshots, snapshot_files};
 
 use crate::read::wholeness;
+use crate::write::checksums::{SnapshotLines, lines_of_snapshot};
 use crate::write::outbox_path;
 
 /// Result of a comparison of a case with its checksums, to which files are added one by one.
@@ -17,18 +19,22 @@ pub struct Verification {
     pub text: String,
     /// Whether all files are sound.
     pub is_sound: bool,
+    damage_count: usize,
 }
+
+/// Largest number of damaged files that are named.
+const MAX_SHOWN_DAMAGES: usize = 100;
 
 /// Compares the files of a case with the checksums in DATBOX and OUTBOX, and reads all snapshots. Errors: a folder or a list
 /// of checksums cannot be read, or cd-pre is writing DATBOX.
 pub fn verify_case(case: &Path) -> Result<Verification, Faults> {
     let (datbox, outbox) = (case.join("DATBOX"), outbox_path(case));
-    let mut verification = Verification { text: String::new(), is_sound: true };
+    let mut verification = Verification { text: String::new(), is_sound: true, damage_count: 0 };
     let _lock = wholeness::share_datbox(&datbox)?;
     let unfinished = wholeness::unfinished_fault(&datbox);
     unfinished.iter().for_each(|fault| verification.add_damage(&fault.to_string()));
     let datbox_list = wholeness::written_list(&datbox)?;
-    let missing = verification.add_list("DATBOX", &datbox, datbox_list.as_ref().map(|list| list.lines.as_slice()))?;
+    let missing = verification.add_list("DATBOX", &datbox, datbox_list.as_ref().map(|list| list.lines.as_slice()));
     let list = read_list(&outbox)?;
     let checksums = file_checksums(list.as_deref().unwrap_or_default());
     let mut sound_steps = Vec::new();
@@ -39,7 +45,11 @@ pub fn verify_case(case: &Path) -> Result<Verification, Faults> {
             Some(damage) => verification.add_damage(&damage),
         }
     }
-    verification.add_list("OUTBOX", &outbox, list.as_deref())?;
+    verification.add_list("OUTBOX", &outbox, list.as_deref());
+    if verification.damage_count > MAX_SHOWN_DAMAGES {
+        verification
+            .add_line(&format!("{} more", count_text(verification.damage_count - MAX_SHOWN_DAMAGES, "damaged file")));
+    }
     let sound_count = sound_steps.len();
     verification.add_line(&format!("snapshots: {sound_count} of {} sound", snapshots.len()));
     let last = snapshots.last().map(|(step, _)| *step);
@@ -52,6 +62,42 @@ pub fn verify_case(case: &Path) -> Result<Verification, Faults> {
     let is_rejected = unfinished.is_some() || missing > 0;
     verification.add_line(&if is_rejected { format!("run cd-pre again; then {next}") } else { next });
     Ok(verification)
+}
+
+/// Compares the last snapshot, and the logs up to it, with their checksums, before a run continues from it. Errors: one of them
+/// differs or cannot be read. A log that is missing is no error, as the run then begins a new one.
+pub fn check_last_snapshot(case: &Path) -> Result<(), Faults> {
+    let outbox = outbox_path(case);
+    let (Some(list), snapshots) = (read_list(&outbox)?, list_snapshots(&outbox)?) else { return Ok(()) };
+    let Some((step, _)) = snapshots.last() else { return Ok(()) };
+    let SnapshotLines { logs, files } = lines_of_snapshot(&list, *step);
+    let mut faults = Faults::default();
+    for line in logs.iter().chain(&files) {
+        let (path, length, checksum, object, advice) = match line {
+            ChecksumLine::File { path, checksum } => {
+                (path, u64::MAX, *checksum, "snapshot", snapshot_advice(&snapshots))
+            }
+            ChecksumLine::Start { path, length, checksum } => {
+                (path, *length, *checksum, "log", "restore it, or rename it to continue without its rows")
+            }
+            ChecksumLine::Comment(_) => continue,
+        };
+        let file = listed_path(&outbox, path);
+        if faults.gather_result(file_state(&file, length, checksum)) == Some(FileState::Changed) {
+            let found = format!("differs from its checksum in OUTBOX/{CHECKSUMS_FILE}");
+            faults.push(Fault::new(&file, None, object, found, advice));
+        }
+    }
+    faults.into_result(())
+}
+
+/// Advice about a damaged last snapshot.
+pub fn snapshot_advice(snapshots: &[(u64, PathBuf)]) -> &'static str {
+    if snapshots.len() > 1 {
+        "--resume --skip-damaged continues from the last sound snapshot"
+    } else {
+        "move it away and start from DATBOX with --force"
+    }
 }
 
 /// Renames the files of the damaged snapshots after the last sound one to `NAME.damaged`, so that a run continues from that
@@ -73,12 +119,19 @@ pub fn set_damaged_aside(case: &Path) -> Result<Vec<PathBuf>, Faults> {
         // The index goes first: parts without an index are no snapshot.
         let parts = snapshot_files(&outbox, *step).into_iter().filter(|part| part != path && part.is_file());
         for file in [path.clone()].into_iter().chain(parts) {
-            let target = file.with_extension("npz.damaged");
+            let target = unused_path(&file.with_extension("npz.damaged"));
             std::fs::rename(&file, &target).map_err(|error| Fault::from_io(&file, "renamed", &error))?;
             renamed.push(target);
         }
     }
     Ok(renamed)
+}
+
+/// The path, or with the first number from 2 with which there is no such file.
+fn unused_path(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let numbered = (2..).map(|k: u64| path.with_file_name(format!("{name}-{k}")));
+    std::iter::once(path.to_path_buf()).chain(numbered).find(|path| !path_exists(path)).unwrap_or_default()
 }
 
 /// Checksums of the files of a list by path; the last one counts.
@@ -127,16 +180,19 @@ impl Verification {
     }
 
     fn add_damage(&mut self, damage: &str) {
-        self.add_line(damage);
         self.is_sound = false;
+        self.damage_count += 1;
+        if self.damage_count <= MAX_SHOWN_DAMAGES {
+            self.add_line(damage);
+        }
     }
 
     /// Adds the files of the list in `folder`, without snapshots that exist, which are reported one by one. Of the checksums
     /// of a log the last counts. Returns the number of missing files.
-    fn add_list(&mut self, name: &str, folder: &Path, list: Option<&[ChecksumLine]>) -> Result<usize, Faults> {
+    fn add_list(&mut self, name: &str, folder: &Path, list: Option<&[ChecksumLine]>) -> usize {
         let Some(lines) = list else {
             self.add_line(&format!("{name}: no {CHECKSUMS_FILE} of its own: its files are not compared"));
-            return Ok(0);
+            return 0;
         };
         let mut latest: BTreeMap<&str, (u64, Checksum)> = BTreeMap::new();
         for line in lines {
@@ -150,17 +206,18 @@ impl Verification {
         for (path, (length, checksum)) in latest {
             let file = listed_path(folder, path);
             let is_snapshot = path.starts_with("snapshot-");
-            match file_state(&file, length, checksum)? {
-                FileState::Sound => sound += usize::from(!is_snapshot),
-                FileState::Missing => {
+            match file_state(&file, length, checksum) {
+                Ok(FileState::Sound) => sound += usize::from(!is_snapshot),
+                Ok(FileState::Missing) => {
                     missing += 1;
                     self.add_damage(&format!("{}: is missing", file.display()));
                 }
-                FileState::Changed if is_snapshot => {}
-                FileState::Changed => self.add_damage(&difference_text(&file, name)),
+                _ if is_snapshot => {}
+                Ok(FileState::Changed) => self.add_damage(&difference_text(&file, name)),
+                Err(faults) => self.add_damage(&faults.to_string()),
             }
         }
         self.add_line(&format!("{name}: {} sound", count_text(sound, "file")));
-        Ok(missing)
+        missing
     }
 }

@@ -156,6 +156,14 @@ fn damaged_files_are_found_and_a_run_continues_from_the_last_sound_snapshot() {
         assert!(said.contains(line), "{line}: {said}");
     }
     assert_eq!(case.solve(&["--resume"]), 2);
+    // The rows of a damaged log are not continued; nothing is changed, and the damage is still found.
+    let (damaged_log, list) = (fs::read(case.outbox().join("steps.csv")).unwrap(), list.as_bytes());
+    let (code, said) = solve_process(case.path(), &["--resume", "--skip-damaged"]);
+    let fault = "OUTBOX/steps.csv: log: differs from its checksum in OUTBOX/SHA256SUMS; restore it, or rename it to continue \
+                 without its rows";
+    assert!(code == 2 && said.contains(fault), "{said}");
+    assert_eq!(fs::read(case.outbox().join("steps.csv")).unwrap(), damaged_log);
+    assert_eq!(fs::read(case.outbox().join("SHA256SUMS")).unwrap(), list);
     fs::copy(unbroken.outbox().join("steps.csv"), case.outbox().join("steps.csv")).unwrap();
     fs::copy(unbroken.outbox().join("snapshot-000010.npz"), case.outbox().join("snapshot-000010.npz")).unwrap();
     assert_eq!(case.solve(&["--resume", "--skip-damaged"]), 0);
@@ -164,6 +172,56 @@ fn damaged_files_are_found_and_a_run_continues_from_the_last_sound_snapshot() {
     }
     assert_same_results(&unbroken, &case);
     assert_eq!(case.solve(&["--verify"]), 0);
+}
+
+/// A last snapshot that its list says is changed is not continued, though it can be read, and `.damaged` files stay.
+#[test]
+fn changed_files_are_not_resumed() {
+    let case = Case::from_scene(&scene(0.1)).solved(&[]);
+    let unbroken = case.twin().solved(&[]);
+    for k in 1..=2 {
+        let mut snapshot = case.last_snapshot();
+        snapshot.bodies.body_x[0][0] += 1e-3;
+        fs::write(case.outbox().join("snapshot-000040.npz"), snapshot.to_bytes()).unwrap();
+        let (code, said) = solve_process(case.path(), &["--resume"]);
+        let fault = "snapshot-000040.npz: snapshot: differs from its checksum in OUTBOX/SHA256SUMS; \
+                     --resume --skip-damaged continues from the last sound snapshot";
+        assert!(code == 2 && said.contains(fault), "{said}");
+        assert_eq!(verification(&case).0, 1);
+        assert_eq!(case.solve(&["--resume", "--skip-damaged"]), 0);
+        assert_eq!(files(&case.outbox()).iter().filter(|name| name.contains(".damaged")).count(), k);
+    }
+    for name in ["snapshot-000040.npz.damaged", "snapshot-000040.npz.damaged-2"] {
+        fs::remove_file(case.outbox().join(name)).unwrap();
+    }
+    assert_same_results(&unbroken, &case);
+    // A list with a line that is none says what to do.
+    let list = case.outbox().join("SHA256SUMS");
+    fs::write(&list, fs::read_to_string(&list).unwrap().replacen("  snapshot", " snapshot", 1)).unwrap();
+    let (code, said) = solve_process(case.path(), &["--resume"]);
+    assert!(code == 2 && said.contains("restore the file, or remove it: other files are then not compared"), "{said}");
+    fs::remove_file(list).unwrap();
+    assert_eq!(case.solve(&["--resume"]), 0);
+}
+
+/// A run that is interrupted twice between two rows has the rows of the unbroken run.
+#[test]
+fn rows_survive_a_second_interruption() {
+    let case = Case::from_scene(&scene(0.1));
+    let unbroken = case.twin().solved(&["--log-every", "7"]);
+    assert_eq!(case.solve(&["--log-every", "7", "--steps", "17"]), 0);
+    // A run that is rejected has opened the first log.
+    let timer = case.path().join("TIMER.csv");
+    for _ in 0..2 {
+        fs::rename(&timer, case.path().join("T")).unwrap();
+        fs::create_dir(&timer).unwrap();
+        assert_eq!(case.solve(&["--log-every", "7", "--resume"]), 2);
+        fs::remove_dir(&timer).unwrap();
+        fs::rename(case.path().join("T"), &timer).unwrap();
+    }
+    assert_eq!(case.solve(&["--log-every", "7", "--resume"]), 0);
+    fs::remove_file(case.outbox().join("snapshot-000017.npz")).unwrap();
+    assert_same_results(&unbroken, &case);
 }
 
 /// cd-solve rejects a DATBOX without all files of its list, or one that cd-pre has not finished.
@@ -287,10 +345,14 @@ fn a_snapshot_that_lacks_what_its_laws_need_is_not_resumed() {
         &|s| s.meta.accuracy_control = Some(too_large),
         "meta, accuracy_control, tol: 1; expected more than 0 and less",
     );
+    // Without the list of checksums an edited snapshot is as good as any.
+    let list = case.outbox().join("SHA256SUMS");
+    fs::remove_file(&list).unwrap();
     let mut snapshot = case.last_snapshot();
     snapshot.meta.accuracy_control = Some(control);
     fs::write(&path, snapshot.to_bytes()).unwrap();
     assert_eq!(case.solve(&["--resume"]), 0);
+    fs::remove_file(&list).unwrap();
     fs::write(&path, &sound).unwrap();
     assert_eq!(case.solve(&["--resume"]), 0);
 }

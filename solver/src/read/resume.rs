@@ -22,6 +22,7 @@ use crate::state::{
     BondingMode, CachedPair, Contact, ContactStatus, DetectionCache, GravityHistory, LawMemory, OutputInterval,
     PairVirial, SolvedContact, State, UNKNOWN_FEATURE,
 };
+use crate::verify::snapshot_advice;
 
 /// Restores the last snapshot of `outbox` into `state`, if there is one, and sets the step and time in `scene` from which
 /// steps are counted and its schedule of events. A snapshot with other bodies or laws than the scene's is rejected. Returns the
@@ -164,11 +165,7 @@ impl PreviousRun {
 
 /// Faults of the last snapshot, with advice.
 fn unreadable_snapshot_faults(faults: Faults, snapshots: &[(u64, PathBuf)]) -> Faults {
-    let advice = if snapshots.len() > 1 {
-        "--resume --skip-damaged continues from the last sound snapshot"
-    } else {
-        "move it away and start from DATBOX with --force"
-    };
+    let advice = snapshot_advice(snapshots);
     let advised_fault = |fault: Fault| {
         let parts = [fault.expected.as_str(), advice].into_iter().filter(|part| !part.is_empty());
         Fault { expected: parts.collect::<Vec<_>>().join("; "), ..fault }

@@ -4,9 +4,12 @@
 use std::path::Path;
 
 use cd_formats::atomic;
-use cd_formats::checksums::{CHECKSUMS_FILE, ChecksumLine, FileState, file_state, read_list};
+use cd_formats::checksums::{CHECKSUMS_FILE, ChecksumLine, FileState, file_state, read_whole_list};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::lock::FolderLock;
+
+/// Largest number of changed files that are named.
+const MAX_SHOWN_NAMES: usize = 20;
 
 /// Locks a DATBOX for reading. Errors: cd-pre is writing it, or was ended while it did.
 pub fn lock_datbox(datbox: &Path) -> Result<FolderLock, Faults> {
@@ -36,7 +39,7 @@ pub struct WrittenList {
 
 /// List of the checksums of a DATBOX; `None` if cd-pre has not written it. Errors: it cannot be read.
 pub fn written_list(datbox: &Path) -> Result<Option<WrittenList>, Faults> {
-    let Some(lines) = read_list(datbox)? else { return Ok(None) };
+    let Some(lines) = read_whole_list(datbox)? else { return Ok(None) };
     // An OUTBOX with text files may be used as a DATBOX; its list is of other files.
     let program = lines.iter().find_map(written_by_pre).map(str::to_string);
     Ok(program.map(|program| WrittenList { lines, program }))
@@ -60,7 +63,9 @@ pub fn changed_files_warning(datbox: &Path) -> Result<Option<String>, Faults> {
         }
     }
     let warning = (!changed.is_empty()).then(|| {
-        let names = changed.join(", ");
+        let shown = changed.len().min(MAX_SHOWN_NAMES);
+        let more = if changed.len() > shown { format!(", {} more", changed.len() - shown) } else { String::new() };
+        let names = changed[..shown].join(", ") + &more;
         format!(
             "{}: changed since {program} wrote them: {names}; the run uses them; if they were not edited on purpose, run \
              cd-pre again",

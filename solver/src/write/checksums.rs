@@ -38,6 +38,16 @@ pub struct ResultChecksums {
 }
 
 impl ResultChecksums {
+    /// Removes the lines of the snapshot of `step`, of the logs up to it and of all that follows, before the logs are opened to
+    /// continue from it: meanwhile they may have other bytes. Errors: the list cannot be read or written.
+    pub fn reopen(outbox: &Path, step: u64) -> Result<(), Faults> {
+        let Some(old) = read_list(outbox)? else { return Ok(()) };
+        let is_head = |line: &&ChecksumLine| matches!(line, ChecksumLine::Comment(_)) || is_of_datbox(line);
+        let lines = old.iter().filter(is_head).cloned().chain(lines_before(&old, step));
+        let text: String = lines.map(|line| line.to_text()).collect();
+        atomic::write(&outbox.join(CHECKSUMS_FILE), text.as_bytes())
+    }
+
     /// Begins the list of a run, or continues that of a run which was resumed after a step, whose `logs` are open. The second
     /// value names the files of DATBOX that have changed since the list was begun.
     ///
@@ -54,8 +64,7 @@ impl ResultChecksums {
         let old = if resumed.is_some() { read_list(outbox)?.unwrap_or_default() } else { Vec::new() };
         let mut lines = vec![ChecksumLine::Comment(concat!(" cd-solve ", env!("CARGO_PKG_VERSION")).into())];
         lines.extend(datbox_lines(&case.join("DATBOX"))?);
-        let is_of_datbox = |line: &&ChecksumLine| file_path(line).is_some_and(|path| path.starts_with(DATBOX_PREFIX));
-        let old_datbox = old.iter().filter(is_of_datbox);
+        let old_datbox = old.iter().filter(|line| is_of_datbox(line));
         let changed =
             old_datbox.filter(|line| !lines.contains(line)).filter_map(file_path).map(str::to_string).collect();
         if let Some(ResumedSnapshot { step, is_due }) = resumed {
@@ -97,6 +106,38 @@ fn file_path(line: &ChecksumLine) -> Option<&str> {
         ChecksumLine::File { path, .. } => Some(path),
         _ => None,
     }
+}
+
+/// Whether a line is of a file of DATBOX.
+fn is_of_datbox(line: &ChecksumLine) -> bool {
+    file_path(line).is_some_and(|path| path.starts_with(DATBOX_PREFIX))
+}
+
+/// Lines of the snapshot of a step.
+#[derive(Debug, Default, PartialEq)]
+pub struct SnapshotLines {
+    /// Lines of the first bytes of the logs up to it.
+    pub logs: Vec<ChecksumLine>,
+    /// Lines of its files.
+    pub files: Vec<ChecksumLine>,
+}
+
+/// Lines of the snapshot of `step` in a list; those of the last such snapshot, if there are several.
+pub fn lines_of_snapshot(list: &[ChecksumLine], step: u64) -> SnapshotLines {
+    let (mut found, mut pending) = (SnapshotLines::default(), Vec::new());
+    for line in list {
+        match line {
+            ChecksumLine::Start { .. } => pending.push(line.clone()),
+            ChecksumLine::File { path, .. } if step_of_file(Path::new(path)) == Some(step) => {
+                if !pending.is_empty() {
+                    found = SnapshotLines { logs: std::mem::take(&mut pending), files: Vec::new() };
+                }
+                found.files.push(line.clone());
+            }
+            _ => pending.clear(),
+        }
+    }
+    found
 }
 
 /// Lines of the files of DATBOX, by name.

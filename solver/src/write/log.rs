@@ -1,11 +1,11 @@
 //! Logs: CSV files with a row per step or per group of steps, `steps.csv` in OUTBOX and `TIMER.csv` next to it, and their
 //! columns. The files of probes are logs, too.
 
-use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::io::{self, BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
 
-use cd_formats::atomic;
-use cd_formats::error::Faults;
+use cd_formats::atomic::{self, path_exists};
+use cd_formats::error::{Fault, Faults};
 
 use super::appended::AppendedFile;
 use crate::scene::Scene;
@@ -103,6 +103,8 @@ pub struct LogTable {
     completion: Option<RowCompletion>,
     /// Message about missing rows, if any are.
     missing_rows_note: Option<String>,
+    /// File with the row that was removed when the table was opened, until the next snapshot.
+    removed_row: Option<PathBuf>,
 }
 
 /// Computes the figures of a row that follow from its others.
@@ -141,7 +143,10 @@ impl LogTable {
     /// Opens the file to continue after step `resume_step`, in a run that began after step `first_step`. Rows up to
     /// `resume_step` are kept and passed to `record`; columns that a row does not have, because of other options, are empty.
     /// If the last row was not due and was only written because the run ended, it is removed: the following steps belong to
-    /// it. Rows that are missing have a note, see [`Self::missing_rows_note`].
+    /// it. Until the next snapshot, see [`Self::forget_removed_row`], it is in a file of its own, from which a run that is
+    /// resumed once more takes it. Rows that are missing have a note, see [`Self::missing_rows_note`].
+    ///
+    /// Errors: the file cannot be read or written, or has a line before `resume_step` that is no row.
     pub fn open(
         path: &Path,
         columns: &[LogColumn],
@@ -149,43 +154,53 @@ impl LogTable {
         schedule: RowSchedule,
         mut record: impl FnMut(&LogRow),
     ) -> Result<Self, Faults> {
-        let mut old_file: Box<dyn BufRead> = match atomic::open_to_read(path) {
-            Ok(file) if path.is_file() => Box::new(BufReader::new(file)),
-            _ => Box::new(std::io::empty()),
-        };
-        let header = next_line(&mut old_file).filter(|line| line.starts_with("step,")).unwrap_or_default();
-        let old_names: Vec<&str> = header.split(',').collect();
+        let removed_row = removed_row_path(path);
+        let mut old = LogReader::open(path, [first_step, resume_step])?;
         let mut names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
         let own_count = names.len();
-        let is_other = |name: &&&str| !name.is_empty() && !columns.iter().any(|(own_name, _)| own_name == *name);
-        names.extend(old_names.iter().filter(is_other));
+        let old_names = old.names.clone();
+        let is_other = |name: &&str| !name.is_empty() && !columns.iter().any(|(own_name, _)| own_name == name);
+        names.extend(old_names.iter().map(String::as_str).filter(is_other));
         let old_indices: Vec<Option<usize>> =
             names.iter().map(|column| old_names.iter().position(|name| name == column)).collect();
         let (mut last_row, mut previous_row) = (first_step, first_step);
         let mut pending: Option<(String, Vec<LogCell>)> = None;
-        atomic::write_with(path, |file| {
-            writeln!(file, "{}", names.join(","))?;
-            while let Some(line) = next_line(&mut old_file) {
-                let fields: Vec<&str> = line.split(',').collect();
-                let step = fields[0].parse::<u64>().ok().filter(|step| (last_row + 1..=resume_step).contains(step));
-                let (Some(step), true) = (step, fields.len() == old_names.len()) else { break };
+        let mut copy_rows = |file: &mut dyn Write| -> Result<(), Faults> {
+            let mut write_line = |line: &str| -> Result<(), Faults> {
+                writeln!(file, "{line}").map_err(|error| Fault::from_io(path, "written", &error).into())
+            };
+            write_line(&names.join(","))?;
+            while let Some((step, fields)) = old.next_row(&removed_row)? {
                 if let Some((text, cells)) = pending.take() {
-                    writeln!(file, "{text}")?;
+                    write_line(&text)?;
                     record(&LogRow { names: &names, cells: &cells });
                 }
-                let fields: Vec<&str> = old_indices.iter().map(|index| index.map_or("", |k| fields[k])).collect();
+                let fields: Vec<&str> =
+                    old_indices.iter().map(|index| index.map_or("", |k| fields[k].as_str())).collect();
                 pending = Some((fields.join(","), fields.iter().map(|field| LogCell::from_text(field)).collect()));
                 (previous_row, last_row) = (last_row, step);
             }
             if schedule.is_due_after(last_row, previous_row)
                 && let Some((text, cells)) = pending.take()
             {
-                writeln!(file, "{text}")?;
+                write_line(&text)?;
                 record(&LogRow { names: &names, cells: &cells });
                 previous_row = last_row;
             }
-            Ok(())
-        })?;
+            // Before the table without the row has replaced that with it.
+            pending.as_ref().map_or(Ok(()), |(text, _)| {
+                atomic::write(&removed_row, format!("{}\n{text}\n", names.join(",")).as_bytes())
+            })
+        };
+        let mut faults = Faults::default();
+        let written = atomic::write_with(path, |file| {
+            copy_rows(file).map_err(|copy_faults| {
+                faults = copy_faults;
+                io::Error::other("rows that cannot be copied")
+            })
+        });
+        faults.into_result(())?;
+        written?;
         let missing_rows_note = (last_row < resume_step).then(|| {
             let first_missing = last_row + 1;
             format!(
@@ -201,7 +216,18 @@ impl LogTable {
             last_row: previous_row,
             completion: None,
             missing_rows_note,
+            removed_row: Some(removed_row).filter(|file| path_exists(file)),
         })
+    }
+
+    /// Removes the file with the row that was removed when the table was opened: there is a later snapshot.
+    pub fn forget_removed_row(&mut self) -> Result<(), Faults> {
+        match self.removed_row.take().map(|file| (std::fs::remove_file(&file), file)) {
+            Some((Err(error), file)) if error.kind() != io::ErrorKind::NotFound => {
+                Err(Fault::from_io(&file, "removed", &error).into())
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Message about the rows up to the step of the resume that the file did not have, if any.
@@ -264,11 +290,95 @@ impl LogTable {
     }
 }
 
-/// Returns the next line without its end; `None` at the end of the file or for a line without an end.
-fn next_line(file: &mut dyn BufRead) -> Option<String> {
-    let mut line = Vec::new();
-    file.read_until(b'\n', &mut line).ok()?;
-    (line.pop() == Some(b'\n')).then(|| String::from_utf8_lossy(&line).into_owned())
+/// File with the row of a log that was removed when a run continued.
+fn removed_row_path(path: &Path) -> PathBuf {
+    path.with_file_name(format!(".{}.last", path.file_name().unwrap_or_default().to_string_lossy()))
+}
+
+/// Rows of a log up to the step from which a run continues.
+struct LogReader {
+    path: PathBuf,
+    file: Box<dyn BufRead>,
+    names: Vec<String>,
+    /// Number of the last line that was read, from 1.
+    line: usize,
+    /// Step of the last row that was read, or the first step of the run.
+    last_step: u64,
+    resume_step: u64,
+}
+
+impl LogReader {
+    /// Opens a log; it has no rows if it does not exist, or if the run continues from its first step. Errors: it cannot be read,
+    /// or is another table.
+    fn open(path: &Path, [first_step, resume_step]: [u64; 2]) -> Result<LogReader, Faults> {
+        let mut reader = LogReader {
+            path: path.to_path_buf(),
+            file: Box::new(io::empty()),
+            names: Vec::new(),
+            line: 0,
+            last_step: first_step,
+            resume_step,
+        };
+        if resume_step > first_step && path_exists(path) {
+            reader.file = Box::new(BufReader::new(atomic::open_to_read(path)?));
+            if let Some(header) = reader.next_line()? {
+                reader.names = header.split(',').map(str::to_string).collect();
+                if reader.names[0] != "step" {
+                    return Err(reader.fault(&header, "expected a table whose first column is step"));
+                }
+            }
+        }
+        Ok(reader)
+    }
+
+    /// Step and fields of the next row up to `resume_step`. The row of this step may be in the file `removed_row`.
+    fn next_row(&mut self, removed_row: &Path) -> Result<Option<(u64, Vec<String>)>, Faults> {
+        let row = self.next_listed_row()?;
+        if row.is_some() || self.last_step == self.resume_step {
+            return Ok(row);
+        }
+        // A file of another run is left alone.
+        let removed = LogReader::open(removed_row, [self.last_step, self.resume_step]).and_then(|mut removed| {
+            let row = removed.next_listed_row()?;
+            Ok(row.filter(|(step, _)| *step == self.resume_step && removed.names == self.names))
+        });
+        self.last_step = self.resume_step;
+        Ok(removed.ok().flatten())
+    }
+
+    /// Step and fields of the next row of the file up to `resume_step`. Errors: the file cannot be read, or has another line.
+    fn next_listed_row(&mut self) -> Result<Option<(u64, Vec<String>)>, Faults> {
+        if self.last_step == self.resume_step {
+            return Ok(None);
+        }
+        let Some(line) = self.next_line()? else { return Ok(None) };
+        let fields: Vec<String> = line.split(',').map(str::to_string).collect();
+        let step = fields[0].parse::<u64>().ok().filter(|step| *step > self.last_step);
+        let (Some(step), true) = (step, fields.len() == self.names.len()) else {
+            let expected = format!("expected {} fields, the first a step after {}", self.names.len(), self.last_step);
+            return Err(self.fault(&line, &expected));
+        };
+        if step > self.resume_step {
+            self.file = Box::new(io::empty());
+            return Ok(None);
+        }
+        self.last_step = step;
+        Ok(Some((step, fields)))
+    }
+
+    /// Next line without its end; `None` at the end of the file, or for a line without an end, which a killed run leaves.
+    fn next_line(&mut self) -> Result<Option<String>, Faults> {
+        let mut line = Vec::new();
+        self.file.read_until(b'\n', &mut line).map_err(|error| Fault::from_io(&self.path, "read", &error))?;
+        self.line += 1;
+        Ok((line.pop() == Some(b'\n')).then(|| String::from_utf8_lossy(&line).into_owned()))
+    }
+
+    /// Fault of the last line.
+    fn fault(&self, found: &str, expected: &str) -> Faults {
+        let expected = format!("{expected}; restore the file, or rename it to continue without its rows");
+        Fault::new(&self.path, Some(self.line), "row", found, expected).into()
+    }
 }
 
 /// Size of a row of these cells, bytes.
@@ -417,12 +527,34 @@ mod tests {
         table.sync_to_disk().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(text, "step,a,norm,h\n1,x,,0.5\n2,y,,0.5\n3,2e0,7,\n");
-        // A file that is not a table of steps, and an invalid row.
-        for (old, rows) in [("name,b\n1,x\n", ""), ("step,a\n1,x\noh\n2,y\n", "1,x\n"), ("", "")] {
+        std::fs::write(&path, "").unwrap();
+        LogTable::open(&path, A, [0, 2], EACH, |_| ()).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "step,a\n");
+    }
+
+    #[test]
+    fn lines_that_are_no_rows_are_rejected_and_nothing_is_changed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.csv");
+        for (old, line, expected) in [
+            ("name,b\n1,x\n", "t.csv:1: row: name,b; ", "a table whose first column is step"),
+            ("step,a\n1,x\noh\n2,y\n", "t.csv:3: row: oh; ", "2 fields, the first a step after 1"),
+            ("step,a\n1,x\n2;y\n3,y\n", "t.csv:3: row: 2;y; ", "2 fields, the first a step after 1"),
+            ("step,a\n1,x\n1,y\n", "t.csv:3: row: 1,y; ", "2 fields, the first a step after 1"),
+        ] {
             std::fs::write(&path, old).unwrap();
-            LogTable::open(&path, A, [0, 2], EACH, |_| ()).unwrap();
-            assert_eq!(std::fs::read_to_string(&path).unwrap(), format!("step,a\n{rows}"));
+            let faults = LogTable::open(&path, A, [0, 2], EACH, |_| ()).err().unwrap().to_string();
+            let advice = "; restore the file, or rename it to continue without its rows";
+            assert!(faults.contains(&format!("{line}expected {expected}{advice}")), "{faults}");
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), old);
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+            // A run that begins anew needs no old rows.
+            LogTable::open(&path, A, [2, 2], EACH, |_| ()).unwrap();
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), "step,a\n");
         }
+        std::fs::remove_file(&path).unwrap();
+        std::fs::create_dir(&path).unwrap();
+        assert!(LogTable::open(&path, A, [0, 2], EACH, |_| ()).is_err());
     }
 
     #[test]
@@ -454,7 +586,15 @@ mod tests {
         for broken in 1..13 {
             std::fs::remove_file(&path).unwrap();
             run(0, broken);
+            // Interrupted before the next snapshot, with or without a later row.
+            for later in [broken, broken + 1, broken + 5] {
+                let mut table = LogTable::open(&path, ALL, [0, broken], due, |_| ()).unwrap();
+                (broken + 1..=later).for_each(|k| table.add_step(figures(k), due, |_| ()).unwrap());
+                table.sync_to_disk().unwrap();
+            }
             assert_eq!(run(broken, 13), unbroken, "broken after step {broken}");
+            LogTable::open(&path, ALL, [0, 13], due, |_| ()).unwrap().forget_removed_row().unwrap();
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
         }
     }
 }

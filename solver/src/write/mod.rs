@@ -1,7 +1,7 @@
 //! Stage: writes state and reports to the files of OUTBOX.
 
 mod appended;
-mod checksums;
+pub mod checksums;
 pub mod errors;
 pub mod exchange;
 mod log;
@@ -157,6 +157,10 @@ impl ResultFiles {
             seconds.extend(log::ROW_STEPS);
         }
         let steps = [scene.start.step, state.step];
+        let is_resumed = snapshot_path(&outbox, state.step).is_file();
+        if is_resumed {
+            ResultChecksums::reopen(&outbox, state.step)?;
+        }
         let mut estimator = ErrorEstimator::new(options.output_every);
         let log =
             LogTable::open(&outbox.join(log::STEPS_FILE), &columns, steps, schedule, |row| estimator.add_figures(row))?;
@@ -168,7 +172,6 @@ impl ResultFiles {
         }
         let postpro = PostproFiles::open(case, scene, state)?;
         let probes = ProbeFiles::open(case, scene, state)?;
-        let is_resumed = snapshot_path(&outbox, state.step).is_file();
         let resumed_snapshot =
             is_resumed.then(|| ResumedSnapshot { step: state.step, is_due: is_snapshot_due(scene, state) });
         let logs = logs_with_checksums(&log, &postpro, &probes);
@@ -272,7 +275,14 @@ impl ResultFiles {
             Some(part_bodies) => snapshot.write_in_parts(&path, part_bodies)?,
             None => snapshot.write_to_folder(&path)?,
         }
-        self.checksums.add_snapshot(state.step, &logs_with_checksums(&self.steps, &self.postpro, &self.probes))
+        self.checksums.add_snapshot(state.step, &logs_with_checksums(&self.steps, &self.postpro, &self.probes))?;
+        self.forget_removed_rows()
+    }
+
+    /// Removes what a run that is resumed before its next snapshot needs of the logs.
+    fn forget_removed_rows(&mut self) -> Result<(), Faults> {
+        let tables = [&mut self.steps, &mut self.timer].into_iter().chain(self.probes.tables_mut());
+        tables.map(LogTable::forget_removed_row).collect()
     }
 
     /// Writes what a run lacks that is resumed at its end: its last rows, and the checksums of these and of its last snapshot.
@@ -288,6 +298,7 @@ impl ResultFiles {
             let logs = logs_with_checksums(&self.steps, &self.postpro, &self.probes);
             self.checksums.add_snapshot(state.step, &logs)?;
         }
+        self.forget_removed_rows()?;
         self.finish_checksums()
     }
 

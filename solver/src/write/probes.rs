@@ -75,6 +75,11 @@ impl ProbeFiles {
         self.0.iter().map(|(table, _)| table)
     }
 
+    /// All tables, in the order of the probes, to change them.
+    pub fn tables_mut(&mut self) -> impl Iterator<Item = &mut LogTable> {
+        self.0.iter_mut().map(|(table, _)| table)
+    }
+
     /// All files, in the order of the probes.
     pub fn files(&self) -> impl Iterator<Item = &AppendedFile> {
         self.tables().map(LogTable::file)
