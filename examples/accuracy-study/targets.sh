@@ -22,6 +22,10 @@ start() {
     triaxial) echo 100 ;;
     rubble) echo 5000 ;;
     shear) echo 36 ;;
+    merger) echo 6000 ;;
+    column) echo 0.44 ;;
+    whirl) echo 800 ;;
+    mill) echo 2.25 ;;
     esac
 }
 
