@@ -79,10 +79,17 @@ impl<'a> Trial<'a> {
         contents.0.keys().filter(is_new).count()
     }
 
-    /// Runs the program to its end without disturbance, and compares all files.
+    /// Runs the program to its end without disturbance, and compares all files. If OUTBOX was removed, files in other folders
+    /// remain, which only `--force` replaces.
     pub fn finish(&mut self, draws: &mut Draws) {
-        let words = self.words(draws);
-        let outcome = self.workplace.run(&words, None);
+        let has_log = Contents::read(&self.workplace.case()).0.contains_key("OUTBOX/steps.csv");
+        let mut words = self.words(draws);
+        let mut outcome = self.workplace.run(&words, None);
+        if !has_log && outcome.code == 2 && outcome.stderr.contains("use --force") {
+            words.retain(|word| word != "--resume");
+            words.push("--force".into());
+            outcome = self.workplace.run(&words, None);
+        }
         let message = || format!("the run after it: exit code {}: {}", outcome.code, outcome.stderr);
         self.check(outcome.code == 0, message);
         self.check_results("the run after it");
@@ -179,7 +186,7 @@ impl Torture {
         self.tally.add_trials(1, &description, &faults);
     }
 
-    /// Sends one or two signals at a random moment.
+    /// Sends one or two signals at a random moment. Of the runs that continue after it half are killed at an early operation.
     pub(super) fn send_signals(&mut self, draws: &mut Draws) {
         let program_case = self.draw_program_case(draws);
         let mut trial = Trial::new(&self.workplace, program_case);
@@ -201,9 +208,18 @@ impl Torture {
         trial.check_signalled(&outcome, signals);
         let event = format!("{} {} {}", program_case.program.name(), signals.join("+"), outcome.code);
         trial.check_folder(&outcome);
+        let mut description = format!("{}: {}", program_case.name(), signals.join(", "));
+        if draws.below(2) == 0 {
+            let operation = 1 + draws.below(1 + program_case.operations / 8);
+            let kinds = OPERATION_KINDS.iter().map(|(letter, _)| letter).collect();
+            let words = trial.words(draws);
+            let outcome = self.workplace.run(&words, Some(&Sabotage::Kill { kinds, operation }));
+            trial.check([0, KILLED].contains(&outcome.code), || format!("{}: {}", outcome.code, outcome.stderr));
+            trial.check_folder(&outcome);
+            description += &format!(", then killed at operation {operation}");
+        }
         trial.finish(draws);
         let faults = trial.faults;
-        let description = format!("{}: {}", program_case.name(), signals.join(", "));
         self.tally.add_event(event);
         self.tally.add_trials(1, &description, &faults);
     }
