@@ -4,6 +4,7 @@ use std::fs::{self, File, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use crate::atomic;
 use crate::error::{Fault, Faults};
 
 /// Lock of a folder, which ends when it is dropped. Where folders cannot be locked, every program gets it.
@@ -49,7 +50,7 @@ impl FolderLock {
         created: Option<PathBuf>,
         lock: impl FnOnce(&File) -> Result<(), TryLockError>,
     ) -> Option<FolderLock> {
-        let folder = File::open(path).ok();
+        let folder = atomic::open_to_read(path).ok();
         let is_taken = folder.as_ref().is_some_and(|folder| matches!(lock(folder), Err(TryLockError::WouldBlock)));
         (!is_taken).then_some(FolderLock { folder, created })
     }

@@ -4,6 +4,8 @@
 use std::fs;
 use std::path::Path;
 
+use crate::atomic;
+
 /// Origin of a DATBOX.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SceneOrigin {
@@ -104,7 +106,7 @@ impl SceneOrigin {
     /// Adds a file, unless it is already listed, lies elsewhere or cannot be read; `case` as in
     /// [`SceneOrigin::from_scene`].
     pub fn add(&mut self, file: &Path, case: &Path) {
-        if let (Some(path), Ok(bytes)) = (tracked_path(file, case), fs::read(file))
+        if let (Some(path), Ok(bytes)) = (tracked_path(file, case), atomic::read_bytes(file))
             && self.inputs.iter().all(|known| known.path != path)
         {
             self.inputs.push(Input { path, checksum: checksum(&bytes) });
@@ -150,8 +152,9 @@ impl SceneOrigin {
 
     /// Warning about files that a DATBOX in the folder `case` is made from, if they exist and have changed.
     pub fn change_warning(&self, case: &Path) -> Option<String> {
-        let has_changed =
-            |input: &&Input| fs::read(case.join(&input.path)).is_ok_and(|bytes| checksum(&bytes) != input.checksum);
+        let has_changed = |input: &&Input| {
+            atomic::read_bytes(&case.join(&input.path)).is_ok_and(|bytes| checksum(&bytes) != input.checksum)
+        };
         let changed = self.inputs.iter().filter(has_changed).map(|input| case.join(&input.path).display().to_string());
         let changed: Vec<String> = changed.collect();
         let (have, them) = match changed.len() {

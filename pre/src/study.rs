@@ -466,12 +466,12 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
 
 /// Whether a study wrote the file, according to its first line.
 fn is_written_here(path: &Path) -> bool {
-    fs::read_to_string(path).is_ok_and(|text| text.lines().next().is_some_and(|line| line.ends_with(WRITTEN_MARK)))
+    atomic::read_text(path).is_ok_and(|text| text.lines().next().is_some_and(|line| line.ends_with(WRITTEN_MARK)))
 }
 
 /// Whether a file contains exactly this text.
 fn has_text(path: &Path, text: &str) -> bool {
-    fs::read(path).is_ok_and(|bytes| bytes == text.as_bytes())
+    atomic::read_bytes(path).is_ok_and(|bytes| bytes == text.as_bytes())
 }
 
 /// Scene or changes for another folder than their base; paths of files in it are made relative to that folder.

@@ -469,6 +469,59 @@ fn pipes_and_devices_are_no_input() {
     }
 }
 
+/// Exit code of a program that is ended after a minute, and then `None`.
+#[cfg(unix)]
+fn code_within_a_minute(words: &[&str]) -> Option<i32> {
+    let mut process =
+        Executables::of_test().command(words).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    for _ in 0..6000 {
+        if let Some(status) = process.try_wait().unwrap() {
+            return status.code();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    process.kill().unwrap();
+    process.wait().unwrap();
+    None
+}
+
+/// A pipe into which nobody writes, in place of a file or a folder that a program compares or locks.
+#[cfg(unix)]
+#[test]
+fn no_program_waits_for_a_pipe() {
+    let make_pipe = |path: &Path| {
+        let _ = fs::remove_file(path);
+        assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
+    };
+    let case = Case::from_scene(&scene(0.1));
+    let at = |name: &str| case.path().join(name);
+    let path = case.path().to_str().unwrap();
+    make_pipe(&at("OUTBOX"));
+    assert_eq!(code_within_a_minute(&["cd-solve", path]), Some(2), "OUTBOX");
+    fs::remove_file(at("OUTBOX")).unwrap();
+    make_pipe(&at("scene.ron"));
+    for flags in [&[][..], &["--plan"], &["--verify"]] {
+        let words = [&["cd-solve", path], flags].concat();
+        assert_eq!(code_within_a_minute(&words), Some(0), "{words:?}");
+    }
+
+    fs::remove_file(at("scene.ron")).unwrap();
+    fs::write(at("base.ron"), scene(0.1)).unwrap();
+    let parameter = r#"(name: "dt", paths: ["compute.dt"], values: [1e-3, 2e-3])"#;
+    let study = format!("(groups: [(name: \"dt-{{dt}}\", base: \"base.ron\", parameters: [{parameter}])])");
+    fs::write(at("study.ron"), study).unwrap();
+    let [study, base, output] = ["study.ron", "base.ron", "study"].map(|name| at(name).to_str().unwrap().to_string());
+    let study = ["cd-pre", "study", &study, "-o", &output];
+    assert_eq!(code_within_a_minute(&study), Some(0));
+    make_pipe(&at("study/study.csv"));
+    assert_eq!(code_within_a_minute(&study), Some(0), "study.csv is replaced");
+    make_pipe(&at("study/dt-1e-3/scene.ron"));
+    assert_eq!(code_within_a_minute(&study), Some(2), "a scene that no study wrote");
+    make_pipe(&at("study.ron"));
+    let accuracy_study = ["cd-pre", "accuracy-study", &base, "-o", path];
+    assert_eq!(code_within_a_minute(&accuracy_study), Some(2), "a study that no program wrote");
+}
+
 #[test]
 fn numbers_beyond_any_scene_are_rejected_before_the_run() {
     let case = Case::from_scene(&scene(0.1));

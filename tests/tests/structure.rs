@@ -234,6 +234,27 @@ fn results_depend_on_no_function_of_the_system() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
+/// Files are read by [`cd_formats::atomic::open_to_read`], which rejects pipes and devices; others are not input.
+#[test]
+fn no_file_is_opened_but_by_the_function_that_rejects_pipes() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let calls =
+        [" fs::read(", "(fs::read(", "std::fs::read(", "fs::read_to_string(", " File::open(", "fs::File::open("];
+    // The function itself; a folder that was just created; memory of the process.
+    let exceptions = ["formats/src/atomic.rs", "solver/src/write/mod.rs", "solver/src/plan/mod.rs"];
+    let mut faults = Vec::new();
+    for file in ["formats", "pre", "solver", "post"].iter().flat_map(|krate| sources(&root.join(krate).join("src"))) {
+        let name = file.strip_prefix(&root).unwrap().to_str().unwrap().to_string();
+        let text = fs::read_to_string(&file).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap();
+        let is_call = |line: &&str| calls.iter().any(|call| line.contains(call));
+        if !exceptions.contains(&name.as_str()) {
+            faults.extend(code.lines().filter(is_call).map(|line| format!("{name}: {}", line.trim())));
+        }
+    }
+    assert!(faults.is_empty(), "{}; expected cd_formats::atomic", faults.join("\n"));
+}
+
 #[test]
 fn the_step_in_the_docs_is_that_of_the_source() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

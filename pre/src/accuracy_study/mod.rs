@@ -145,7 +145,7 @@ fn changes_fault(file: &Path, text: &str) -> Option<Faults> {
 
 /// Whether the first line of a file says that it was written here.
 fn is_written_here(path: &Path) -> bool {
-    std::fs::read_to_string(path).is_ok_and(|text| text.lines().next().is_some_and(|line| line.ends_with(WRITTEN_MARK)))
+    atomic::read_text(path).is_ok_and(|text| text.lines().next().is_some_and(|line| line.ends_with(WRITTEN_MARK)))
 }
 
 /// Path of the scene for a study in the folder `output`: relative if the folder is within that of the scene.

@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use cd_formats::atomic::read_text;
 use cd_formats::bodies::Bodies;
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, MAX_EVENTS, too_frequent_events};
 use cd_formats::deforming_cell::CellState;
@@ -85,7 +86,7 @@ pub fn set_laws_and_visibility(
     let numbers = set_laws(&file, tact, contactors, scene, faults);
     set_visibility(&file, tact, &numbers, scene, faults);
     check_periods(&file, tact, scene, faults);
-    let text = std::fs::read_to_string(&file).unwrap_or_default();
+    let text = read_text(&file).unwrap_or_default();
     let unseen = unseen_pairs(scene);
     scene.has_unseen_pairs = unseen.iter().any(|pair| pair.both_free);
     scene.notes.extend(unseen_contactors_note(scene, &unseen, &TactBehav::colour_pairs_without_law(&text)));

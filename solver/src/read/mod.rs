@@ -248,7 +248,7 @@ pub fn replace_gravity(gravity: [f64; 3], scene: &Scene, state: &mut State) {
 
 /// Warns if a file that DATBOX was generated from has changed since.
 fn origin_change_warning(case: &Path) -> Option<String> {
-    let text = std::fs::read_to_string(case.join("DATBOX").join(COMPUTE_FILE)).ok()?;
+    let text = read_text(&case.join("DATBOX").join(COMPUTE_FILE)).ok()?;
     SceneOrigin::from_compute_text(&text)?.change_warning(case)
 }
 

@@ -277,7 +277,7 @@ impl SettingGrid {
     fn compute_block(&self, name: &str) -> Option<String> {
         let case = self.settings.iter().find(|setting| setting.name == name)?.cases.first()?;
         let files = ["scene.ron", "changes.ron"].map(|file| case.join(file));
-        let text = files.iter().find_map(|file| std::fs::read_to_string(file).ok())?;
+        let text = files.iter().find_map(|file| atomic::read_text(file).ok())?;
         let block = ValueLocations::from_text(&text).text("compute").map(str::to_string)?;
         // Inserted values leave a blank at the end of their line.
         Some(block.lines().map(str::trim_end).collect::<Vec<_>>().join("\n"))
