@@ -304,7 +304,7 @@ fn read_body(scan: &mut LineScanner, begin: usize, position: u64) -> Option<Body
     let equivalent_radius = scan.read_length(plain, 35, "avrd");
     let inertia = scan.next_line_if(|line| line.is_continuation() && line.columns(30, 31) == "I1").map(|line| {
         let names = ["I1", "I2", "I3"];
-        [0, 1, 2].map(|k| scan.read_length(line, GRID_COLUMNS[k], names[k]))
+        [0, 1, 2].map(|k| scan.read_moment(line, GRID_COLUMNS[k], names[k]))
     });
 
     scan.expect_keyword("nodty")?;

@@ -872,7 +872,8 @@ fn report_large_numbers(value: &serde_json::Value, path: &str, report: &mut Faul
         serde_json::Value::Number(number) => {
             let number = number.as_f64().unwrap_or_default();
             let holds = number.abs() < MAX_MAGNITUDE;
-            report.require_number(holds, path.trim_matches('.'), number, "less than 1e100 in magnitude");
+            let expected = format!("less than {MAX_MAGNITUDE:e} in magnitude");
+            report.require_number(holds, path.trim_matches('.'), number, &expected);
         }
         serde_json::Value::Array(values) => {
             (0..).zip(values).for_each(|(k, value)| report_large_numbers(value, &path_of(&k.to_string()), report));

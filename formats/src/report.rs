@@ -18,8 +18,9 @@ pub struct FaultReport<'a> {
     pub warnings: Faults,
 }
 
-/// Bound of the magnitude of all numbers of input: a product of three such numbers is still within the range of f64.
-pub const MAX_MAGNITUDE: f64 = 1e100;
+/// Bound of the magnitude of all numbers of input: a product of seven such numbers is still within the range of f64. The sun has
+/// a mass of 2e30 kg.
+pub const MAX_MAGNITUDE: f64 = 1e40;
 
 /// Whether a number that is written as `text`, in digits, is larger than all of f64.
 pub fn is_beyond_range(text: &str, x: f64) -> bool {

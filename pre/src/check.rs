@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, ROTATION_ABOUT_PERIOD};
 use cd_formats::law_table::{LawModel, PairStrength, is_law_of_points};
 use cd_formats::names::{count_text, number_text, vector_text};
-use cd_formats::report::{FaultReport, is_beyond_range, is_rounded_to_zero};
+use cd_formats::report::{FaultReport, MAX_MAGNITUDE, is_beyond_range, is_rounded_to_zero};
 use nalgebra::Vector3;
 
 use crate::radial::check_radial;
@@ -17,25 +17,30 @@ use crate::shapes::clump::{BallsError, MAX_CLUMP_BALLS, check_balls};
 use crate::shapes::union::ClumpBall;
 use crate::sizes::{MAX_BODIES, normal_share};
 
-/// Smallest number that DATBOX cannot hold: exponents in its files have two digits. Numbers below the inverse become 0.
-const FILE_NUMBER_LIMIT: f64 = 1e99;
+/// Smallest positive number in DATBOX: exponents in its files have two digits, and smaller numbers become 0.
+pub(crate) const SMALLEST_FILE_NUMBER: f64 = 1e-99;
 
-/// Whether DATBOX can hold a number.
+/// Whether DATBOX can hold a mass or a moment of inertia, which may be larger than numbers of a scene.
+pub(crate) fn is_moment(x: f64) -> bool {
+    (SMALLEST_FILE_NUMBER..1.0 / SMALLEST_FILE_NUMBER).contains(&x)
+}
+
+/// Whether cd-solve accepts a number of DATBOX.
 pub(crate) fn fits_files(x: f64) -> bool {
-    x.abs() < FILE_NUMBER_LIMIT
+    x.abs() < MAX_MAGNITUDE
 }
 
 /// Whether a number is positive in DATBOX.
 pub(crate) fn is_positive(x: f64) -> bool {
-    x >= 1.0 / FILE_NUMBER_LIMIT && fits_files(x)
+    x >= SMALLEST_FILE_NUMBER && fits_files(x)
 }
 
 /// Expectation `expected` about a number, with the bound of DATBOX where only that is violated.
 fn expected_in_files(x: f64, expected: &str) -> String {
     if x.is_finite() && !fits_files(x) {
-        format!("{expected}, below {FILE_NUMBER_LIMIT:e} in magnitude")
-    } else if x > 0.0 && x < 1.0 / FILE_NUMBER_LIMIT {
-        format!("{expected}, at least {:e}", 1.0 / FILE_NUMBER_LIMIT)
+        format!("{expected}, below {MAX_MAGNITUDE:e} in magnitude")
+    } else if x > 0.0 && x < SMALLEST_FILE_NUMBER {
+        format!("{expected}, at least {SMALLEST_FILE_NUMBER:e}")
     } else {
         expected.to_string()
     }

@@ -7,7 +7,7 @@ use cd_formats::bodies::ShapeRecord;
 use cd_formats::compute::{Compute, PERIOD_NAMES};
 use cd_formats::geometry::plates::opposite_extent;
 use cd_formats::names::{number_text, rounded_number};
-use cd_formats::report::FaultReport;
+use cd_formats::report::{FaultReport, MAX_MAGNITUDE};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -292,36 +292,41 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
         }
     };
     let number = |name: &str, x: f64| format!("{name} {}", number_text(x));
-    let expected = "numbers below 1e99, and sizes and masses of at least 1e-99";
+    let smallest = check::SMALLEST_FILE_NUMBER;
+    let expected = format!("numbers below {MAX_MAGNITUDE:e}, and sizes of at least {smallest:e}");
+    let expected_moment = format!("at least {smallest:e} and below {:e}", 1.0 / smallest);
     for (k, (body, state)) in
         write::bodies_file(scene, population).0.iter().zip(write::dof_file(population).bodies).enumerate()
     {
         let path = || population.scene_path(k);
         let density = scene.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
         let mass = density * sphere_volume(body.equivalent_radius);
-        let sizes = [("radius", body.equivalent_radius), ("mass", mass)];
         let moments = body.inertia.unwrap_or([1.0; 3]);
         let [smallest, largest] =
             [moments.iter().fold(f64::INFINITY, |a, b| a.min(*b)), moments.iter().fold(0.0, |a: f64, b| a.max(*b))];
-        if smallest <= f64::EPSILON * largest && largest < 1e99 {
+        if smallest <= f64::EPSILON * largest && check::is_moment(largest) {
             let found = "its moment of inertia about its long axis is lost in the rounding of the other two";
             report_once(path(), found.to_string(), "a shape at most 1e7 times as long as it is wide");
         }
         let inertia = moments.map(|moment| ("inertia", moment));
-        for (name, x) in sizes.into_iter().chain(inertia).filter(|(_, x)| !check::is_positive(*x)) {
-            report_once(path(), number(name, x), expected);
+        let radius = body.equivalent_radius;
+        if !check::is_positive(radius) {
+            report_once(path(), number("radius", radius), &expected);
+        }
+        for (name, x) in [("mass", mass)].into_iter().chain(inertia).filter(|(_, x)| !check::is_moment(*x)) {
+            report_once(path(), number(name, x), &expected_moment);
         }
         let position = body.position.map(|x| ("position", x));
         let velocity = state.velocity.map(|x| ("velocity", x));
         for (name, x) in position.into_iter().chain(velocity).filter(|(_, x)| !check::fits_files(*x)) {
-            report_once(path(), number(name, x), expected);
+            report_once(path(), number(name, x), &expected);
         }
     }
     let alert = write::default_alert(population);
     let is_alert_used =
         !grains.is_empty() && scene.contacts.iter().any(|contact| contact.law.is_some() && contact.alert.is_none());
     if is_alert_used && !check::is_positive(alert) {
-        report_once("contacts".into(), number("alert", alert), expected);
+        report_once("contacts".into(), number("alert", alert), &expected);
     }
 }
 

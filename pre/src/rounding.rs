@@ -1,6 +1,6 @@
 //! Rounding of numbers to the digits that the files of DATBOX can hold, so that checks see the bodies that cd-solve reads.
 
-use cd_formats::scan::{format_long14, fortran_real};
+use cd_formats::scan::{format_long14, wide_fortran_real};
 use nalgebra::{Matrix3, Vector3};
 
 /// Nearest number that the files can hold: 8 digits, no negative zero.
@@ -20,7 +20,7 @@ pub fn round_point(point: &Vector3<f64>) -> Vector3<f64> {
 
 /// Nearest number that the files can hold for a polyhedron: up to 12 digits, no negative zero.
 pub fn round_14_columns(x: f64) -> f64 {
-    fortran_real(&format_long14(x)).unwrap_or(x) + 0.0
+    wide_fortran_real(&format_long14(x)).unwrap_or(x) + 0.0
 }
 
 /// [`round_14_columns`] of each component of axes.

@@ -236,8 +236,8 @@ fn clumps_from_a_file() {
     assert!(found.contains("wrong.multisphere:2: particle 2: 3 values; expected 4, one for each column"), "{found}");
     let found = faults_in(folder.path(), &fields("ClumpFile(file: \"absent.csv\")"));
     assert!(found.contains("scene.ron:6:") && found.contains("absent.csv cannot be read"), "{found}");
-    let found = faults_in(folder.path(), &fields("ClumpFile(file: \"pair.csv\", scale: Factor(1e70))"));
-    assert!(found.contains("a clump of ") && found.contains("; expected at most 1e60 m"), "{found}");
+    let found = faults_in(folder.path(), &fields("ClumpFile(file: \"pair.csv\", scale: Factor(1e39))"));
+    assert!(found.contains("a clump of ") && found.contains("; expected at most 1e40 m"), "{found}");
 }
 
 /// A brick of 4 by 2 by 1, as an OBJ file.
@@ -334,7 +334,7 @@ fn scenes_of_clumps_that_are_rejected() {
         shape_faults("Clump([(0, 0, 0, 1), (0.5, 0, 0, 0.5)])")
             .contains("ball 2 lies within ball 1; expected no ball within")
     );
-    assert!(shape_faults("Clump([(0, 0, 0, 1e80), (1e80, 0, 0, 1e80)])").contains("; expected at most 1e60 m"));
+    assert!(shape_faults("Clump([(0, 0, 0, 9e39), (9e39, 0, 0, 9e39)])").contains("; expected at most 1e40 m"));
     // Bodies so small that their mass is lost are found when the files are checked.
     assert_ne!(shape_faults("Clump([(0, 0, 0, 1e-80), (1e-80, 0, 0, 1e-80)])"), "nothing");
     let model = |balls: &str| shape_faults(&format!("Model(file: \"a.obj\", contact_shape: Balls({balls}))"));

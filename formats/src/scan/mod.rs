@@ -34,6 +34,7 @@ pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
 pub use forms::{AcceptedDeviation, AcceptedDeviations};
 pub use numbers::{
     NumberError, RealText, format_d14, format_e14, format_integer, format_long14, fortran_real, free_real,
+    wide_fortran_real,
 };
 use numbers::{REAL_WIDTH, number_fault};
 
@@ -357,8 +358,19 @@ impl<'a> LineScanner<'a> {
 
     /// Reads the real in the 14 columns from `first`; NaN and a fault if there is none.
     pub fn read_real(&mut self, line: TextLine, first: usize, field_name: impl Display) -> f64 {
+        self.read_real_by(fortran_real, line, first, field_name)
+    }
+
+    /// Reads a real like [`LineScanner::read_real`] with the function `parse`.
+    fn read_real_by(
+        &mut self,
+        parse: fn(&str) -> Result<f64, NumberError>,
+        line: TextLine,
+        first: usize,
+        field_name: impl Display,
+    ) -> f64 {
         let columns = (first, first + REAL_WIDTH - 1);
-        match fortran_real(line.columns(columns.0, columns.1)).and_then(|value| line.expect_isolated(columns, value)) {
+        match parse(line.columns(columns.0, columns.1)).and_then(|value| line.expect_isolated(columns, value)) {
             Ok(value) => value,
             Err(NumberError(fault)) => {
                 self.report_no_number(line, columns, field_name, fault, "expected a real such as 1.0000000E+00");
@@ -382,6 +394,17 @@ impl<'a> LineScanner<'a> {
     /// Reads a real that must not be negative.
     pub fn read_length(&mut self, line: TextLine, first: usize, field_name: &str) -> f64 {
         let value = self.read_real(line, first, field_name);
+        self.expect_not_negative(line, field_name, value)
+    }
+
+    /// Reads a moment of inertia, a product of lengths, which must not be negative.
+    pub fn read_moment(&mut self, line: TextLine, first: usize, field_name: &str) -> f64 {
+        let value = self.read_real_by(wide_fortran_real, line, first, field_name);
+        self.expect_not_negative(line, field_name, value)
+    }
+
+    /// Reports a value of a line that is negative; returns the value.
+    fn expect_not_negative(&mut self, line: TextLine, field_name: &str, value: f64) -> f64 {
         if value < 0.0 {
             self.add_fault(line.number, format!("{field_name} is {}", number_text(value)), "expected 0 or more");
         }

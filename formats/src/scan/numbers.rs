@@ -35,7 +35,8 @@ pub(super) fn number_fault(field: &str) -> Option<NumberError> {
 /// Reads a real like Fortran from its columns: blanks anywhere; D, E, Q or no letter before a signed exponent.
 ///
 /// Errors: the reason for rejection. Rejected are a blank field and a number without point, which Fortran reads as 0 and
-/// as 1e-7 of the written value, and NaN, infinities and numbers of 1e100 and more.
+/// as 1e-7 of the written value, and NaN, infinities and numbers beyond [`MAX_MAGNITUDE`], which itself is
+/// accepted: a smaller number may be rounded up to it when it is written.
 ///
 /// ```
 /// use cd_formats::scan::fortran_real;
@@ -44,14 +45,33 @@ pub(super) fn number_fault(field: &str) -> Option<NumberError> {
 /// assert!(fortran_real("100").is_err());
 /// ```
 pub fn fortran_real(field: &str) -> Result<f64, NumberError> {
-    let value = free_real(field)?;
+    wide_fortran_real(field).and_then(within_bound)
+}
+
+/// Reads a real like [`fortran_real`], but of any size that the columns hold, below 1e100: for products of numbers of input,
+/// such as moments of inertia.
+pub fn wide_fortran_real(field: &str) -> Result<f64, NumberError> {
+    let value = wide_real(field)?;
     let without_point = NumberError("without a decimal point, which LMGC90 would scale by 1e-7");
     if field.contains('.') { Ok(value) } else { Err(without_point) }
 }
 
 /// Reads a real in free format: as [`fortran_real`], and the point may be missing. Errors: a blank field, no number, a
-/// number that is not finite or as large as [`MAX_MAGNITUDE`].
+/// number that is not finite or beyond [`MAX_MAGNITUDE`].
 pub fn free_real(field: &str) -> Result<f64, NumberError> {
+    wide_real(field).and_then(within_bound)
+}
+
+/// The number, unless it is beyond [`MAX_MAGNITUDE`].
+fn within_bound(value: f64) -> Result<f64, NumberError> {
+    if value.abs() > MAX_MAGNITUDE { Err(NumberError("too large a number, more than 1e40")) } else { Ok(value) }
+}
+
+/// Smallest number that the columns of a real do not hold.
+const TOO_WIDE_REAL: f64 = 1e100;
+
+/// Real in free format below [`TOO_WIDE_REAL`].
+fn wide_real(field: &str) -> Result<f64, NumberError> {
     if let Some(value) = plain_real(field) {
         return Ok(value);
     }
@@ -68,7 +88,7 @@ pub fn free_real(field: &str) -> Result<f64, NumberError> {
     let exponent = if exponent.is_empty() { "0" } else { exponent.strip_prefix(['d', 'e', 'q']).unwrap_or(exponent) };
     // `parse` rejects all other errors: the only letter that it accepts is this e.
     let value: f64 = format!("{mantissa}e{exponent}").parse().map_err(|_| NumberError("not a number"))?;
-    if value >= MAX_MAGNITUDE {
+    if value >= TOO_WIDE_REAL {
         return Err(NumberError("too large a number, 1e100 or more"));
     }
     Ok(if text.starts_with('-') { -value } else { value })
@@ -87,7 +107,7 @@ fn plain_real(field: &str) -> Option<f64> {
             _ => return None,
         };
     }
-    std::str::from_utf8(copy).ok()?.parse().ok().filter(|value: &f64| value.abs() < MAX_MAGNITUDE)
+    std::str::from_utf8(copy).ok()?.parse().ok().filter(|value: &f64| value.abs() < TOO_WIDE_REAL)
 }
 
 /// Text of a number, without a heap allocation: 14 letters, or up to 32 while it is being made.
@@ -247,6 +267,16 @@ mod tests {
     }
 
     #[test]
+    fn numbers_of_input_have_a_bound_that_moments_may_exceed() {
+        let (largest, larger) = ("-1.0000000E+40", "-1.0000001E+40");
+        for parse in [fortran_real, free_real] {
+            assert_eq!((parse(largest), parse(larger).is_err()), (Ok(-MAX_MAGNITUDE), true));
+        }
+        assert_eq!(wide_fortran_real(larger), Ok(-1.0000001e40));
+        assert!(wide_fortran_real("1.0000000+100").is_err());
+    }
+
+    #[test]
     fn long_reals_fill_their_columns_and_stay_when_given_again() {
         for x in
             [1.0 / 3.0, 9.999_999_999_999_9, 99_999.999_999_99, 1.0 / 998.0, 99_999_999_999.9, 1e99 / 7.0, 1e-9 / 3.0]
@@ -254,11 +284,11 @@ mod tests {
             for x in [x, -x] {
                 let text = format_long14(x);
                 assert_eq!(text.len(), 14, "{text}");
-                let read = fortran_real(&text).unwrap();
+                let read = wide_fortran_real(&text).unwrap();
                 // Without exponent there are at least nine digits, otherwise eight.
                 let error = (read / x - 1.0).abs();
                 assert!(error < if (1e-3..1e11).contains(&x.abs()) { 5e-9 } else { 5e-8 }, "{text} {x:e}");
-                assert_eq!(fortran_real(&format_long14(read)), Ok(read));
+                assert_eq!(wide_fortran_real(&format_long14(read)), Ok(read));
             }
         }
         let texts = [0.0, -2.5, 1e100].map(|x| format_long14(x).to_string());
@@ -328,8 +358,8 @@ mod tests {
             for y in [x, -x] {
                 let (e, d) = (format_e14(y), format_d14(y));
                 assert_eq!((e.len(), d.len()), (14, 14), "{e} {d}");
-                assert!((fortran_real(&e).unwrap() / y - 1.0).abs() < 5.1e-8);
-                assert!((fortran_real(&d).unwrap() / y - 1.0).abs() < 5.1e-7);
+                assert!((wide_fortran_real(&e).unwrap() / y - 1.0).abs() < 5.1e-8);
+                assert!((wide_fortran_real(&d).unwrap() / y - 1.0).abs() < 5.1e-7);
             }
             x *= 7.3;
         }

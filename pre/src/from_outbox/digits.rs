@@ -5,7 +5,7 @@ use std::fmt::Display;
 use cd_formats::bodies::{Body, Contactor, LocalFrame, ShapeRecord};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution};
 use cd_formats::law_table::{LawParameter, law_parameters};
-use cd_formats::scan::{format_long14, fortran_real};
+use cd_formats::scan::{format_long14, wide_fortran_real};
 
 use super::tables::BehaviourTables;
 
@@ -62,7 +62,7 @@ pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -
 
 /// Numbers of an object, by their labels, that are not written with all their digits, in words.
 fn inexact_numbers(object: impl Display, numbers: impl IntoIterator<Item = (&'static str, f64)>) -> Vec<String> {
-    let lost = numbers.into_iter().filter(|(_, x)| fortran_real(&format_long14(*x)) != Ok(*x));
+    let lost = numbers.into_iter().filter(|(_, x)| wide_fortran_real(&format_long14(*x)) != Ok(*x));
     lost.map(|(label, x)| format!("{object}: {label} {x:?} is written as {}", format_long14(x).trim())).collect()
 }
 

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use cd_formats::error::{Fault, Faults};
 use cd_formats::names::count_text;
+use cd_formats::report::MAX_MAGNITUDE;
 use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Vector3};
 
@@ -19,9 +20,9 @@ use crate::shapes::union::{ClumpBall, union_properties};
 /// a million times at this number.
 pub const MAX_CLUMP_BALLS: usize = 1000;
 
-/// Largest distance of a point of a clump from the origin of its axes, m, so that its moments, up to the fifth power of it,
-/// do not overflow.
-const MAX_CLUMP_EXTENT: f64 = 1e60;
+/// Largest distance of a point of a clump from the origin of its axes, m: its moments, up to the fifth power of it, do not
+/// overflow.
+const MAX_CLUMP_EXTENT: f64 = MAX_MAGNITUDE;
 
 /// Balls that make no clump: what was found and what is expected.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -208,16 +208,16 @@ fn bodies_that_leave_for_good_are_no_fault() {
 fn a_run_that_overflows_stops_and_its_snapshots_are_sound() {
     let mut case = Case::new();
     case.law("IQS_CLB", &[0.5]);
-    case.gravity = [0.0, 0.0, -1e54];
-    case.options.dt = 1e99; // v^2 passes 1.8e308 after some ten steps
+    case.gravity = [0.0, 0.0, -1e39];
+    case.options.dt = 1e39; // the angular momentum passes 1.8e308 kg m²/s after some ten steps
     case.options.output_every = 1;
-    let ball = case.sphere(0.5, [0.0; 3]);
-    case.launch(ball, [0.0, 0.0, -1.0], [0.0; 3]);
+    let ball = case.sphere_of(1e39, 9e36, [0.0; 3]);
+    case.launch(ball, [1e39, 0.0, 0.0], [0.0; 3]);
     case.write();
     assert_eq!(case.solve(&["--steps", "1000", "--output-every", "1"]), 3);
     let states = case.written();
     assert!(!states.is_empty() && states.iter().all(is_finite));
-    // Numbers beyond 1e100 are no start of a run.
+    // Numbers beyond 1e40 are no start of a run.
     assert_eq!(case.solve(&["--steps", "1000", "--resume"]), 2);
 }
 
@@ -227,7 +227,7 @@ fn fast_bodies_leave_readable_snapshots() {
         let mut case = Case::new();
         let ball = case.sphere(0.5, [0.0; 3]);
         case.sphere(0.5, [0.0, 5.0, 0.0]);
-        case.launch(ball, [0.0, 0.0, 1e80], [0.0; 3]);
+        case.launch(ball, [0.0, 0.0, 1e39], [0.0; 3]);
         case
     };
     let case = launched();
@@ -276,7 +276,7 @@ fn no_steps_leave_the_start() {
 
 /// Numbers of any size that the files can hold, often equal ones and zeros.
 fn number() -> impl Strategy<Value = f64> {
-    let size = prop_oneof![(-90.0..90.0f64).prop_map(|p| 10f64.powf(p)), (-2.0..2.0f64).prop_map(|p| 10f64.powf(p))];
+    let size = prop_oneof![(-90.0..40.0f64).prop_map(|p| 10f64.powf(p)), (-2.0..2.0f64).prop_map(|p| 10f64.powf(p))];
     (size, 0..3i32).prop_map(|(size, sign)| size * f64::from(sign - 1))
 }
 

@@ -251,10 +251,10 @@ fn materials_and_masses() {
     let line = "CASE/DATBOX/BODIES.DAT:14: body 2: material 'CHALK' is not defined; expected ROCKx";
     written_refused(&case, &[], &[line]);
     let mut case = sound();
-    let shape = ShapeRecord::Sphere { radius: 1e99 };
-    case.materials[0].density = 1e90;
+    let shape = ShapeRecord::Sphere { radius: 1e-99 };
+    case.materials[0].density = 1e-90;
     case.bodies[1].contactors[0].shape = shape;
-    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: mass inf kg; expected mass and inertia to be finite and > 0";
+    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: mass 0 kg; expected mass and inertia to be finite and > 0";
     written_refused(&case, &[], &[line]);
     let mut case = Case::new();
     case.law("IQS_CLB", &[0.5]);
