@@ -5,11 +5,14 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic::path_exists;
 use cd_formats::checksums::{CHECKSUMS_FILE, Checksum, ChecksumLine, FileState, file_state, read_list};
+use cd_formats::compute::ComputeFlags;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::names::count_text;
 use cd_formats::snapshot::{Snapshot, list_snapshots, snapshot_files};
 
-use crate::read::wholeness;
+use crate::read::resume::check_resumable;
+use crate::read::{self, wholeness};
+use crate::scene::Scene;
 use crate::write::checksums::{SnapshotLines, lines_of_snapshot};
 use crate::write::outbox_path;
 
@@ -37,23 +40,28 @@ pub fn verify_case(case: &Path) -> Result<Verification, Faults> {
     let missing = verification.add_list("DATBOX", &datbox, datbox_list.as_ref().map(|list| list.lines.as_slice()));
     let list = read_list(&outbox)?;
     let checksums = file_checksums(list.as_deref().unwrap_or_default());
-    let mut sound_steps = Vec::new();
+    let mut sound_snapshots = Vec::new();
     let snapshots = list_snapshots(&outbox)?;
     for (step, path) in &snapshots {
         match snapshot_damage(&outbox, *step, path, &checksums) {
-            None => sound_steps.push(*step),
+            None => sound_snapshots.push((*step, path)),
             Some(damage) => verification.add_damage(&damage),
         }
+    }
+    let scene = readable_scene(case);
+    while let Some(reason) = sound_snapshots.last().and_then(|(_, path)| rejection(path, scene.as_ref())) {
+        verification.add_damage(&reason);
+        sound_snapshots.pop();
     }
     verification.add_list("OUTBOX", &outbox, list.as_deref());
     if verification.damage_count > MAX_SHOWN_DAMAGES {
         verification
             .add_line(&format!("{} more", count_text(verification.damage_count - MAX_SHOWN_DAMAGES, "damaged file")));
     }
-    let sound_count = sound_steps.len();
+    let sound_count = sound_snapshots.len();
     verification.add_line(&format!("snapshots: {sound_count} of {} sound", snapshots.len()));
     let last = snapshots.last().map(|(step, _)| *step);
-    let next = match sound_steps.last() {
+    let next = match sound_snapshots.last().map(|(step, _)| step) {
         None if snapshots.is_empty() => "a run starts from DATBOX".into(),
         None => "--force starts from DATBOX: no snapshot is sound".into(),
         Some(step) if Some(*step) == last => format!("--resume continues from step {step}"),
@@ -106,7 +114,10 @@ pub fn set_damaged_aside(case: &Path) -> Result<Vec<PathBuf>, Faults> {
     let outbox = outbox_path(case);
     let list = read_list(&outbox)?.unwrap_or_default();
     let (checksums, snapshots) = (file_checksums(&list), list_snapshots(&outbox)?);
-    let is_sound = |(step, path): &&(u64, PathBuf)| snapshot_damage(&outbox, *step, path, &checksums).is_none();
+    let scene = readable_scene(case);
+    let is_sound = |(step, path): &&(u64, PathBuf)| {
+        snapshot_damage(&outbox, *step, path, &checksums).is_none() && rejection(path, scene.as_ref()).is_none()
+    };
     let Some(last_sound) = snapshots.iter().rev().find(is_sound).map(|(step, _)| *step) else {
         if snapshots.is_empty() {
             return Ok(Vec::new());
@@ -158,6 +169,18 @@ fn snapshot_damage(outbox: &Path, step: u64, path: &Path, checksums: &BTreeMap<&
         }
     }
     Snapshot::read(path).err().map(|faults| faults.0.first().map_or(String::new(), Fault::to_string))
+}
+
+/// Scene of a case; `None` if DATBOX is rejected, which each run reports.
+fn readable_scene(case: &Path) -> Option<Scene> {
+    read::read_case(case, &ComputeFlags::default()).ok().map(|(scene, _)| scene)
+}
+
+/// Reason for which no run of the scene can continue from a sound snapshot, in words; `None` if one can.
+fn rejection(path: &Path, scene: Option<&Scene>) -> Option<String> {
+    let snapshot = Snapshot::read(path).ok()?;
+    let faults = check_resumable(path, scene?, &snapshot).err()?;
+    faults.0.first().map(Fault::to_string)
 }
 
 /// Damage of a file that differs from its checksum in the list of a folder, in words.

@@ -336,7 +336,10 @@ fn a_snapshot_that_lacks_what_its_laws_need_is_not_resumed() {
     for time in [-1.0, 1e300, 0.021, 0.02 + 1e-9] {
         reject(&|s| s.meta.time = time, "meta, time: ");
     }
-    reject(&|s| s.bodies.body_x[0][0] = 1e308, "expected numbers below 1e100");
+    let without_dt = |s: &mut cd_formats::snapshot::Snapshot| s.meta.options.remove("dt").map(|_| s.meta.h = 0.021);
+    reject(&|s| drop(without_dt(s)), "meta, h: 0.021; expected at most the 0.02 s since the start");
+    reject(&|s| s.meta.ledger.steps_unconverged = 11, "steps_unconverged: 11; expected at most the 10 steps so far");
+    reject(&|s| s.bodies.body_x[0][0] = 1e308, "expected numbers below 1e40");
     let no_choice = AccuracyControl::default();
     reject(&|s| s.meta.accuracy_control = Some(no_choice), "meta, accuracy_control, tol: ");
     let control = AccuracyControl { tol: 0.5, penetration: 0.5, gravity_error: 0.5, ..no_choice };
@@ -355,6 +358,40 @@ fn a_snapshot_that_lacks_what_its_laws_need_is_not_resumed() {
     fs::remove_file(&list).unwrap();
     fs::write(&path, &sound).unwrap();
     assert_eq!(case.solve(&["--resume"]), 0);
+}
+
+/// What `--resume` would reject, `--verify` and `--skip-damaged` do not call sound.
+#[test]
+fn snapshots_that_no_run_can_continue_are_skipped() {
+    let case = Case::from_scene(&scene(0.2)).solved(&[]);
+    let unbroken = case.twin().solved(&[]);
+    type Edit = fn(&mut cd_formats::snapshot::Snapshot);
+    let edits: [(Edit, &str); 4] = [
+        (|s| s.contacts.contact_status[0] = 77, "a contact with a status other than 0, 1 and 2"),
+        (|s| s.contacts.contact_impulse[0][1] = 1e300, "array contact_impulse, row 1: "),
+        (|s| s.interval = None, "arrays interval_body, interval_virial: are missing"),
+        (|s| s.bodies.body_mass[1] = 1.0, "body 2: mass 1 kg"),
+    ];
+    for (edit, expected) in edits {
+        let mut snapshot = case.last_snapshot();
+        edit(&mut snapshot);
+        let path = case.outbox().join("snapshot-000040.npz");
+        fs::write(&path, snapshot.to_bytes()).unwrap();
+        fs::remove_file(case.outbox().join("SHA256SUMS")).unwrap();
+        let (code, said) = solve_process(case.path(), &["--resume"]);
+        assert!(code == 2 && said.contains(expected), "{expected}: {said}");
+        let (code, said) = verification(&case);
+        assert!(code == 1 && said.contains(expected), "{expected}: {said}");
+        assert!(said.contains("snapshots: 4 of 5 sound\n--resume --skip-damaged continues from step 30"), "{said}");
+        assert_eq!(case.solve(&["--resume", "--skip-damaged"]), 0, "{expected}");
+        fs::remove_file(path.with_extension("npz.damaged")).unwrap();
+        for name in ["snapshot-000040.npz", "steps.csv"] {
+            assert!(
+                fs::read(unbroken.outbox().join(name)).unwrap() == fs::read(case.outbox().join(name)).unwrap(),
+                "{name}"
+            );
+        }
+    }
 }
 
 #[test]

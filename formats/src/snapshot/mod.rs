@@ -926,6 +926,9 @@ impl Snapshot {
         if in_range && named.into_iter().any(|&body| !self.is_present(body as usize)) {
             return Err(IndexError::AbsentBody);
         }
+        if contacts.contact_status.iter().any(|status| *status > STATUS_SLIDE) {
+            return Err(IndexError::UnknownStatus);
+        }
         if in_range { Ok(()) } else { Err(IndexError::OutOfRange) }
     }
 }
@@ -936,6 +939,7 @@ enum IndexError {
     ContactRows,
     OutOfRange,
     AbsentBody,
+    UnknownStatus,
 }
 
 impl fmt::Display for IndexError {
@@ -944,6 +948,7 @@ impl fmt::Display for IndexError {
             IndexError::ContactRows => "the arrays of contacts have different numbers of rows",
             IndexError::OutOfRange => "an index points outside its table",
             IndexError::AbsentBody => "a contact of a body that is not in the run",
+            IndexError::UnknownStatus => "a contact with a status other than 0, 1 and 2",
         })
     }
 }

@@ -35,8 +35,7 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
         return Err(Fault::new(first, None, "snapshot", format!("step {step}"), expected).into());
     }
     let snapshot = Snapshot::read(path).map_err(|faults| unreadable_snapshot_faults(faults, &snapshots))?;
-    check_snapshot(path, scene, &snapshot)?;
-    check_completeness(path, scene, &snapshot)?;
+    check_resumable(path, scene, &snapshot)?;
     restore_presence(path, scene, state, &snapshot)?;
     let current_option = |(name, value): (&String, &String)| (name.clone(), value_with_current_names(name, value));
     let options = snapshot.meta.options.iter().map(current_option).collect();
@@ -204,6 +203,13 @@ pub fn pass_events(scene: &Scene, state: &mut State, dt: f64) {
     apply_event_settings(scene, state);
 }
 
+/// Rejects a snapshot from which no run of the scene can continue: with other bodies or laws than DATBOX, without arrays that its
+/// laws and options need, or with values that no run has.
+pub fn check_resumable(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> {
+    check_snapshot(path, scene, snapshot)?;
+    check_completeness(path, scene, snapshot)
+}
+
 /// Rejects a snapshot with other bodies or laws than DATBOX.
 fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> {
     let bodies = &snapshot.bodies;
@@ -286,8 +292,14 @@ fn check_completeness(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result
     expect_arrays(exchanges_bodies, presence.is_some(), "body_presence", "the run has sinks or sources");
     let has_interval = meta.interval_start.is_some();
     expect_arrays(has_interval, interval.is_some(), "interval_body, interval_virial", "meta has interval_start");
-    let bodies = &snapshot.bodies;
-    let arrays = [("body_x", &bodies.body_x), ("body_v", &bodies.body_v), ("body_w_world", &bodies.body_w_world)];
+    let (bodies, contacts) = (&snapshot.bodies, &snapshot.contacts);
+    let arrays = [
+        ("body_x", &bodies.body_x),
+        ("body_v", &bodies.body_v),
+        ("body_w_world", &bodies.body_w_world),
+        ("contact_impulse", &contacts.contact_impulse),
+        ("contact_velocity", &contacts.contact_velocity),
+    ];
     for (name, rows) in arrays {
         let too_large = (1..).zip(rows).find(|(_, row)| row.iter().any(|x| x.abs() >= MAX_MAGNITUDE));
         if let Some((number, row)) = too_large {
@@ -297,7 +309,7 @@ fn check_completeness(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result
                 None,
                 object,
                 format!("{row:?}"),
-                "expected numbers below 1e100 in magnitude",
+                format!("expected numbers below {MAX_MAGNITUDE:e} in magnitude"),
             ));
         }
     }
@@ -307,6 +319,14 @@ fn check_completeness(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result
         }
     };
     expect_meta(meta.h.is_finite() && meta.h > 0.0, "h", meta.h, "expected more than 0 s".into());
+    if meta.step > scene.start.step {
+        let elapsed = meta.time - scene.start.time;
+        let expected = format!("expected at most the {} s since the start", number_text(elapsed));
+        expect_meta(meta.h <= elapsed * (1.0 + META_ROUNDING), "h", meta.h, expected);
+    }
+    let unconverged = meta.ledger.steps_unconverged;
+    let expected = format!("expected at most the {} so far", count_text(meta.step as usize, "step"));
+    expect_meta(unconverged <= meta.step, "ledger, steps_unconverged", unconverged as f64, expected);
     if let Some(dt) = meta.options.get("dt").and_then(|dt| dt.parse::<f64>().ok()) {
         // A step is a whole number of dt.
         let multiple = meta.h / dt;
