@@ -1,5 +1,6 @@
 //! `DATBOX/BULK_BEHAV.DAT`: uniform gravity and the densities of the materials.
 
+use std::collections::HashSet;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -40,6 +41,7 @@ impl BulkBehav {
         let scan = &mut LineScanner::new(path, text);
         let mut gravity = None;
         let mut materials: Vec<Material> = Vec::new();
+        let mut material_names = HashSet::new();
         let mut first_material = None;
         while let Some(begin) = scan.next_line() {
             match begin.keyword() {
@@ -72,7 +74,7 @@ impl BulkBehav {
                         scan.add_form(AcceptedDeviation::OtherMaterialLaw, line.number);
                     }
                     let density = scan.read_positive(line, 46, "density Umas");
-                    if !name.is_empty() && materials.iter().any(|known| known.name == name) {
+                    if !name.is_empty() && !material_names.insert(name.clone()) {
                         scan.add_fault(line.number, format!("'{name}' is defined twice"), "expected each name once");
                     }
                     materials.push(Material { name, density });

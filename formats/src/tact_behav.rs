@@ -1,6 +1,7 @@
 //! `DATBOX/TACT_BEHAV.DAT`: contact laws with their parameters, and the visibility table, which has the law of each pair of
 //! contactors and colours.
 
+use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -60,7 +61,7 @@ impl VisibilityRow {
 }
 
 /// One side of a row; the names are five characters, trimmed.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct VisibilitySide {
     /// Kind of body, `RBDY3`.
     pub body: String,
@@ -113,6 +114,7 @@ impl TactBehav {
     pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let scan = &mut LineScanner::new(path, text);
         let mut laws: Vec<LawRecord> = Vec::new();
+        let mut law_names = HashSet::new();
         // Rows with their numbers, from 1, and the number of rows with those that have faults.
         let (mut rows, mut row_count) = (Vec::new(), 0);
         // Lines like those of laws without `$behav`, which LMGC90 skips.
@@ -122,7 +124,7 @@ impl TactBehav {
                 "behav" => {
                     scan.set_object(format!("law {}", laws.len() + 1));
                     let Some(law) = read_law(scan) else { continue };
-                    if !law.nickname.is_empty() && laws.iter().any(|known| known.nickname == law.nickname) {
+                    if !law.nickname.is_empty() && !law_names.insert(law.nickname.clone()) {
                         scan.add_fault(
                             law.line,
                             format!("'{}' is defined twice", law.nickname),
@@ -157,8 +159,9 @@ impl TactBehav {
             scan.add_file_fault("no contact laws", expected);
         }
         // LMGC90 stops at rows that name such a law.
+        let named_laws: HashSet<String> = rows.iter().map(|(_, row): &(_, VisibilityRow)| row.law.clone()).collect();
         for line in skipped_laws {
-            if rows.iter().any(|(_, row)| row.law == line.columns(2, 6).trim()) {
+            if named_laws.contains(line.columns(2, 6).trim()) {
                 scan.set_object("file");
                 scan.add_fault(line.number, "a law that LMGC90 would skip", "expected $behav before it, from column 1");
             } else {
@@ -186,7 +189,8 @@ impl TactBehav {
 
     /// Rows with a law that is not defined.
     pub fn rows_without_law(&self) -> impl Iterator<Item = &VisibilityRow> {
-        self.visibility.iter().filter(|row| !row.law.is_empty() && self.laws.iter().all(|law| law.nickname != row.law))
+        let names: HashSet<&str> = self.laws.iter().map(|law| law.nickname.as_str()).collect();
+        self.visibility.iter().filter(move |row| !row.law.is_empty() && !names.contains(row.law.as_str()))
     }
 
     /// Text of the file, numbers with eight digits.
@@ -353,6 +357,8 @@ fn read_row(scan: &mut LineScanner) -> Option<VisibilityRow> {
 fn check_rows(scan: &mut LineScanner, rows: Vec<(usize, VisibilityRow)>) -> Vec<VisibilityRow> {
     // Rows with their numbers, from 1.
     let mut distinct_rows: Vec<(usize, VisibilityRow)> = Vec::new();
+    // Index of the row of each pair of sides, in either order.
+    let mut rows_of_pairs: HashMap<[VisibilitySide; 2], usize> = HashMap::new();
     for (number, row) in rows {
         scan.set_object(format!("visibility row {number}"));
         for contactor in [&row.candidate.contactor, &row.antagonist.contactor] {
@@ -364,8 +370,8 @@ fn check_rows(scan: &mut LineScanner, rows: Vec<(usize, VisibilityRow)>) -> Vec<
         }
         let sides = |row: &VisibilityRow| [row.candidate.clone(), row.antagonist.clone()];
         let [a, b] = sides(&row);
-        let earlier = distinct_rows.iter().find(|(_, known)| [[&a, &b], [&b, &a]].contains(&sides(known).each_ref()));
-        match earlier {
+        let pair = if a <= b { [a, b] } else { [b, a] };
+        match rows_of_pairs.get(&pair).map(|&index| &distinct_rows[index]) {
             Some((first, known)) if known.law != row.law => {
                 let found =
                     format!("law '{}' for the pair of visibility row {first}, which has '{}'", row.law, known.law);
@@ -377,7 +383,10 @@ fn check_rows(scan: &mut LineScanner, rows: Vec<(usize, VisibilityRow)>) -> Vec<
                 scan.add_fault(row.line, found, "expected one alert distance for a pair");
             }
             Some(_) => {}
-            None => distinct_rows.push((number, row)),
+            None => {
+                rows_of_pairs.insert(pair, distinct_rows.len());
+                distinct_rows.push((number, row));
+            }
         }
     }
     distinct_rows.into_iter().map(|(_, row)| row).collect()

@@ -17,6 +17,8 @@ pub struct ValueLocations<'a> {
     text: &'a str,
     /// First byte of each line, found with the first position.
     line_starts: OnceCell<Vec<usize>>,
+    /// Number of characters before each block of [`BLOCK_BYTES`], and of all, found with the first position.
+    block_chars: OnceCell<Vec<usize>>,
     /// Path of the first value, in which all others are.
     root: String,
     /// Values in the order of the text: each before those in it.
@@ -27,6 +29,9 @@ pub struct ValueLocations<'a> {
     former_names: Vec<FormerNameUse>,
     conflicts: Vec<NameConflict>,
 }
+
+/// Number of bytes whose characters are counted together.
+const BLOCK_BYTES: usize = 4096;
 
 /// Field that a text has under both its former and its current name.
 #[derive(Debug, Clone)]
@@ -147,7 +152,22 @@ impl<'a> ValueLocations<'a> {
             std::iter::once(0).chain(newlines.map(|(end, _)| end + 1)).collect()
         });
         let line = starts.partition_point(|start| *start <= offset);
-        (line, 1 + self.text[starts[line - 1]..offset].chars().count())
+        (line, 1 + self.chars_before(offset) - self.chars_before(starts[line - 1]))
+    }
+
+    /// Number of characters before a byte. Blocks are counted once: a text may have many values in one long line.
+    fn chars_before(&self, offset: usize) -> usize {
+        let bytes = self.text.as_bytes();
+        let char_count = |bytes: &[u8]| bytes.iter().filter(|&&byte| byte & 0b1100_0000 != 0b1000_0000).count();
+        let blocks = self.block_chars.get_or_init(|| {
+            let sum = |count: &mut usize, block: &[u8]| {
+                *count += char_count(block);
+                Some(*count)
+            };
+            std::iter::once(0).chain(bytes.chunks(BLOCK_BYTES).scan(0, sum)).collect()
+        });
+        let block = offset / BLOCK_BYTES;
+        blocks[block] + char_count(&bytes[block * BLOCK_BYTES..offset])
     }
 
     /// Text of the value at `path`, without its name.
@@ -220,8 +240,8 @@ impl<'a> LocationWalker<'a> {
             items[*place as usize] = number;
             *place += 1;
         }
-        let (line_starts, root) = (OnceCell::new(), root.to_string());
-        ValueLocations { text, line_starts, root, values, items, first_items, former_names, conflicts }
+        let (line_starts, block_chars, root) = (OnceCell::new(), OnceCell::new(), root.to_string());
+        ValueLocations { text, line_starts, block_chars, root, values, items, first_items, former_names, conflicts }
     }
 
     fn current_byte(&self) -> u8 {
@@ -511,6 +531,15 @@ mod tests {
         let names: String = (0..many).map(|k| format!("n{k}: 1, ")).collect();
         let text = format!("({names})");
         assert_eq!(ValueLocations::from_text(&text).fields("").len(), many);
+    }
+
+    #[test]
+    fn columns_of_a_long_line_count_characters() {
+        let text = format!("// \u{e9}\n[{}]", "/*\u{e9}\u{221a}*/ 1, ".repeat(2000));
+        let locations = ValueLocations::from_text(&text);
+        for k in 0..2000 {
+            assert_eq!(locations.position(&k.to_string()), Some((2, 2 + 10 * k + 7)));
+        }
     }
 
     #[test]

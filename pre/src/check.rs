@@ -1,6 +1,7 @@
 //! Checks of the values of a scene. All faults are reported at once, before any grain is placed.
 
 use std::cmp::Ordering;
+use std::collections::{HashMap, HashSet};
 
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, ROTATION_ABOUT_PERIOD};
 use cd_formats::law_table::{LawModel, PairStrength, is_law_of_points};
@@ -208,14 +209,13 @@ pub(crate) fn check_laws_of_events(report: &mut FaultReport, events: &[Event], l
 
 /// Checks the names of a list: one to five printable ASCII characters each, without repetition.
 pub(crate) fn check_names<'a>(report: &mut FaultReport, list: &str, names: impl Iterator<Item = &'a String>) {
-    let mut known: Vec<&str> = Vec::new();
+    let mut known: HashSet<&str> = HashSet::new();
     for (k, name) in names.enumerate() {
         let path = format!("{list}.{k}.name");
         check_name_length(report, &path, name);
-        if known.contains(&name.as_str()) {
+        if !known.insert(name) {
             report.add_fault(&path, format!("'{name}' occurs twice"), "a name of its own");
         }
-        known.push(name);
     }
 }
 
@@ -228,6 +228,9 @@ fn is_valid_name(name: &str) -> bool {
     (1..=5).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_graphic())
 }
 
+/// Number of faults of a scene after which no nearest names are searched for: more faults than are printed.
+const MAX_SUGGESTIONS: usize = 1000;
+
 /// Names among which a scene refers to one.
 pub(crate) struct KnownNames<'a> {
     /// Description of one of them, for messages: `a material`.
@@ -239,6 +242,9 @@ impl KnownNames<'_> {
     /// Reports that `name`, the value at `path`, is none of these names.
     pub fn report_unknown(&self, report: &mut FaultReport, path: &str, found: String, name: &str) {
         let KnownNames { noun, names } = self;
+        if report.faults.0.len() > MAX_SUGGESTIONS {
+            return report.add_fault(path, found, format!("{noun} that is defined"));
+        }
         let valid: Vec<&str> = names.iter().copied().filter(|name| is_valid_name(name)).collect();
         if names.is_empty() {
             report.add_fault(path, found, format!("{noun}: none is defined"));
@@ -1036,28 +1042,28 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
     let grain_colours = sorted_and_distinct(scene.grains.iter().map(|grains| grains.colour.as_str()));
     let wall_colours = sorted_and_distinct(scene.walls.iter().map(SceneWall::colour));
     let all_colours = sorted_and_distinct(grain_colours.iter().chain(&wall_colours).copied());
-    let sorted_pair =
-        |a: &str, b: &str| if a <= b { (a.to_string(), b.to_string()) } else { (b.to_string(), a.to_string()) };
-    let mut known_pairs = Vec::new();
+    let sorted_pair = |a: &str, b: &str| [a.min(b).to_string(), a.max(b).to_string()];
+    let mut known_pairs = HashSet::new();
+    // Of laws of one name, which is a fault, the first.
+    let laws: HashMap<&str, &Law> = scene.laws.iter().rev().map(|law| (law.name.as_str(), law)).collect();
+    let law_names: Vec<&str> = scene.laws.iter().map(|law| law.name.as_str()).collect();
     for (k, contact) in scene.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
         let (a, b) = &contact.between;
         for (side, colour) in [a].into_iter().chain((a != b).then_some(b)).enumerate() {
-            if !all_colours.contains(&colour.as_str()) {
+            if all_colours.binary_search(&colour.as_str()).is_err() {
                 let path = format!("{path}.between.{side}");
                 let found = format!("no grains and no wall have the colour '{colour}'");
                 let known = KnownNames { noun: "a body of this colour", names: &all_colours };
                 known.report_unknown(report, &path, found, colour);
             }
         }
-        let pair = sorted_pair(a, b);
         let found = format!("'{a}' and '{b}' are listed twice");
-        report.require(!known_pairs.contains(&pair), &format!("{path}.between"), found, "each pair once");
-        known_pairs.push(pair);
-        let law = contact.law.as_ref().map(|name| (name, scene.laws.iter().find(|law| law.name == *name)));
+        let is_new = known_pairs.insert(sorted_pair(a, b));
+        report.require(is_new, &format!("{path}.between"), found, "each pair once");
+        let law = contact.law.as_ref().map(|name| (name, laws.get(name.as_str())));
         if let Some((name, None)) = law {
-            let names: Vec<&str> = scene.laws.iter().map(|law| law.name.as_str()).collect();
-            let known = KnownNames { noun: "a law", names: &names };
+            let known = KnownNames { noun: "a law", names: &law_names };
             known.report_unknown(report, &format!("{path}.law"), format!("'{name}' is not defined"), name);
         }
         let is_of_walls =
@@ -1096,7 +1102,7 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
             let is_single = a == b && has_single_body(a) && !wall_colours.contains(a);
             let are_imposed = is_imposed(scene, a) && is_imposed(scene, b);
             if !(known_pairs.contains(&sorted_pair(a, b)) || is_single || are_imposed) {
-                known_pairs.push(sorted_pair(a, b));
+                known_pairs.insert(sorted_pair(a, b));
                 report.add_fault(
                     "contacts",
                     format!("no law between '{a}' and '{b}'"),

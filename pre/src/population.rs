@@ -1,6 +1,7 @@
 //! Makes the bodies of a scene, grains and walls with their initial motion, and checks that they do not overlap and that the
 //! files can hold their numbers.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use cd_formats::bodies::ShapeRecord;
@@ -27,6 +28,15 @@ use crate::{check, motion, orbits, walls, write};
 
 /// Largest number of overlaps that are reported one by one.
 const MAX_REPORTED_OVERLAPS: usize = 5;
+
+/// Number of overlaps after which no more are searched for: the overlaps of n grains at one point would be n²/2.
+const MAX_SEARCHED_OVERLAPS: usize = 1000;
+
+/// Number of near grains of a grain that are compared with it first: all are, if it overlaps none of these.
+const MAX_FIRST_NEIGHBOURS: usize = 100;
+
+/// Number of grains whose neighbours are searched for at a time. Chosen: enough for all threads.
+const SEARCHED_GRAINS: usize = 4096;
 
 /// Makes the bodies of a (checked) scene. Grains that do not fit and bodies that overlap go into the report.
 ///
@@ -367,13 +377,13 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     let group_starts: Vec<usize> =
         (0..scene.grains.len()).map(|group| grains.partition_point(|grain| grain.group < group)).collect();
     let name = |k: usize| format!("grain {} of grains {}", k + 1 - group_starts[grains[k].group], grains[k].group + 1);
-    // Index of the first grain, and text and advice, of each overlap.
-    let mut overlaps: Vec<(usize, String, &str)> = Vec::new();
+    // Indices of the two grains, or of the grain and, after all grains, the wall, and text and advice, of each overlap.
+    let mut overlaps: Vec<([usize; 2], String, &str)> = Vec::new();
     let expected = "grains that touch at most (a List or File may have allow_overlap: true)";
     let image_advice =
         "grains that touch the images of others at most, as in an envelope that is no longer than the periods";
     let shaped: Vec<ShapedGrain> = grains.iter().map(ShapedGrain::new).collect();
-    let mut order: Vec<usize> = (0..grains.len()).collect();
+    let mut order: Vec<usize> = (0..grains.len()).filter(|&k| !may_overlap[grains[k].group]).collect();
     order.par_sort_unstable_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
     let mut cells = SphereGrid::new(order.first().map_or(1.0, |&k| grains[k].reach));
     let mut numbers = vec![0; grains.len()];
@@ -382,38 +392,68 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         numbers[k] = number;
     }
     let shifts = image_shifts(&scene.compute, grains);
-    // Grains whose bounding balls overlap, the smaller first, and its shift. Neighbours in the list of grains are mostly near in
-    // space.
-    let first_overlap = |(k, grain): (usize, &Grain)| {
-        let mut found = Vec::new();
-        for shift in &shifts {
-            cells.for_each_overlap(&(grain.position + shift), grain.reach, |number, overlap| {
-                let is_allowed = || may_overlap[grain.group] || may_overlap[grains[order[number]].group];
-                if number < numbers[k] && overlap > TOUCHING_TOLERANCE * grain.radius && !is_allowed() {
-                    found.push((k, order[number], *shift, overlap));
+    // Up to `limit` larger grains whose bounding balls overlap that of grain `k`, with its shift and the overlap.
+    let neighbours = |k: usize, limit: usize| {
+        let (grain, mut found): (&Grain, Vec<(usize, Vector3<f64>, f64)>) = (&grains[k], Vec::new());
+        let _ = shifts.iter().try_for_each(|shift| {
+            cells.visit_overlaps(&(grain.position + shift), grain.reach, |number, overlap| {
+                if number < numbers[k] && overlap > TOUCHING_TOLERANCE * grain.radius {
+                    found.push((order[number], *shift, overlap));
                 }
-            });
-        }
+                if found.len() < limit { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            })
+        });
         found
     };
-    let near: Vec<(usize, usize, Vector3<f64>, f64)> =
-        grains.par_iter().enumerate().flat_map_iter(first_overlap).collect();
-    for (k, other, shift, overlap) in near {
-        let (a, b) = (k.min(other), k.max(other));
-        let overlap = shaped[k].overlap_with(&shaped[other], shift, overlap);
-        if overlap > TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius) {
-            let is_image = shift != Vector3::zeros();
-            let (image, expected) = if is_image { ("the periodic image of ", image_advice) } else { ("", expected) };
-            overlaps.push((a, format!("{} and {image}{} overlap by {overlap:.3e} m", name(a), name(b)), expected));
+    // Adds the overlaps of grain `k` with near ones; returns their number.
+    let mut add_overlaps = |k: usize, near: Vec<(usize, Vector3<f64>, f64)>| {
+        let count = overlaps.len();
+        for (other, shift, overlap) in near {
+            let (a, b) = (k.min(other), k.max(other));
+            let overlap = shaped[k].overlap_with(&shaped[other], shift, overlap);
+            if overlap > TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius) {
+                let is_image = shift != Vector3::zeros();
+                let (image, expected) =
+                    if is_image { ("the periodic image of ", image_advice) } else { ("", expected) };
+                overlaps.push((
+                    [a, b],
+                    format!("{} and {image}{} overlap by {overlap:.3e} m", name(a), name(b)),
+                    expected,
+                ));
+            }
+        }
+        (overlaps.len() - count, overlaps.len())
+    };
+    let mut are_all_found = true;
+    let searched: Vec<usize> = (0..grains.len()).filter(|&k| !may_overlap[grains[k].group]).collect();
+    // Neighbours in the list of grains are mostly near in space.
+    'search: for chunk in searched.chunks(SEARCHED_GRAINS) {
+        let near: Vec<_> = chunk.par_iter().map(|&k| neighbours(k, MAX_FIRST_NEIGHBOURS)).collect();
+        for (&k, near) in chunk.iter().zip(near) {
+            let is_cut = near.len() == MAX_FIRST_NEIGHBOURS;
+            let (mut found, mut total) = add_overlaps(k, near);
+            if is_cut && found == 0 {
+                (found, total) = add_overlaps(k, neighbours(k, usize::MAX));
+            } else {
+                are_all_found &= !is_cut;
+            }
+            if found > 0 && total > MAX_SEARCHED_OVERLAPS {
+                are_all_found = false;
+                break 'search;
+            }
         }
     }
     for (k, grain) in grains.iter().enumerate() {
-        for wall in population.walls.iter().filter(|_| !may_overlap[grain.group]) {
+        if overlaps.len() > MAX_SEARCHED_OVERLAPS {
+            are_all_found = false;
+            break;
+        }
+        for (index, wall) in population.walls.iter().enumerate().filter(|_| !may_overlap[grain.group]) {
             let overlap = shaped[k].overlap_with_wall(wall, &scene.compute);
             if overlap > TOUCHING_TOLERANCE * grain.radius {
                 let found = format!("{} and wall {} overlap by {overlap:.3e} m", name(k), wall.wall + 1);
                 overlaps.push((
-                    k,
+                    [k, grains.len() + index],
                     found,
                     wall_advice(&scene.grains[grain.group].placement, &wall.shape).unwrap_or(expected),
                 ));
@@ -421,10 +461,12 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         }
     }
     overlaps.sort();
-    for (k, found, expected) in overlaps.iter().take(MAX_REPORTED_OVERLAPS) {
+    for ([k, _], found, expected) in overlaps.iter().take(MAX_REPORTED_OVERLAPS) {
         report.add_fault(&format!("grains.{}.placement", grains[*k].group), found, *expected);
     }
     if overlaps.len() > MAX_REPORTED_OVERLAPS {
-        report.add_fault("grains", format!("{} more overlaps", overlaps.len() - MAX_REPORTED_OVERLAPS), expected);
+        let further = overlaps.len() - MAX_REPORTED_OVERLAPS;
+        let bound = if are_all_found { "" } else { "at least " };
+        report.add_fault("grains", format!("{bound}{further} more overlaps"), expected);
     }
 }

@@ -582,6 +582,46 @@ fn one_grain_has_no_thermal_velocity() {
     assert!(said.ends_with("grains 1, thermal_velocity: given for one grain; expected several grains, or 0: a single grain has no motion about the mean"), "{said}");
 }
 
+/// The search for overlaps ends long before it has compared each grain with each.
+#[test]
+fn grains_at_one_point_are_not_counted_pair_by_pair() {
+    let list = format!("sizes: Single(1), placement: List(positions: [{}])", "(0, 0, 0), ".repeat(3000));
+    let said = of_one(&list, 2.0, "");
+    let overlap =
+        "scene.ron:5:88: grains 1, placement: grain 1 of grains 1 and grain 2 of grains 1 overlap by 2.000e0 m; ";
+    assert!(said.starts_with(overlap) && said.lines().count() == 6, "{said}");
+    // The first 46 grains have 46 * 45 / 2 pairs, of which five are printed.
+    assert!(said.contains("grains: at least 1030 more overlaps; "), "{said}");
+}
+
+/// A plate among many whose bounding balls it overlaps coincides with one of the last of them.
+#[test]
+fn an_overlap_behind_many_near_grains_is_found() {
+    let plates: String = (0..150).map(|k| format!("(0, 0, {}), ", 0.02 * f64::from(k))).collect();
+    let fields = |last: f64| {
+        format!(
+            "shape: Box(lengths: (2, 2, 0.01)), grain_orientation: Same((axis: (0, 0, 1), angle: 0)), \
+             placement: List(positions: [{plates}(0, 0, {last})])"
+        )
+    };
+    assert_eq!(of_one(&fields(3.0), 2.0, ""), "nothing");
+    let said = of_one(&fields(2.8), 2.0, "");
+    assert!(said.contains("grain 141 of grains 1 and grain 151 of grains 1 overlap by 1.000e-2 m"), "{said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
+}
+
+/// Rows of contacts with an unknown law, and a law that is defined many times.
+#[test]
+fn each_of_many_names_is_checked() {
+    let rows: String = (0..4000).map(|k| format!("(between: (\"Q{k:04}\", \"BLUEx\"), law: \"q{k:04}\"), ")).collect();
+    let said = messages("contacts: [", &format!("contacts: [{rows}"));
+    assert!(said.contains("contact 4000, law: 'q3999' is not defined; expected a law that is defined"), "{said}");
+    let laws = "(name: \"q0000\", kind: IQS_CLB(friction: 0.5)), ".repeat(5000);
+    let said = messages("laws: [", &format!("laws: [{laws}"));
+    assert_eq!(said.lines().count(), 4999);
+    assert!(said.lines().all(|line| line.ends_with("'q0000' occurs twice; expected a name of its own")), "{said}");
+}
+
 #[test]
 fn walls_that_repeat_are_not_overlapped() {
     for shape in ["Sphere", "Box(lengths: (2, 2, 2)), grain_orientation: Same((axis: (0, 0, 1), angle: 0))"] {

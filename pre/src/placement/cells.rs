@@ -1,5 +1,7 @@
 //! Neighbours of spheres of any mixture of sizes, in a time proportional to their number.
 
+use std::ops::ControlFlow;
+
 use nalgebra::Vector3;
 use rustc_hash::FxHashMap;
 
@@ -34,6 +36,19 @@ impl SphereGrid {
     /// Calls `visit` with the number (in order of addition) and the overlap, m, > 0, of every sphere that overlaps the
     /// ball and is no smaller; of smaller ones, some.
     pub fn for_each_overlap(&self, centre: &Vector3<f64>, radius: f64, mut visit: impl FnMut(usize, f64)) {
+        let _ = self.visit_overlaps(centre, radius, |number, overlap| {
+            visit(number, overlap);
+            ControlFlow::Continue(())
+        });
+    }
+
+    /// Calls `visit` like [`SphereGrid::for_each_overlap`] until it breaks.
+    pub fn visit_overlaps(
+        &self,
+        centre: &Vector3<f64>,
+        radius: f64,
+        mut visit: impl FnMut(usize, f64) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
         for octave in 0..self.octaves {
             let cell = self.cell_index(octave, centre);
             for offset in (0..27).map(|k| [k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1]) {
@@ -42,18 +57,17 @@ impl SphereGrid {
                     let (other, other_radius) = &self.spheres[number as usize];
                     let overlap = radius + other_radius - (centre - other).norm();
                     if overlap > 0.0 {
-                        visit(number as usize, overlap);
+                        visit(number as usize, overlap)?;
                     }
                 }
             }
         }
+        ControlFlow::Continue(())
     }
 
     /// Whether the ball overlaps no sphere.
     pub fn is_free(&self, centre: &Vector3<f64>, radius: f64) -> bool {
-        let mut free = true;
-        self.for_each_overlap(centre, radius, |_, _| free = false);
-        free
+        self.visit_overlaps(centre, radius, |_, _| ControlFlow::Break(())).is_continue()
     }
 
     /// Adds a sphere, no larger than those before it.
