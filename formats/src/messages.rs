@@ -1,5 +1,6 @@
 //! Lines of text that the programs print on stdout and stderr, and the message about a command line with a wrong value.
 
+use std::borrow::Cow;
 use std::error::Error;
 use std::fmt::Display;
 use std::io::Write;
@@ -39,7 +40,7 @@ pub fn print_line(message: impl Display) {
     if is_silent() {
         return;
     }
-    note_stdout_result(writeln!(std::io::stdout(), "{message}"));
+    note_stdout_result(writeln!(std::io::stdout(), "{}", printable_text(&message.to_string())));
 }
 
 /// Records the error of a text on stdout.
@@ -70,7 +71,18 @@ pub fn print_error(message: impl Display) {
     if is_silent() {
         return;
     }
-    let _ = writeln!(std::io::stderr(), "{message}");
+    let _ = writeln!(std::io::stderr(), "{}", printable_text(&message.to_string()));
+}
+
+/// Text in which control characters other than line ends and tabs are escaped: text of a damaged file that a message quotes
+/// must not control the terminal.
+fn printable_text(text: &str) -> Cow<'_, str> {
+    let is_escaped = |letter: char| letter.is_control() && !['\n', '\t'].contains(&letter);
+    if !text.contains(is_escaped) {
+        return text.into();
+    }
+    let escape = |letter: char| letter.escape_default().to_string();
+    text.chars().map(|letter| if is_escaped(letter) { escape(letter) } else { letter.to_string() }).collect()
 }
 
 /// Prints a warning of a program on stderr.
@@ -155,6 +167,12 @@ fn wrong_number_message(error: &clap::Error) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn quoted_text_does_not_control_the_terminal() {
+        assert_eq!(printable_text("a\u{e9}\tb\nc"), "a\u{e9}\tb\nc");
+        assert_eq!(printable_text("'\u{1b}[2J\u{9b}31m\r\u{7}'\n"), "'\\u{1b}[2J\\u{9b}31m\\r\\u{7}'\n");
+    }
     use crate::compute::ComputeFlags;
     use clap::{Args, Command};
 
