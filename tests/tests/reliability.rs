@@ -472,6 +472,49 @@ fn no_link_in_a_case_is_followed_for_writing() {
     assert!(files(&case.outbox()).iter().all(|name| !case.outbox().join(name).is_symlink()));
 }
 
+/// Each folder of a case may be a link to another, in which the files are then written.
+#[cfg(unix)]
+#[test]
+fn folders_of_a_case_may_be_links() {
+    let case = Case::from_scene(&scene(0.1));
+    let folders =
+        [("DATBOX", "BODIES.DAT"), ("OUTBOX", "steps.csv"), ("POSTPRO", "series.csv"), ("DISPLAY", "view.py")];
+    let elsewhere = tempfile::tempdir().unwrap();
+    for (folder, _) in folders {
+        let (target, link) = (elsewhere.path().join(folder), case.path().join(folder));
+        fs::create_dir(&target).unwrap();
+        let _ = fs::remove_dir_all(&link);
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+    }
+    assert_eq!(pre(&case.path().join("scene.ron"), case.path()), 0);
+    assert_eq!(case.solve(&[]), 0);
+    assert_eq!(cd_tests::case::post(case.path(), &[]), 0);
+    for (folder, file) in folders {
+        assert!(case.path().join(folder).is_symlink(), "{folder}");
+        assert!(elsewhere.path().join(folder).join(file).is_file(), "{folder}/{file}");
+    }
+}
+
+/// Results that do not fit on the disk: cd-pre and cd-post end with 2.
+#[cfg(unix)]
+#[test]
+fn results_that_cannot_be_written_are_an_error_of_their_own_code() {
+    let case = Case::from_scene(&scene(0.1)).solved(&["--steps", "20"]);
+    let scene = case.path().join("scene.ron");
+    let [case, scene] = [case.path(), scene.as_path()].map(|path| path.to_str().unwrap().to_string());
+    for words in [&["cd-pre", &scene, "-o", &format!("{case}/new")][..], &["cd-post", &case]] {
+        let command = Executables::of_test().command(words);
+        let mut limited = std::process::Command::new("sh");
+        // The shell limits the size of files to 512 bytes and becomes the program.
+        limited.args(["-c", "ulimit -f 1; exec \"$0\" \"$@\""]).arg(command.get_program()).args(command.get_args());
+        limited.envs(command.get_envs().filter_map(|(name, value)| Some((name, value?))));
+        let output = limited.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap().wait_with_output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+        assert!(said.contains("cannot be written"), "{words:?}: {said}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn text_that_cannot_be_printed_is_an_error() {
