@@ -33,9 +33,10 @@ pub struct ParameterLimit {
     pub scene_values: Option<fn(&Scene, &State) -> Option<ValueRange>>,
 }
 
-/// Smallest and largest values that searches try: files hold exponents of two digits.
-const SMALLEST_NUMBER: f64 = 1e-90;
-const LARGEST_NUMBER: f64 = 1e90;
+/// Smallest and largest values that searches try: numbers of input are at most 1e40, also those that follow from the inverse of a
+/// value.
+const SMALLEST_NUMBER: f64 = 1e-39;
+const LARGEST_NUMBER: f64 = 1e39;
 
 /// Property of scenes of every scale.
 const SAME_BOUNCES: &str = "a dozen bounces the same in units of radius and √(radius/g), difference";
