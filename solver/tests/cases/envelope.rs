@@ -284,15 +284,15 @@ fn a_search_finds_the_limit_on_either_side() {
     let mut trials = 0;
     let found = search(SearchEffort::WHOLE, &mut |radius: f64| {
         trials += 1;
-        (radius / 4.4e33).max(3.3e-51 / radius)
+        (radius / 4.4e33).max(3.3e-31 / radius)
     });
-    for ((good, bad), expected) in found.sides.into_iter().zip([3.3e-51, 4.4e33]) {
+    for ((good, bad), expected) in found.sides.into_iter().zip([3.3e-31, 4.4e33]) {
         let bad = bad.expect("a limit");
         assert!((good / expected).max(expected / good) <= 1.11 && (bad / expected).max(expected / bad) <= 1.11);
     }
     assert!(trials <= 2 + 2 * (8 + 12), "{trials}");
     // Without a limit it ends where the row says; NaN is a failure.
-    assert_eq!(search(SearchEffort::WHOLE, &mut |_| 0.0).sides, [(1e-90, None), (1e90, None)]);
+    assert_eq!(search(SearchEffort::WHOLE, &mut |_| 0.0).sides, [(1e-39, None), (1e39, None)]);
     let limited = search(SearchEffort::SMALL, &mut |radius: f64| if radius > 2e20 { f64::NAN } else { 1.0 });
     assert_eq!(limited.sides, [(1e-21, None), (1e20, Some(3.2e20))]);
 }
