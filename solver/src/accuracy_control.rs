@@ -310,13 +310,15 @@ impl EstimatedParts {
         if parts.is_empty() { "0".into() } else { format!("{} ({})", percent(self.total()), parts.join(", ")) }
     }
 
-    /// Total, its parts, and whether the target is reached.
-    fn verdict_text(&self, target: f64) -> String {
-        let verdict = if self.total() <= target {
-            "reached".into()
-        } else {
-            let largest = self.parts.iter().max_by(|a, b| a.2.total_cmp(&b.2));
-            largest.map_or(String::new(), |(name, option, _)| format!("not reached, mainly {name}: lower {option}"))
+    /// Total, its parts, and whether the target is reached, or the `doubt` about it.
+    fn verdict_text(&self, target: f64, doubt: Option<&str>) -> String {
+        let largest = self.parts.iter().max_by(|a, b| a.2.total_cmp(&b.2));
+        let verdict = match (doubt, largest) {
+            (Some(doubt), _) => format!("not known: {doubt}"),
+            (None, Some((name, option, _))) if self.total() > target => {
+                format!("not reached, mainly {name}: lower {option}")
+            }
+            _ => "reached".into(),
         };
         format!("{}; {verdict}", self.text())
     }
@@ -354,17 +356,52 @@ pub fn add_z_errors(
     Some(("estimated error of Z", estimate.text()))
 }
 
+/// Largest `dt` with which errors of long steps were measured, over the strictest bound on a step: of beads that fall into a narrow box,
+/// and of spheres that collapse under self-gravity, rounded up.
+const MEASURED_DT: [f64; 2] = [4.0, 0.35];
+
+/// Largest number of steps without convergence of runs whose errors can be estimated, over that of `dt`.
+const MAX_UNCONVERGED: f64 = 0.05;
+
+/// Reason for which the estimates do not count, whatever they are. `longest_step`: strictest bound on a step, s, if there is one.
+fn doubt_about_estimates(
+    scene: &Scene,
+    state: &State,
+    control: &AccuracyControl,
+    longest_step: Option<f64>,
+) -> Option<String> {
+    if control.step_sweeps == 0 {
+        return Some("no contact has carried force".into());
+    }
+    let steps = state.step.saturating_sub(scene.start.step);
+    let unconverged = state.ledger.steps_unconverged;
+    if unconverged as f64 > MAX_UNCONVERGED * steps as f64 {
+        return Some(format!("{} did not converge; raise max_sweeps", count_text(unconverged as usize, "step")));
+    }
+    let longest = MEASURED_DT[usize::from(scene.options.self_gravity)] * longest_step?;
+    (scene.options.dt > longest).then(|| {
+        let longest = short_number(longest);
+        format!("in such scenes errors by dt were measured up to {longest} s; lower dt")
+    })
+}
+
 /// Lines of the summary about the targets: what was requested, what is estimated and from what, the options, and the cost of the
-/// comparisons. Empty without `target_error`.
-pub fn target_lines(scene: &Scene, state: &State, sources: &[ErrorSource]) -> Vec<(&'static str, String)> {
+/// comparisons. Empty without `target_error`. `longest_step`: strictest bound on a step, s, if there is one.
+pub fn target_lines(
+    scene: &Scene,
+    state: &State,
+    sources: &[ErrorSource],
+    longest_step: Option<f64>,
+) -> Vec<(&'static str, String)> {
     let (Some(targets), Some(control)) = (scene.options.target_error, &state.accuracy_control) else {
         return Vec::new();
     };
     let chance = sources.iter().find(|source| source.name == "chance").map_or(0.0, |source| source.error);
+    let doubt = doubt_about_estimates(scene, state, control, longest_step);
     let mut lines = Vec::new();
     for (k, target) in targets.values().into_iter().enumerate() {
         let Some(target) = target else { continue };
-        let text = EstimatedParts::new(k, scene, control, sources).verdict_text(target);
+        let text = EstimatedParts::new(k, scene, control, sources).verdict_text(target, doubt.as_deref());
         lines.push(("target error", format!("{} {}: estimated {text}", TargetErrors::NAMES[k], percent(target))));
         if k == 2 && chance > target {
             let runs = (chance / target).powi(2).ceil();
@@ -376,13 +413,10 @@ pub fn target_lines(scene: &Scene, state: &State, sources: &[ErrorSource]) -> Ve
             lines.push(("chance", text));
         }
     }
-    lines.push(("chosen options", chosen_text(&scene.options)));
+    lines.push(("options at the end", chosen_text(&scene.options)));
     let share = control.comparison_sweeps as f64 / (control.comparison_sweeps + control.step_sweeps).max(1) as f64;
     let comparisons = match control.comparisons {
-        0 => {
-            "none: the run has too few sweeps for one; errors by tol are those of the scenes from which tol was chosen"
-                .into()
-        }
+        0 => "none: the run has too few sweeps for one; the error by tol is in no estimate".into(),
         count => format!("{}, {:.0} % of all sweeps", count_text(count as usize, "step"), 100.0 * share),
     };
     lines.push(("comparisons", comparisons));

@@ -10,7 +10,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::names::count_text;
 use cd_formats::snapshot::{Snapshot, list_snapshots, snapshot_files};
 
-use crate::read::resume::check_resumable;
+use crate::read::resume::{check_resumable, snapshot_advice};
 use crate::read::{self, wholeness};
 use crate::scene::Scene;
 use crate::write::checksums::{SnapshotLines, lines_of_snapshot};
@@ -97,15 +97,6 @@ pub fn check_last_snapshot(case: &Path) -> Result<(), Faults> {
         }
     }
     faults.into_result(())
-}
-
-/// Advice about a damaged last snapshot.
-pub fn snapshot_advice(snapshots: &[(u64, PathBuf)]) -> &'static str {
-    if snapshots.len() > 1 {
-        "--resume --skip-damaged continues from the last sound snapshot"
-    } else {
-        "move it away and start from DATBOX with --force"
-    }
 }
 
 /// Renames the files of the damaged snapshots after the last sound one to `NAME.damaged`, so that a run continues from that

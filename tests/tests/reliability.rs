@@ -363,7 +363,7 @@ fn a_snapshot_that_lacks_what_its_laws_need_is_not_resumed() {
     assert_eq!(case.solve(&["--resume"]), 0);
 }
 
-/// What `--resume` would reject, `--verify` and `--skip-damaged` do not call sound.
+/// Snapshots that `--resume` would reject are not called sound by `--verify` and `--skip-damaged`.
 #[test]
 fn snapshots_that_no_run_can_continue_are_skipped() {
     let case = Case::from_scene(&scene(0.2)).solved(&[]);

@@ -136,7 +136,7 @@ pub fn write(request: &AccuracyStudyRequest) -> Result<String, Faults> {
 
 /// Fault of a file that contains no scene but changes of `from-outbox`.
 fn changes_fault(file: &Path, text: &str) -> Option<Faults> {
-    from_outbox::read(file, text, &[]).ok()?;
+    from_outbox::read(file, text, &[]).ok().filter(|changes| !changes.bodies.is_empty())?;
     let found = "contains changes of from-outbox, whose runs have the chance of the run before";
     let expected =
         "expected a scene; for such runs write a study with from: \"NAME-{seed}\", as examples/accuracy-study does";

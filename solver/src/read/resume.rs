@@ -22,7 +22,6 @@ use crate::state::{
     BondingMode, CachedPair, Contact, ContactStatus, DetectionCache, GravityHistory, LawMemory, OutputInterval,
     PairVirial, SolvedContact, State, UNKNOWN_FEATURE,
 };
-use crate::verify::snapshot_advice;
 
 /// Restores the last snapshot of `outbox` into `state`, if there is one, and sets the step and time in `scene` from which
 /// steps are counted and its schedule of events. A snapshot with other bodies or laws than the scene's is rejected. Returns the
@@ -159,6 +158,15 @@ impl PreviousRun {
             warnings.push(format!("{change}; {keep}"));
         }
         (warnings, notes)
+    }
+}
+
+/// Advice about a damaged last snapshot.
+pub fn snapshot_advice(snapshots: &[(u64, PathBuf)]) -> &'static str {
+    if snapshots.len() > 1 {
+        "--resume --skip-damaged continues from the last sound snapshot"
+    } else {
+        "move it away and start from DATBOX with --force"
     }
 }
 
