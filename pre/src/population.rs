@@ -394,7 +394,8 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     let shifts = image_shifts(&scene.compute, grains);
     // Up to `limit` larger grains whose bounding balls overlap that of grain `k`, with its shift and the overlap.
     let neighbours = |k: usize, limit: usize| {
-        let (grain, mut found): (&Grain, Vec<(usize, Vector3<f64>, f64)>) = (&grains[k], Vec::new());
+        let grain = &grains[k];
+        let mut found: Vec<(usize, Vector3<f64>, f64)> = Vec::new();
         let _ = shifts.iter().try_for_each(|shift| {
             cells.visit_overlaps(&(grain.position + shift), grain.reach, |number, overlap| {
                 if number < numbers[k] && overlap > TOUCHING_TOLERANCE * grain.radius {

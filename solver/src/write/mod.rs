@@ -281,8 +281,8 @@ impl ResultFiles {
 
     /// Removes what a run that is resumed before its next snapshot needs of the logs.
     fn forget_removed_rows(&mut self) -> Result<(), Faults> {
-        let tables = [&mut self.steps, &mut self.timer].into_iter().chain(self.probes.tables_mut());
-        tables.map(LogTable::forget_removed_row).collect()
+        let mut tables = [&mut self.steps, &mut self.timer].into_iter().chain(self.probes.tables_mut());
+        tables.try_for_each(LogTable::forget_removed_row)
     }
 
     /// Writes what a run lacks that is resumed at its end: its last rows, and the checksums of these and of its last snapshot.
