@@ -136,7 +136,9 @@ pub fn write(request: &AccuracyStudyRequest) -> Result<String, Faults> {
 
 /// Fault of a file that contains no scene but changes of `from-outbox`.
 fn changes_fault(file: &Path, text: &str) -> Option<Faults> {
-    from_outbox::read(file, text, &[]).ok().filter(|changes| !changes.bodies.is_empty())?;
+    let changes = from_outbox::read(file, text, &[]).ok()?;
+    // Most scenes could be read as changes that add grains.
+    (!changes.bodies.is_empty() || changes.grains.is_empty()).then_some(())?;
     let found = "contains changes of from-outbox, whose runs have the chance of the run before";
     let expected =
         "expected a scene; for such runs write a study with from: \"NAME-{seed}\", as examples/accuracy-study does";
@@ -447,5 +449,24 @@ fn step_parameter(steps: &[TimeStep]) -> StudyParameter {
         paths: vec!["compute.dt".into()],
         values: steps.iter().map(|step| rounded_number(step.dt)).collect(),
         companions: companions.collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_faulty_scene_is_not_taken_for_changes() {
+        let fault = |text: &str| changes_fault(Path::new("scene.ron"), text).map(|faults| faults.to_string());
+        let grains = "grains: [(material: \"ROCKx\", number: 3, sizes: Single(1.0), placement: JitteredLattice(envelope: Ball()))]";
+        assert_eq!(
+            fault(&format!("(materials: [], laws: [], contacts: [], {grains}, compute: (dt: 1.0, steps: 5))")),
+            None
+        );
+        for changes in ["(compute: (dt: 1.0, steps: 5))", "(bodies: [(select: Largest)], compute: (dt: 1.0, steps: 5))"]
+        {
+            assert!(fault(changes).is_some_and(|text| text.contains("contains changes of from-outbox")), "{changes}");
+        }
     }
 }
