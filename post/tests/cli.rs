@@ -811,6 +811,10 @@ fn many_runs_are_points_of_one_study() {
         let output = command.output().unwrap();
         (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
     };
+    // Tables of replicates of other runs.
+    for name in ["means.csv", "differences.csv"] {
+        fs::write(folder.path().join(name), "").unwrap();
+    }
     assert_eq!(study(&["--groups", "one,two", "--from", "0.5"]), (0, String::new()));
     let expected = [
         "Z.svg",

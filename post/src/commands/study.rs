@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use cd_formats::atomic;
+use cd_formats::atomic::{self, path_exists};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::names::{count_text, number_text};
 use cd_formats::ron_text::known_names;
@@ -288,9 +288,15 @@ pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result
     atomic::write(&output.join("runs.csv"), table_text(&runs, &study.column_names()).as_bytes())?;
     atomic::write(&output.join("fits.csv"), fits.as_bytes())?;
     let replicates = replicate_tables(&study, &runs, options);
+    let [means, differences] = ["means.csv", "differences.csv"].map(|name| output.join(name));
     if let Some(tables) = &replicates {
-        atomic::write(&output.join("means.csv"), tables.means.as_bytes())?;
-        atomic::write(&output.join("differences.csv"), tables.differences.as_bytes())?;
+        atomic::write(&means, tables.means.as_bytes())?;
+        atomic::write(&differences, tables.differences.as_bytes())?;
+    } else {
+        // Those of other runs would not belong to runs.csv.
+        for path in [means, differences].iter().filter(|path| path_exists(path)) {
+            std::fs::remove_file(path).map_err(|error| Fault::from_io(path, "removed", &error))?;
+        }
     }
     for (name, figure) in &figures {
         atomic::write(&output.join(format!("{name}.svg")), figure.to_svg().as_bytes())?;
