@@ -238,7 +238,7 @@ fn further_positions(positions: &[(usize, Option<usize>)]) -> String {
 }
 
 /// Largest number of lines of a report.
-const MAX_REPORTED_LINES: usize = 100;
+pub const MAX_REPORTED_LINES: usize = 100;
 
 /// Largest number of faults of one kind that are printed line by line.
 const MAX_ALIKE_FAULTS: usize = 5;

@@ -1044,7 +1044,7 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
     let all_colours = sorted_and_distinct(grain_colours.iter().chain(&wall_colours).copied());
     let sorted_pair = |a: &str, b: &str| [a.min(b).to_string(), a.max(b).to_string()];
     let mut known_pairs = HashSet::new();
-    // Of laws of one name, which is a fault, the first.
+    // Laws by their names; of several with one name, which is a fault, the first.
     let laws: HashMap<&str, &Law> = scene.laws.iter().rev().map(|law| (law.name.as_str(), law)).collect();
     let law_names: Vec<&str> = scene.laws.iter().map(|law| law.name.as_str()).collect();
     for (k, contact) in scene.contacts.iter().enumerate() {

@@ -9,7 +9,7 @@ use cd_formats::atomic;
 use cd_formats::case::{CaseFolder, case_fault};
 use cd_formats::command_line::parse_arguments;
 use cd_formats::compute::{Adaptive, ComputeFlags, MAX_THREADS};
-use cd_formats::error::{Fault, Faults};
+use cd_formats::error::{Fault, Faults, MAX_REPORTED_LINES};
 use cd_formats::former_names::FormerNameUse;
 use cd_formats::lock::FolderLock;
 use cd_formats::messages::{print_error, print_line, print_warning, reserve_stdout, silence};
@@ -28,9 +28,6 @@ use crate::verify::{self, Verification, verify_case};
 use crate::{activity, agreement, plan, read, thread_pool, write};
 
 const PROGRAM: &str = "cd-solve";
-
-/// Largest number of files that are set aside and named.
-const MAX_SHOWN_PATHS: usize = 100;
 
 /// Simulates rigid grains in contact: reads DIR/DATBOX, writes DIR/OUTBOX.
 ///
@@ -185,11 +182,11 @@ fn skip_damaged(arguments: &CommandLine, communicator: &dyn Communicator) -> Res
     // All ranks wait for rank 0.
     all_gather_unsized(communicator, &[]);
     let renamed = renamed?;
-    for path in renamed.iter().take(MAX_SHOWN_PATHS) {
+    for path in renamed.iter().take(MAX_REPORTED_LINES) {
         print_warning(PROGRAM, format_args!("{}: set aside: the snapshot is damaged", path.display()));
     }
-    if renamed.len() > MAX_SHOWN_PATHS {
-        print_warning(PROGRAM, format_args!("{} more files set aside", renamed.len() - MAX_SHOWN_PATHS));
+    if renamed.len() > MAX_REPORTED_LINES {
+        print_warning(PROGRAM, format_args!("{} more files set aside", renamed.len() - MAX_REPORTED_LINES));
     }
     Ok(())
 }

@@ -329,8 +329,8 @@ fn summarise_run(case: &Path, scene: &Scene, state: &State, statistics: &RunStat
         if statistics.steps > 0 || state.step > scene.start.step && !errors::has_errors_file(case) {
             errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
         }
-        let longest_step = step_bounds(scene, state).first().map(|bound| bound.h);
-        let mut lines = target_lines(scene, state, &sources, longest_step);
+        let strictest_bound = step_bounds(scene, state).first().map(|bound| bound.h);
+        let mut lines = target_lines(scene, state, &sources, strictest_bound);
         lines.extend(z_line);
         Ok(summary_text(scene, state, statistics, &balance, &sources, &lines))
     })

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic::path_exists;
 use cd_formats::checksums::{CHECKSUMS_FILE, Checksum, ChecksumLine, FileState, file_state, read_list};
 use cd_formats::compute::ComputeFlags;
-use cd_formats::error::{Fault, Faults};
+use cd_formats::error::{Fault, Faults, MAX_REPORTED_LINES};
 use cd_formats::names::count_text;
 use cd_formats::snapshot::{Snapshot, list_snapshots, snapshot_files};
 
@@ -14,7 +14,7 @@ use crate::read::resume::{check_resumable, snapshot_advice};
 use crate::read::{self, wholeness};
 use crate::scene::Scene;
 use crate::write::checksums::{SnapshotLines, lines_of_snapshot};
-use crate::write::outbox_path;
+use crate::write::{DAMAGED_LOG_ADVICE, outbox_path};
 
 /// Result of a comparison of a case with its checksums, to which files are added one by one.
 pub struct Verification {
@@ -24,9 +24,6 @@ pub struct Verification {
     pub is_sound: bool,
     damage_count: usize,
 }
-
-/// Largest number of damaged files that are named.
-const MAX_SHOWN_DAMAGES: usize = 100;
 
 /// Compares the files of a case with the checksums in DATBOX and OUTBOX, and reads all snapshots. Errors: a folder or a list
 /// of checksums cannot be read, or cd-pre is writing DATBOX.
@@ -54,9 +51,9 @@ pub fn verify_case(case: &Path) -> Result<Verification, Faults> {
         sound_snapshots.pop();
     }
     verification.add_list("OUTBOX", &outbox, list.as_deref());
-    if verification.damage_count > MAX_SHOWN_DAMAGES {
+    if verification.damage_count > MAX_REPORTED_LINES {
         verification
-            .add_line(&format!("{} more", count_text(verification.damage_count - MAX_SHOWN_DAMAGES, "damaged file")));
+            .add_line(&format!("{} more", count_text(verification.damage_count - MAX_REPORTED_LINES, "damaged file")));
     }
     let sound_count = sound_snapshots.len();
     verification.add_line(&format!("snapshots: {sound_count} of {} sound", snapshots.len()));
@@ -85,15 +82,12 @@ pub fn check_last_snapshot(case: &Path) -> Result<(), Faults> {
             ChecksumLine::File { path, checksum } => {
                 (path, u64::MAX, *checksum, "snapshot", snapshot_advice(&snapshots))
             }
-            ChecksumLine::Start { path, length, checksum } => {
-                (path, *length, *checksum, "log", "restore it, or rename it to continue without its rows")
-            }
+            ChecksumLine::Start { path, length, checksum } => (path, *length, *checksum, "log", DAMAGED_LOG_ADVICE),
             ChecksumLine::Comment(_) => continue,
         };
         let file = listed_path(&outbox, path);
         if faults.gather_result(file_state(&file, length, checksum)) == Some(FileState::Changed) {
-            let found = format!("differs from its checksum in OUTBOX/{CHECKSUMS_FILE}");
-            faults.push(Fault::new(&file, None, object, found, advice));
+            faults.push(Fault::new(&file, None, object, difference("OUTBOX"), advice));
         }
     }
     faults.into_result(())
@@ -176,7 +170,12 @@ fn rejection(path: &Path, scene: Option<&Scene>) -> Option<String> {
 
 /// Damage of a file that differs from its checksum in the list of a folder, in words.
 fn difference_text(file: &Path, folder: &str) -> String {
-    format!("{}: differs from its checksum in {folder}/{CHECKSUMS_FILE}", file.display())
+    format!("{}: {}", file.display(), difference(folder))
+}
+
+/// Difference of a file from its checksum in the list of a folder, in words.
+fn difference(folder: &str) -> String {
+    format!("differs from its checksum in {folder}/{CHECKSUMS_FILE}")
 }
 
 /// Path of a file that a list of `folder` names, which may be in another folder of the case: `../DATBOX/BODIES.DAT`.
@@ -196,7 +195,7 @@ impl Verification {
     fn add_damage(&mut self, damage: &str) {
         self.is_sound = false;
         self.damage_count += 1;
-        if self.damage_count <= MAX_SHOWN_DAMAGES {
+        if self.damage_count <= MAX_REPORTED_LINES {
             self.add_line(damage);
         }
     }

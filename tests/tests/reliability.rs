@@ -159,8 +159,8 @@ fn damaged_files_are_found_and_a_run_continues_from_the_last_sound_snapshot() {
     // The rows of a damaged log are not continued; nothing is changed, and the damage is still found.
     let (damaged_log, list) = (fs::read(case.outbox().join("steps.csv")).unwrap(), list.as_bytes());
     let (code, said) = solve_process(case.path(), &["--resume", "--skip-damaged"]);
-    let fault = "OUTBOX/steps.csv: log: differs from its checksum in OUTBOX/SHA256SUMS; restore it, or rename it to continue \
-                 without its rows";
+    let fault = "OUTBOX/steps.csv: log: differs from its checksum in OUTBOX/SHA256SUMS; restore the file, or rename it to \
+                 continue without its rows";
     assert!(code == 2 && said.contains(fault), "{said}");
     assert_eq!(fs::read(case.outbox().join("steps.csv")).unwrap(), damaged_log);
     assert_eq!(fs::read(case.outbox().join("SHA256SUMS")).unwrap(), list);

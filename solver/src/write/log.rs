@@ -290,6 +290,9 @@ impl LogTable {
     }
 }
 
+/// Advice about a log that is damaged.
+pub const DAMAGED_LOG_ADVICE: &str = "restore the file, or rename it to continue without its rows";
+
 /// File with the row of a log that was removed when a run continued.
 fn removed_row_path(path: &Path) -> PathBuf {
     path.with_file_name(format!(".{}.last", path.file_name().unwrap_or_default().to_string_lossy()))
@@ -376,7 +379,7 @@ impl LogReader {
 
     /// Fault of the last line.
     fn fault(&self, found: &str, expected: &str) -> Faults {
-        let expected = format!("{expected}; restore the file, or rename it to continue without its rows");
+        let expected = format!("{expected}; {DAMAGED_LOG_ADVICE}");
         Fault::new(&self.path, Some(self.line), "row", found, expected).into()
     }
 }

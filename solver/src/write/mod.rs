@@ -34,6 +34,8 @@ use self::postpro::PostproFiles;
 use self::probes::ProbeFiles;
 use errors::ErrorEstimator;
 use log::{LogCell, LogTable, RowSchedule};
+
+pub use log::DAMAGED_LOG_ADVICE;
 pub use problem::{check_dump_step, write_problem};
 
 /// Results of a case: snapshots and `steps.csv` in OUTBOX, `TIMER.csv` next to it. Durations are kept apart, so that

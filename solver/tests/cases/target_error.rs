@@ -79,7 +79,7 @@ fn no_target_is_called_reached_without_a_measured_error() {
     let doubt = verdict(|case| case.options.max_sweeps = Some(1));
     assert!(doubt.contains("did not converge") && doubt.starts_with("raise max_sweeps; "), "{doubt}");
     let doubt = verdict(|case| case.options.dt *= 8.0);
-    assert!(doubt.contains("not known: in such scenes errors by dt were measured up to "), "{doubt}");
+    assert!(doubt.contains("not known: errors by dt are known up to a dt of "), "{doubt}");
     assert!(doubt.starts_with("lower dt; "), "{doubt}");
 }
 
