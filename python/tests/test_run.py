@@ -110,8 +110,13 @@ class FollowTest(CaseTest):
         folder = self.folder / "case"
         (self.folder / "drop.ron").write_text(DROP_TEXT)
         text = f"import cd_toolchain; cd_toolchain.run('drop.ron', 'case', steps={LONG}, output_every={LONG})"
+        # A shell's background processes ignore SIGINT, and so would their children.
         process = subprocess.Popen(
-            [sys.executable, "-c", text], cwd=self.folder, stderr=subprocess.PIPE, start_new_session=True
+            [sys.executable, "-c", text],
+            cwd=self.folder,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
         while not (folder / "OUTBOX/snapshot-000000.npz").exists() and process.poll() is None:
             time.sleep(0.05)
