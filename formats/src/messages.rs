@@ -123,9 +123,17 @@ pub fn print_usage(program: &str, command: &str, error: &clap::Error) -> i32 {
     error.exit_code()
 }
 
-/// Text of an error in one line, without the usage of the program.
+/// Largest number of characters of a value that a message about a command line shows.
+const MAX_SHOWN_CHARS: usize = 200;
+
+/// Text of an error in one line, without the usage of the program and the end of long values.
 fn first_sentence(error: &clap::Error) -> String {
-    let text = error.to_string();
+    let mut text = error.to_string();
+    if let Some(ContextValue::String(value)) = error.get(ContextKind::InvalidValue)
+        && let Some((end, _)) = value.char_indices().nth(MAX_SHOWN_CHARS)
+    {
+        text = text.replacen(value, &format!("{}...", &value[..end]), 1);
+    }
     let lines = text.trim_start_matches("error: ").lines().map(str::trim).take_while(|line| !line.is_empty());
     lines.collect::<Vec<_>>().join(" ")
 }
@@ -195,5 +203,14 @@ mod tests {
             "--steps: 99999999999999999999; expected a smaller integer"
         );
         assert!(messages("--accuracy=high").contains("possible values"));
+    }
+
+    #[test]
+    fn long_values_are_shortened() {
+        let command = ComputeFlags::augment_args(Command::new("program"));
+        let value = "é".repeat(100_000);
+        let error = command.try_get_matches_from(["program", &format!("--events={value}")]).unwrap_err();
+        let text = first_sentence(&error);
+        assert!(text.contains(&format!("'{}...'", "é".repeat(MAX_SHOWN_CHARS))) && text.len() < 1000, "{text}");
     }
 }

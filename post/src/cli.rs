@@ -125,7 +125,7 @@ enum Command {
         until: Option<f64>,
         /// Half the width of the 95 % confidence interval of a mean over seeds, relative to the mean, for which means.csv gives
         /// the number of runs that are needed
-        #[arg(long, value_name = "X", default_value_t = 0.01, value_parser = parse_positive)]
+        #[arg(long, value_name = "X", default_value_t = 0.01, allow_negative_numbers = true, value_parser = parse_positive)]
         error: f64,
     },
     /// Plots error against run time, from runs of one scene that are compared with the most accurate of them.
@@ -159,7 +159,7 @@ enum Command {
         #[arg(long, value_name = "study.csv")]
         parameters: Option<PathBuf>,
         /// Relative errors for which the fastest setting is recommended; default: 0.03,0.01,0.003
-        #[arg(long, value_delimiter = ',', value_name = "X,...", value_parser = parse_positive)]
+        #[arg(long, value_delimiter = ',', value_name = "X,...", allow_negative_numbers = true, value_parser = parse_positive)]
         error: Vec<f64>,
         /// Observables that shall have these errors, of Z, nu, pressure, a, b, c and energy; default: Z,nu,pressure
         #[arg(long, value_delimiter = ',', value_name = "NAME,...")]

@@ -61,7 +61,7 @@ pub fn parse_interval(text: &str) -> Result<f64, FlagNumberError> {
 pub struct SlopeReach {
     /// Radius, in mean radii, within which planes are fitted to a surface for its slope; a smaller one resolves more of the
     /// shape, and of single grains [default: 12 for a heap or bed, 10 for an aggregate]
-    #[arg(long, value_name = "RADII", value_parser = parse_positive)]
+    #[arg(long, value_name = "RADII", allow_negative_numbers = true, value_parser = parse_positive)]
     pub slope_reach: Option<f64>,
 }
 
@@ -126,10 +126,10 @@ pub struct ImpactFlags {
     pub point: Option<FlagVector>,
     /// Distance from the target's centre of mass up to which grains belong to it, m; default: the remnant and the fragments bound
     /// to it; without self-gravity the remnant and the grains within the farthest point of the target before the impact
-    #[arg(long, value_name = "M", value_parser = parse_positive)]
+    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = parse_positive)]
     pub within: Option<f64>,
     /// Speed above which ejecta escape, m/s; default: escape speed of the target
-    #[arg(long, value_name = "M/S", value_parser = parse_positive)]
+    #[arg(long, value_name = "M/S", allow_negative_numbers = true, value_parser = parse_positive)]
     pub escape_speed: Option<f64>,
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic::{self, path_exists};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::names::{count_text, number_text};
+use cd_formats::names::{count_text, number_text, rounded_number};
 use cd_formats::ron_text::known_names;
 use cd_formats::snapshot::Snapshot;
 
@@ -355,7 +355,7 @@ fn needed_text(tables: &ReplicateTables, error: f64) -> String {
     };
     let needed: Vec<String> = SUMMARY_QUANTITIES.into_iter().filter_map(needed).collect();
     let sets = count_text(tables.sets, "parameter set");
-    let percent = number_text(100.0 * error);
+    let percent = rounded_number(100.0 * error);
     format!("means of {sets}; replicates of each for 95 % within {percent} % of the mean: {}", needed.join(", "))
 }
 
