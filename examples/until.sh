@@ -12,6 +12,12 @@ set -eu
 [ $# = 4 ] || { echo "usage: until.sh study.ron QUANTITY ERROR MAX_SEEDS" >&2; exit 2; }
 study=$1 quantity=$2 error=$3 max=$4
 name=${study%.ron}
+# Before the first run, which may be long.
+awk -v x="$error" 'BEGIN { exit !(x ~ /^[0-9]*\.?[0-9]+([eE][-+]?[0-9]+)?$/ && x > 0) }' ||
+    { echo "until.sh: ERROR: $error; expected a number > 0, such as 0.01" >&2; exit 2; }
+case $max in
+'' | *[!0-9]* | 0* | 1) echo "until.sh: MAX_SEEDS: $max; expected an integer of 2 or more" >&2; exit 2 ;;
+esac
 # The deviation of fewer runs says little.
 seeds=3
 while :; do

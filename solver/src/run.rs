@@ -147,7 +147,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             dump_problem(communicator, case, scene, &state, dump_step)?;
         }
         let mut times = StageTimes { writing: std::mem::take(&mut writing), ..StageTimes::default() };
-        let previous_step = state.step;
+        let (previous_step, previous_events) = (state.step, state.events_done);
         progress.begin_step(state.step);
         let comparison = compare_next_step(scene, &state, &mut times);
         let is_stopped = matches!(comparison, Comparison::Stopped);
@@ -160,6 +160,11 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         expect_finite(&state).inspect_err(|_| progress.finish())?;
         let mut warnings = overlap_warnings(&mut statistics, &state, &report, reported_share);
         warnings.extend(impact_warning(&mut statistics));
+        if state.events_done > previous_events {
+            let beyond_ranges = limits::scene_warnings(scene, &state, &statistics.warnings);
+            statistics.warnings.extend(beyond_ranges.iter().cloned());
+            warnings.extend(beyond_ranges);
+        }
         warnings.iter().for_each(|message| progress.warn(message));
         statistics.add_step(scene, &state, &report, previous_step);
         statistics.contact_parts.iter_mut().for_each(|parts| parts.add_part(state.contacts.len()));
@@ -300,7 +305,7 @@ fn warn_at_start(
     statistics.warnings.extend(long_step);
     statistics.warnings.extend(single_step_warning(scene, state).filter(|_| !resumed));
     statistics.warnings.extend(roundoff_warning(scene, state));
-    statistics.warnings.extend(limits::scene_warnings(scene, state));
+    statistics.warnings.extend(limits::scene_warnings(scene, state, &[]));
     statistics.warnings.iter().for_each(|message| progress.warn(message));
     let division = state.detection_cache.division.clone();
     let mut cache = DetectionCache { division, ..DetectionCache::default() };

@@ -45,7 +45,7 @@ fn scenes_are_accepted_and_begin_to_run() {
         assert_eq!(pre(&folder.join("scene.ron"), case.path()), 0, "cd-pre rejected the scene of {}", folder.display());
         let case = case.solved(&["--steps", "2"]);
         let (scene, state) = read_case(case.path(), &ComputeFlags::default()).unwrap();
-        let warnings = limits::scene_warnings(&scene, &state);
+        let warnings = limits::scene_warnings(&scene, &state, &[]);
         assert!(warnings.is_empty(), "{}: {warnings:?}", folder.display());
         count += 1;
     }
@@ -315,6 +315,10 @@ fn seeds_are_added_until_a_mean_is_known() {
     let (well, ran) = rules.make(&["until", "MAX_SEEDS=6"]);
     assert!(!well && ran.ends_with("cd-post s6, cd-post study"), "{ran}");
     assert!(!rules.make(&["until", "QUANTITY=zeta"]).0);
+    // Wrong values are rejected before the first run.
+    for wrong in ["ERROR=-0.1", "ERROR=1%", "ERROR=0", "ERROR=.", "MAX_SEEDS=1", "MAX_SEEDS=many", "MAX_SEEDS=-3"] {
+        assert_eq!(rules.make(&["until", wrong]), (false, String::new()), "{wrong}");
+    }
 }
 
 #[test]

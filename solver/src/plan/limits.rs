@@ -1,7 +1,8 @@
 //! Table of limits: parameters of a scene, each with the range in which tests show that a property holds.
 //!
 //! The tests in `solver/tests/cases` search for the values at which the property fails, and `make extremes` writes
-//! docs/explanation/limits.md with them. A plan and the start of a run report values of a scene outside of the stated range.
+//! docs/explanation/limits.md with them. A plan, and a run at its start and after events, report values of a scene outside of the
+//! stated range.
 
 use std::f64::consts::PI;
 
@@ -135,8 +136,8 @@ pub static FRICTION: ParameterLimit = ParameterLimit {
     stated: [0.0, 1e3],
     search: [0.0, LARGEST_NUMBER],
     typical: [0.1, 1.0],
-    scene_values: Some(|scene, _| {
-        let with_friction = scene.laws.iter().filter(|law| law.has_friction());
+    scene_values: Some(|_, state| {
+        let with_friction = state.laws.iter().filter(|law| law.has_friction());
         extent(with_friction.map(|law| law.friction_static.max(law.friction_dynamic)))
     }),
 };
@@ -158,7 +159,7 @@ pub static COHESION: ParameterLimit = ParameterLimit {
     typical: [0.1, 1e4],
     scene_values: Some(|scene, state| {
         let g = acceleration(scene, state)?;
-        let cohesive = scene.laws.iter().filter_map(|law| law.cohesion());
+        let cohesive = state.laws.iter().filter_map(|law| law.cohesion());
         let [_, largest] = extent(cohesive.filter_map(|cohesion| {
             let [_, ratio] = extent(moving_bodies(scene).map(|body| attraction(&cohesion, body) / (body.mass * g)))?;
             Some(ratio)
@@ -317,9 +318,15 @@ impl ParameterLimit {
     }
 }
 
-/// Warnings about values of a scene outside of the ranges of the table, in its order.
-pub fn scene_warnings(scene: &Scene, state: &State) -> Vec<String> {
-    LIMITS.iter().filter_map(|limit| limit.scene_warning(scene, state)).collect()
+/// Warnings about values of a scene outside of the ranges of the table, in its order. Parameters of which a warning of `reported`
+/// speaks are left out: a repeated event would report each of them again.
+pub fn scene_warnings(scene: &Scene, state: &State, reported: &[String]) -> Vec<String> {
+    let is_reported = |limit: &ParameterLimit| {
+        let text = format!("{}: ", limit.parameter);
+        reported.iter().any(|warning| warning.starts_with(&text))
+    };
+    let limits = LIMITS.iter().filter(|limit| !is_reported(limit));
+    limits.filter_map(|limit| limit.scene_warning(scene, state)).collect()
 }
 
 /// Smallest and largest of some values; `None` without any.

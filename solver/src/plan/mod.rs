@@ -11,6 +11,7 @@ use cd_formats::compute::Accuracy;
 use cd_formats::names::{count_text, ratio_text, rounded_number, short_number};
 use cd_formats::presets::PresetOption;
 
+use crate::accuracy_control::chosen_text;
 use crate::integrate::{fastest_spin, largest_speed, shortest_orbit, shortest_rotation};
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, ImposedVelocity, RigidBody, Scene};
@@ -244,7 +245,7 @@ pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
     lines.push(("run", run_estimate(scene, dt_left, longest, trial.as_ref())));
     lines.extend(step_lines(scene, &bounds, max_multiple));
     lines.extend(preset_lines(&bounds));
-    let warnings = roundoff_warning(scene, state).into_iter().chain(limits::scene_warnings(scene, state));
+    let warnings = roundoff_warning(scene, state).into_iter().chain(limits::scene_warnings(scene, state, &[]));
     lines.extend(warnings.map(|message| ("warning", message)));
     lines
         .into_iter()
@@ -263,22 +264,30 @@ fn memory_estimate() -> String {
     )
 }
 
-/// Preset of the run, and the options that it sets.
+/// Options of accuracy that target errors choose, whose values are rounded in text.
+const CHOSEN_OPTIONS: [&str; 4] = ["adaptive", "tol", "penetration_tol", "gravity_error"];
+
+/// Preset of the run, and the options that it or the target errors set.
 fn accuracy_text(scene: &Scene) -> String {
+    let options = &scene.options;
+    let has_targets = options.target_error.is_some();
     let option_text = |PresetOption { name, value, is_set }: PresetOption| {
         let value = if name == "gravity_refresh" { scene.gravity_refresh().to_string() } else { value };
         format!("{name} {value}{}", if is_set { " (set)" } else { "" })
     };
-    let options: Vec<String> = scene.options.accuracy_options().into_iter().map(option_text).collect();
-    let preset = match (scene.options.accuracy, scene.options.target_error) {
-        (Some(accuracy), _) => accuracy.to_string(),
-        (None, Some(_)) => {
+    let others = options.accuracy_options().into_iter();
+    let others = others.filter(|option| !(has_targets && CHOSEN_OPTIONS.contains(&option.name))).map(option_text);
+    let chosen = has_targets.then(|| chosen_text(options));
+    let texts: Vec<String> = chosen.into_iter().chain(others).collect();
+    let preset = match options.accuracy {
+        Some(accuracy) => accuracy.to_string(),
+        None if has_targets => {
             "chosen at the start by the target errors; comparisons take an eighth of the sweeps, in short runs a third"
                 .into()
         }
-        (None, None) => "no preset".into(),
+        None => "no preset".into(),
     };
-    format!("{preset}: {}", options.join(", "))
+    format!("{preset}: {}", texts.join(", "))
 }
 
 /// Largest number of `dt` in a step, and the share of the time in which imposed motion is constant and steps may be so long.

@@ -280,6 +280,25 @@ fn a_scene_outside_of_tested_ranges_is_reported_with_the_row() {
     }));
 }
 
+/// Events that change a law or gravity are reported when they act, and each row once.
+#[test]
+fn events_that_leave_tested_ranges_are_reported() {
+    let mut case = pair_on_floor("IQS_CLB", &[0.5], [0.5, 0.5], 1.0);
+    case.options.steps = Some(10);
+    let dt = case.options.dt;
+    let law = case.tact.laws[0].nickname.clone();
+    for step in [2.0, 4.0, 6.0] {
+        case.event(step * dt, EventAction::SetFriction(law.clone(), 1e5 * step));
+    }
+    case.event(8.0 * dt, EventAction::SetGravity([0.0, 0.0, -1e25]));
+    case.write();
+    let (code, _, run) = output_of(&case, &[]);
+    let count = |start: &str| run.lines().filter(|line| line.contains(start)).count();
+    let [friction, gravity] = [&limits::FRICTION, &limits::GRAVITY].map(|row| row.parameter);
+    let counts = [format!("{friction}: 2.00e5; tested range"), format!("{friction}: "), format!("{gravity}: 1.00e25")];
+    assert_eq!((code, counts.map(|start| count(&start))), (0, [1, 1, 1]), "{run}");
+}
+
 #[test]
 fn pairs_that_are_meant_to_have_no_law_are_no_news() {
     let mut case = Case::new();
