@@ -7,7 +7,7 @@ use std::process::{Output, Stdio};
 use cd_formats::accuracy::AccuracyControl;
 use cd_formats::lock::FolderLock;
 use cd_tests::case::{Case, assert_same_results, copy, files, from_outbox, pre};
-use cd_tests::process::{Executables, STDOUT, run_requested_program};
+use cd_tests::process::{Executables, STDOUT, exit_code, run_requested_program};
 
 /// Ball on a plate, `radius` in m: 40 steps, a snapshot every 10.
 fn scene(radius: f64) -> String {
@@ -603,6 +603,27 @@ fn no_program_waits_for_a_pipe() {
     make_pipe(&at("study.ron"));
     let accuracy_study = ["cd-pre", "accuracy-study", &base, "-o", path];
     assert_eq!(code_within_a_minute(&accuracy_study), Some(2), "a study that no program wrote");
+}
+
+/// Three million grains take more than 400 MB.
+#[cfg(target_os = "linux")]
+#[test]
+fn exhausted_memory_has_its_exit_code_and_leaves_no_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let placement = "placement: JitteredLattice(envelope: Box(lengths: (780.0, 780.0, 1800.0)))";
+    let text = scene(0.1).replace("number: 3,", "number: 3000000,");
+    let (start, end) = (text.find("placement:").unwrap(), text.find("]),\n    )],").unwrap());
+    let path = folder.path().join("scene.ron");
+    fs::write(&path, format!("{}{placement}{}", &text[..start], &text[end + 2..])).unwrap();
+    let command = Executables::of_test().command(&["cd-pre", path.to_str().unwrap()]);
+    let mut limited = std::process::Command::new("sh");
+    limited.args(["-c", "ulimit -v 400000; exec \"$0\" \"$@\""]).arg(command.get_program()).args(command.get_args());
+    limited.envs(command.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    let output = limited.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(exit_code(output.status), 134, "{said}");
+    let datbox = files(&folder.path().join("DATBOX"));
+    assert!(datbox.iter().all(|name| name.ends_with("lock")), "{datbox:?}");
 }
 
 #[test]
