@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
-use cd_formats::compute::Accuracy;
+use cd_formats::compute::{Accuracy, EventAction};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldShapes;
 use cd_formats::messages::{print_line, print_warning};
@@ -699,6 +699,23 @@ fn check_finite(is_finite: bool, state: &State, quantity: &str) -> Result<(), Ru
     if is_finite { Ok(()) } else { Err(RunFailure::Broken(fault_text())) }
 }
 
+/// Largest travel of a body in a run, m: the cube of a distance, as in the attraction of two bodies, must remain a number.
+const MAX_TRAVEL: f64 = 1e100;
+
+/// Upper bound on the travel of a body until the end of the run, m: by its velocity, and in free fall by present gravity and that
+/// of later events.
+fn largest_travel(scene: &Scene, state: &State) -> f64 {
+    let duration = scene.last_step().saturating_sub(state.step) as f64 * scene.options.dt;
+    let later = scene.events.iter().filter_map(|event| match event.action {
+        EventAction::SetGravity(gravity) => Some(Vec3::from(gravity)),
+        _ => None,
+    });
+    let largest = |vectors: &mut dyn Iterator<Item = Vec3>| vectors.map(|vector| vector.norm()).fold(0.0, f64::max);
+    let gravity = largest(&mut later.chain([state.gravity]));
+    let speed = largest(&mut state.v.iter().copied());
+    (speed + gravity * duration) * duration
+}
+
 /// Rejects options that do not allow a run from this state.
 pub fn check_run(scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
@@ -717,6 +734,13 @@ pub fn check_run(scene: &Scene, state: &State) -> Result<(), Faults> {
         faults.push(Fault::new(Path::new("options"), None, "dt", found, expected));
     }
     let last = scene.last_step();
+    let travel = largest_travel(scene, state);
+    if travel > MAX_TRAVEL {
+        let found =
+            format!("{} s lets bodies travel by up to {} m until the end", number_text(dt), short_number(travel));
+        let expected = format!("expected at most {MAX_TRAVEL:e} m; lower dt, steps, gravity or the speeds");
+        faults.push(Fault::new(Path::new("options"), None, "dt", found, expected));
+    }
     if scene.options.steps.is_some() && last < state.step {
         let found = format!("{last} is before step {}, from which the run continues", state.step);
         faults.push(Fault::new(Path::new("options"), None, "steps", found, "expected a later step"));

@@ -633,6 +633,12 @@ fn numbers_beyond_any_scene_are_rejected_before_the_run() {
         let (code, said) = solve_process(case.path(), &[flag]);
         assert!(code == 2 && said.contains(&format!("{word}: 1e")) && said.contains("less than 1e40"), "{code} {said}");
     }
+    // A fall of 40 steps of 9e39 s under 9.81 m/s^2, of 1e81 m, can be computed, but not one under 9e39 m/s^2.
+    let gravity = "[(time: 0, action: SetGravity((0, 0, -9e39)))]";
+    let (code, said) = solve_process(case.path(), &["--dt=9e39", "--events", gravity, "--self-gravity=true"]);
+    assert!(code == 2 && said.contains("dt: 9e39 s lets bodies travel by up to 1.17e123 m until the end"), "{said}");
+    let (code, said) = solve_process(case.path(), &["--dt=9e39", "--self-gravity=true", "--plan"]);
+    assert_eq!(code, 0, "{said}");
     let dof = case.datbox("DOF.INI");
     let text = fs::read_to_string(&dof).unwrap();
     fs::write(&dof, text.replacen("V(3)= 0.0000000D+00", "V(3)= 1.800000D+308", 1)).unwrap();
