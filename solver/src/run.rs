@@ -305,7 +305,7 @@ fn warn_at_start(
     statistics.warnings.extend(long_step);
     statistics.warnings.extend(single_step_warning(scene, state).filter(|_| !resumed));
     statistics.warnings.extend(roundoff_warning(scene, state));
-    statistics.warnings.extend(limits::scene_warnings(scene, state, &[]));
+    statistics.warnings.extend(limits::warnings_with_events(scene, state));
     statistics.warnings.iter().for_each(|message| progress.warn(message));
     let division = state.detection_cache.division.clone();
     let mut cache = DetectionCache { division, ..DetectionCache::default() };
@@ -702,8 +702,8 @@ fn check_finite(is_finite: bool, state: &State, quantity: &str) -> Result<(), Ru
 /// Largest travel of a body in a run, m: the cube of a distance, as in the attraction of two bodies, must remain a number.
 const MAX_TRAVEL: f64 = 1e100;
 
-/// Upper bound on the travel of a body until the end of the run, m: by its velocity, and in free fall by present gravity and that
-/// of later events.
+/// Largest travel of a body until the end of the run, m, by its present velocity and in free fall by present gravity or that of
+/// a later event; forces between bodies, torques and imposed motion do not count.
 fn largest_travel(scene: &Scene, state: &State) -> f64 {
     let duration = scene.last_step().saturating_sub(state.step) as f64 * scene.options.dt;
     let later = scene.events.iter().filter_map(|event| match event.action {

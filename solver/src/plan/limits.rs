@@ -1,12 +1,13 @@
 //! Table of limits: parameters of a scene, each with the range in which tests show that a property holds.
 //!
 //! The tests in `solver/tests/cases` search for the values at which the property fails, and `make extremes` writes
-//! docs/explanation/limits.md with them. A plan, and a run at its start and after events, report values of a scene outside of the
-//! stated range.
+//! docs/explanation/limits.md with them. A plan, and a run at its start and after events, report values outside of the stated
+//! range.
 
 use std::f64::consts::PI;
 
-use cd_formats::names::{number_text, short_number};
+use cd_formats::compute::EventAction;
+use cd_formats::names::{number_text, rounded_number, short_number};
 
 use crate::integrate::{largest_speed, shortest_orbit};
 use crate::laws::Cohesion;
@@ -316,6 +317,30 @@ impl ParameterLimit {
             self.property
         ))
     }
+}
+
+/// Warnings about values of a scene outside of the ranges of the table, now, in its order, and once later events have set
+/// gravity, friction or cohesion.
+pub fn warnings_with_events(scene: &Scene, state: &State) -> Vec<String> {
+    let mut warnings = scene_warnings(scene, state, &[]);
+    let mut later: Option<State> = None;
+    let mut settings: Vec<&EventAction> = Vec::new();
+    for event in scene.events.iter().skip(state.events_done) {
+        let action = &event.action;
+        let sets_values =
+            matches!(action, EventAction::SetGravity(_) | EventAction::SetFriction(..) | EventAction::SetCohesion(..));
+        // A repeated event is in the list at each of its times.
+        if !sets_values || settings.contains(&action) {
+            continue;
+        }
+        settings.push(action);
+        let later = later.get_or_insert_with(|| state.clone());
+        later.apply_setting(action, scene);
+        let new_warnings = scene_warnings(scene, later, &warnings);
+        let when = format!("; from t = {} s on, by an event", rounded_number(event.time));
+        warnings.extend(new_warnings.into_iter().map(|warning| warning + &when));
+    }
+    warnings
 }
 
 /// Warnings about values of a scene outside of the ranges of the table, in its order. Parameters of which a warning of `reported`

@@ -245,7 +245,7 @@ pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
     lines.push(("run", run_estimate(scene, dt_left, longest, trial.as_ref())));
     lines.extend(step_lines(scene, &bounds, max_multiple));
     lines.extend(preset_lines(&bounds));
-    let warnings = roundoff_warning(scene, state).into_iter().chain(limits::scene_warnings(scene, state, &[]));
+    let warnings = roundoff_warning(scene, state).into_iter().chain(limits::warnings_with_events(scene, state));
     lines.extend(warnings.map(|message| ("warning", message)));
     lines
         .into_iter()

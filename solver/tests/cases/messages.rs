@@ -280,23 +280,34 @@ fn a_scene_outside_of_tested_ranges_is_reported_with_the_row() {
     }));
 }
 
-/// Events that change a law or gravity are reported when they act, and each row once.
+/// Events that set a law or gravity are reported by the plan and at the start, and others when they act; each row once.
 #[test]
 fn events_that_leave_tested_ranges_are_reported() {
     let mut case = pair_on_floor("IQS_CLB", &[0.5], [0.5, 0.5], 1.0);
-    case.options.steps = Some(10);
+    case.options.steps = Some(20);
     let dt = case.options.dt;
     let law = case.tact.laws[0].nickname.clone();
     for step in [2.0, 4.0, 6.0] {
         case.event(step * dt, EventAction::SetFriction(law.clone(), 1e5 * step));
     }
     case.event(8.0 * dt, EventAction::SetGravity([0.0, 0.0, -1e25]));
+    case.event(8.0 * dt, EventAction::SetGravity([0.0, 0.0, -10.0]));
+    for step in [10.0, 12.0] {
+        case.event(step * dt, EventAction::AddSpin([0.0, 0.0, 100.0 / dt]));
+    }
     case.write();
+    let parameters = [&limits::FRICTION, &limits::GRAVITY, &limits::SPIN].map(|row| row.parameter);
+    let [friction, gravity, spin] = parameters.map(|parameter| format!("{parameter}: "));
+    let texts = [friction.clone() + "2.00e5; tested range", gravity.clone() + "1.00e25", friction, gravity, spin];
+    let counts = |text: &str| {
+        let count = |start: &String| text.lines().filter(|line| line.contains(start.as_str())).count();
+        texts.each_ref().map(count)
+    };
+    let (code, plan, _) = output_of(&case, &["--plan"]);
+    assert_eq!((code, counts(&plan)), (0, [1, 1, 1, 1, 0]), "{plan}");
+    assert!(plan.contains(&format!("; from t = {} s on, by an event", 2.0 * dt)), "{plan}");
     let (code, _, run) = output_of(&case, &[]);
-    let count = |start: &str| run.lines().filter(|line| line.contains(start)).count();
-    let [friction, gravity] = [&limits::FRICTION, &limits::GRAVITY].map(|row| row.parameter);
-    let counts = [format!("{friction}: 2.00e5; tested range"), format!("{friction}: "), format!("{gravity}: 1.00e25")];
-    assert_eq!((code, counts.map(|start| count(&start))), (0, [1, 1, 1]), "{run}");
+    assert_eq!((code, counts(&run)), (0, [1, 1, 1, 1, 1]), "{run}");
 }
 
 #[test]
