@@ -114,6 +114,9 @@ MAX_SEEDS ?= 50
 ## Runs more and more seeds of the study, until the mean of QUANTITY is known to ERROR in each parameter set.
 until:
 	@CD_BIN='$(CD_BIN)' MAKE='$(MAKE)' $(EXAMPLES)/until.sh $(STUDY) $(QUANTITY) $(ERROR) $(MAX_SEEDS)
+else
+until:
+	@echo "until: $(CURDIR): has no study; expected an example with STUDY in its Makefile" >&2; exit 2
 endif
 
 # Missing programs; `make build` in the top folder brings them up to date.

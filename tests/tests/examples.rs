@@ -319,6 +319,7 @@ fn seeds_are_added_until_a_mean_is_known() {
     for wrong in ["ERROR=-0.1", "ERROR=1%", "ERROR=0", "ERROR=.", "MAX_SEEDS=1", "MAX_SEEDS=many", "MAX_SEEDS=-3"] {
         assert_eq!(rules.make(&["until", wrong]), (false, String::new()), "{wrong}");
     }
+    assert_eq!(Rules::new().make(&["until"]), (false, String::new()), "without a study");
 }
 
 #[test]
