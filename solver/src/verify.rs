@@ -58,15 +58,37 @@ pub fn verify_case(case: &Path) -> Result<Verification, Faults> {
     let sound_count = sound_snapshots.len();
     verification.add_line(&format!("snapshots: {sound_count} of {} sound", snapshots.len()));
     let last = snapshots.last().map(|(step, _)| *step);
-    let next = match sound_snapshots.last().map(|(step, _)| step) {
+    let last_sound = sound_snapshots.last().map(|(step, _)| *step);
+    let next = match last_sound {
         None if snapshots.is_empty() => "a run starts from DATBOX".into(),
         None => "--force starts from DATBOX: no snapshot is sound".into(),
-        Some(step) if Some(*step) == last => format!("--resume continues from step {step}"),
+        Some(step) if Some(step) == last => format!("--resume continues from step {step}"),
         Some(step) => format!("--resume --skip-damaged continues from step {step}"),
     };
-    let is_rejected = unfinished.is_some() || missing > 0;
-    verification.add_line(&if is_rejected { format!("run cd-pre again; then {next}") } else { next });
+    // What rejects such a run, and what to do about it.
+    let mut before = Vec::new();
+    if unfinished.is_some() || missing > 0 {
+        before.push("run cd-pre again");
+    } else if scene.is_none() {
+        before.push("mend DATBOX, whose faults cd-solve --plan names, or run cd-pre again");
+    }
+    if last_sound.is_some_and(|step| has_damaged_log(&outbox, list.as_deref().unwrap_or_default(), step)) {
+        before.push("restore the damaged logs, or rename them to continue without their rows");
+    }
+    let first = if before.is_empty() { String::new() } else { format!("{}; then ", before.join("; ")) };
+    verification.add_line(&format!("{first}{next}"));
     Ok(verification)
+}
+
+/// Whether a log up to the snapshot of `step` differs from its checksum or cannot be read, so that no run continues from there.
+fn has_damaged_log(outbox: &Path, list: &[ChecksumLine], step: u64) -> bool {
+    lines_of_snapshot(list, step).logs.iter().any(|line| match line {
+        ChecksumLine::Start { path, length, checksum } => {
+            let state = file_state(&listed_path(outbox, path), *length, *checksum);
+            !matches!(state, Ok(FileState::Sound | FileState::Missing))
+        }
+        _ => false,
+    })
 }
 
 /// Compares the last snapshot, and the logs up to it, with their checksums, before a run continues from it. Errors: one of them

@@ -151,7 +151,8 @@ fn damaged_files_are_found_and_a_run_continues_from_the_last_sound_snapshot() {
         "steps.csv: differs from its checksum in OUTBOX/SHA256SUMS",
         "snapshot-000010.npz: is missing",
         "snapshots: 2 of 4 sound",
-        "--resume --skip-damaged continues from step 20",
+        "restore the damaged logs, or rename them to continue without their rows; then --resume --skip-damaged continues \
+         from step 20",
     ] {
         assert!(said.contains(line), "{line}: {said}");
     }
@@ -257,6 +258,8 @@ fn a_datbox_that_is_rejected_is_verified_as_such() {
         let line = format!("{}: differs from its checksum in {list}/SHA256SUMS\n", path.display());
         assert!(said.contains(&line), "{line} {said}");
     }
+    let first = "mend DATBOX, whose faults cd-solve --plan names, or run cd-pre again";
+    assert_eq!(last_line(&said), format!("{first}; then --resume continues from step 40"));
     let writer = FolderLock::exclusive(&case.path().join("DATBOX")).unwrap().unwrap();
     let (code, said) = solve_process(case.path(), &["--verify"]);
     assert!(code == 2 && said.contains("cd-pre is writing it; wait for its end"), "{code} {said}");
