@@ -51,6 +51,7 @@ impl Fault {
             ErrorKind::PermissionDenied => "permission denied".into(),
             ErrorKind::IsADirectory => "it is a folder".into(),
             ErrorKind::NotADirectory => "part of its path is not a folder".into(),
+            ErrorKind::AlreadyExists => "a file is in its place".into(),
             ErrorKind::StorageFull => FULL_DISK.into(),
             // The text omits the number of the system's error.
             _ => error.to_string().split(" (os error").next().unwrap_or_default().to_string(),

@@ -156,7 +156,8 @@ fn wrong_number_message(error: &clap::Error) -> Option<String> {
     } else {
         match source.downcast_ref::<ParseIntError>()?.kind() {
             IntErrorKind::PosOverflow => "a smaller integer",
-            _ => "an integer of 0 or more",
+            _ if found.starts_with('-') => "an integer of 0 or more",
+            _ => "an integer",
         }
     };
     // The help shows an option with a placeholder of its value, as `--dt <S>`: S for seconds, M for metres.
@@ -197,7 +198,7 @@ mod tests {
         assert_eq!(messages("--quench=much"), "--quench: much; expected a number");
         assert_eq!(messages("--dt="), "--dt: no value; expected a number (s)");
         assert_eq!(messages("--threads=-1"), "--threads: -1; expected an integer of 0 or more");
-        assert_eq!(messages("--steps=1.5"), "--steps: 1.5; expected an integer of 0 or more");
+        assert_eq!(messages("--steps=1.5"), "--steps: 1.5; expected an integer");
         assert_eq!(
             messages("--steps=99999999999999999999"),
             "--steps: 99999999999999999999; expected a smaller integer"

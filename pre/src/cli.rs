@@ -86,7 +86,12 @@ enum Command {
         #[arg(long, value_name = "PATH=VALUE")]
         set: Vec<String>,
         /// Gives the groups with seeds the seeds 1 to N.
-        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+        #[arg(
+            long,
+            value_name = "N",
+            allow_negative_numbers = true,
+            value_parser = clap::value_parser!(u32).range(1..=1_000_000)
+        )]
         replicates: Option<u32>,
     },
     /// Writes a study of the options of a scene that trade speed for accuracy, and a Makefile that runs it.
@@ -102,14 +107,20 @@ enum Command {
         #[arg(short, long, value_name = "DIR")]
         output: Option<PathBuf>,
         /// Number of seeds with which each setting runs; with one, errors have no bars.
-        #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+        #[arg(
+            long,
+            value_name = "N",
+            default_value_t = 5,
+            allow_negative_numbers = true,
+            value_parser = clap::value_parser!(u32).range(1..=1000)
+        )]
         replicates: u32,
         /// Options that are varied, of dt, tol, adaptive, penetration_tol, theta, gravity_error, narrow_phase, target_error and
         /// accuracy, the presets; default: those that have an effect in the scene.
         #[arg(long, value_delimiter = ',', value_name = "OPTION,...")]
         options: Vec<String>,
         /// Time step of the reference, s; default: a quarter of the shortest of the other settings.
-        #[arg(long, value_name = "S", value_parser = parse_number)]
+        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_number)]
         reference_dt: Option<f64>,
     },
 }

@@ -2,7 +2,7 @@
 //!
 //! `docs/reference/study.md` describes [`Study`] for users.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
@@ -272,7 +272,17 @@ fn axes_of_group<'a>(group: &'a Group, group_path: &str, report: &mut FaultRepor
         let path = StudyText { text: "seed".into(), study_path: format!("{group_path}.seeds") };
         axes.push(vec![StudyColumn { name: "seed", paths: vec![path], values }]);
     }
+    axes.iter().for_each(|axis| check_values_differ(axis, report));
     axes
+}
+
+/// Requires that the parameters of an axis, which vary together, have no values twice: two cases would be the same.
+fn check_values_differ(axis: &[StudyColumn], report: &mut FaultReport) {
+    let mut rows: HashSet<Vec<Option<&str>>> = HashSet::new();
+    for (k, value) in axis[0].values.iter().enumerate() {
+        let row = axis.iter().map(|column| column.values.get(k).map(|value| value.text.as_str())).collect();
+        report.require(rows.insert(row), &value.study_path, format!("{} occurs twice", value.text), "different values");
+    }
 }
 
 /// Requires that the parameters of a group have different names, and that its patterns name no other.
@@ -288,8 +298,13 @@ fn check_parameter_names(group: &Group, group_path: &str, axes: &[Vec<StudyColum
     for (field, pattern) in [("name", Some(&group.name)), ("from", group.from.as_ref())] {
         let Some(pattern) = pattern else { continue };
         for unknown in placeholders(pattern).filter(|name| !names.contains(name)) {
+            let path = format!("{group_path}.{field}");
+            if unknown == "seed" {
+                report.add_fault(&path, "{seed}, in a group without seeds", "seeds of the group, such as seeds: [1, 2]");
+                continue;
+            }
             let found = format!("{{{unknown}}} is not a parameter of the group");
-            report.add_fault_with_phrase(&format!("{group_path}.{field}"), found, known_names(unknown, &names));
+            report.add_fault_with_phrase(&path, found, known_names(unknown, &names));
         }
     }
 }

@@ -241,6 +241,18 @@ fn faults_of_the_form_have_their_line_and_column() {
     study("(groups: [(name: \"a\", base: \"scene.ron\", parameters: [(name: \"mu\", values: [1, 2])])])").is_refused(
         &["study.ron:1:18: group 1, name: two cases are named 'a'; expected a pattern with every parameter, as {NAME}"],
     );
+    // The same row of parameters that vary together, and the same seed, would be the same case twice.
+    study(
+        "(groups: [(name: \"a{x}-{seed}\", base: \"scene.ron\", seeds: [1, 2, 1],\n parameters: [(name: \"x\", values: \
+         [0.5, 1, 0.5, 0.5], with: [(name: \"y\", values: [1, 1, 1, 2])])])])",
+    )
+    .is_refused(&[
+        "study.ron:2:44: group 1, parameter 1, value 3: 0.5 occurs twice; expected different values",
+        "study.ron:1:66: group 1, seed 3: 1 occurs twice; expected different values",
+    ]);
+    study("(groups: [(name: \"a{seed}\", base: \"scene.ron\", seeds: [])])").is_refused(&[
+        "study.ron:1:18: group 1, name: {seed}, in a group without seeds; expected seeds of the group, such as seeds: [1, 2]",
+    ]);
     study("(groups: [(name: \"first\", base: \"scene.ron\"), (name: \"b\", from: \"frist\")])")
         .is_refused(&["study.ron:1:65: group 2, from: frist is not a case; did you mean first?"]);
 }

@@ -82,9 +82,9 @@ pub struct StudyCases {
     pub values: Vec<Vec<String>>,
 }
 
-/// Whether a path leads to a table of `cd-pre study` and not to a case.
+/// Whether a path is that of a table of `cd-pre study`, there or not, and not of a case.
 pub fn is_study_table(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending == "csv") && path.is_file()
+    path.extension().is_some_and(|ending| ending == "csv") && !path.is_dir()
 }
 
 impl StudyCases {

@@ -520,7 +520,7 @@ fn options_that_are_no_numbers_say_what_is_expected() {
     for (flags, line) in [
         (&["--dt", "abc"][..], "cd-solve: --dt: abc; expected a number (s)\n"),
         (&["--threads", "-1"], "cd-solve: --threads: -1; expected an integer of 0 or more\n"),
-        (&["--dump-problem", "x"], "cd-solve: --dump-problem: x; expected an integer of 0 or more\n"),
+        (&["--dump-problem", "x"], "cd-solve: --dump-problem: x; expected an integer\n"),
     ] {
         let (code, _, text) = output_of(&case, flags);
         assert_eq!((code, text.as_str()), (2, line));
