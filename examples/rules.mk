@@ -113,7 +113,7 @@ ERROR ?= 0.01
 MAX_SEEDS ?= 50
 ## Runs more and more seeds of the study, until the mean of QUANTITY is known to ERROR in each parameter set.
 until:
-	@CD_BIN='$(CD_BIN)' MAKE='$(MAKE)' $(EXAMPLES)/until.sh $(STUDY) $(QUANTITY) $(ERROR) $(MAX_SEEDS)
+	@CD_BIN='$(CD_BIN)' MAKE='$(MAKE)' $(EXAMPLES)/until.sh $(STUDY) '$(QUANTITY)' '$(ERROR)' '$(MAX_SEEDS)'
 else
 until:
 	@echo "until: $(CURDIR): has no study; expected an example with STUDY in its Makefile" >&2; exit 2

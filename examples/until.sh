@@ -16,7 +16,10 @@ name=${study%.ron}
 awk -v x="$error" 'BEGIN { exit !(x ~ /^[0-9]*\.?[0-9]+([eE][-+]?[0-9]+)?$/ && x > 0) }' ||
     { echo "until.sh: ERROR: $error; expected a number > 0, such as 0.01" >&2; exit 2; }
 case $max in
-'' | *[!0-9]* | 0* | 1) echo "until.sh: MAX_SEEDS: $max; expected an integer of 2 or more" >&2; exit 2 ;;
+'' | *[!0-9]* | 0* | 1 | ???????*) echo "until.sh: MAX_SEEDS: $max; expected an integer of 2 to 999999" >&2; exit 2 ;;
+esac
+case $quantity in
+'' | *[!A-Za-z0-9_]*) echo "until.sh: QUANTITY: $quantity; expected one quantity of cd-post study, such as Z" >&2; exit 2 ;;
 esac
 # The deviation of fewer runs says little.
 seeds=3

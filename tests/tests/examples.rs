@@ -316,7 +316,9 @@ fn seeds_are_added_until_a_mean_is_known() {
     assert!(!well && ran.ends_with("cd-post s6, cd-post study"), "{ran}");
     assert!(!rules.make(&["until", "QUANTITY=zeta"]).0);
     // Wrong values are rejected before the first run.
-    for wrong in ["ERROR=-0.1", "ERROR=1%", "ERROR=0", "ERROR=.", "MAX_SEEDS=1", "MAX_SEEDS=many", "MAX_SEEDS=-3"] {
+    let wrong_errors = ["ERROR=-0.1", "ERROR=1%", "ERROR=0", "ERROR=.", "ERROR="];
+    let wrong_seeds = ["MAX_SEEDS=1", "MAX_SEEDS=many", "MAX_SEEDS=-3", "MAX_SEEDS=", "MAX_SEEDS=99999999999999999999"];
+    for wrong in [&wrong_errors[..], &wrong_seeds, &["QUANTITY=", "QUANTITY=Z nu"]].concat() {
         assert_eq!(rules.make(&["until", wrong]), (false, String::new()), "{wrong}");
     }
     assert_eq!(Rules::new().make(&["until"]), (false, String::new()), "without a study");
