@@ -161,13 +161,17 @@ impl RunningMean {
         self.squared += weight * (value * value - self.squared);
     }
 
-    /// Size of the mean as far as it exceeds twice its standard error; of fewer than three values its whole size.
-    pub fn significant_size(&self) -> f64 {
+    /// Twice the standard error of the mean; `None` for fewer than three values.
+    pub fn uncertainty(&self) -> Option<f64> {
         // Sum of the squared weights: 1/n of the first n values, w/(2 - w) in the end.
         let share = (1.0 / self.count.max(1) as f64).max(Self::WEIGHT / (2.0 - Self::WEIGHT));
         let variance = (self.squared - self.mean * self.mean).max(0.0) / (1.0 - share).max(0.5);
-        let uncertainty = if self.count < 3 { 0.0 } else { 2.0 * (share * variance).sqrt() };
-        (self.mean.abs() - uncertainty).max(0.0)
+        (self.count >= 3).then(|| 2.0 * (share * variance).sqrt())
+    }
+
+    /// Size of the mean as far as it exceeds its uncertainty; of fewer than three values its whole size.
+    pub fn significant_size(&self) -> f64 {
+        (self.mean.abs() - self.uncertainty().unwrap_or(0.0)).max(0.0)
     }
 }
 
@@ -211,5 +215,15 @@ mod tests {
         let part = size(&[1.0, 1.2]);
         assert!(part > 0.9 && part < 1.1, "{part}");
         assert_eq!(RunningMean::default().significant_size(), 0.0);
+    }
+
+    /// The standard error of the mean of three values of variance 1/3: ((2/9) / (1 - 1/3) / 3)^(1/2) = 1/3.
+    #[test]
+    fn the_uncertainty_is_twice_the_standard_error() {
+        let mut mean = RunningMean::default();
+        [0.0, 0.0].map(|value| mean.add(value));
+        assert_eq!(mean.uncertainty(), None);
+        mean.add(1.0);
+        assert!((mean.uncertainty().unwrap() - 2.0 / 3.0).abs() < 1e-12);
     }
 }

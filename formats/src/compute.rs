@@ -436,7 +436,7 @@ options! {
     theta: f64 = 0.5, f64, [value_parser = parse_number, value_name = "X"];
     /// Preset for the options that trade speed for accuracy and are not set explicitly: draft, standard, fine or reference. Without a preset these options are those of standard, except that all steps are dt and tol is 1e-2.
     accuracy: Option<Accuracy> = None, Accuracy, [value_enum, value_name = "PRESET"];
-    /// Largest relative errors of means over time, such as (pressure: 1e-2), of z, nu, pressure, semi_axes or energy: the run chooses the options that trade speed for accuracy and are not set explicitly. Not with accuracy.
+    /// Largest relative errors of means over time, such as (pressure: 1e-2), of z, nu, pressure, semi_axes or energy: the run chooses the options that trade speed for accuracy and are not set explicitly. z and pressure are those of `Z_interval` and `pressure_interval`. Not with accuracy.
     #[serde(skip_serializing_if = "Option::is_none")]
     target_error: Option<TargetErrors> = None, TargetErrors, [value_name = "RON"];
     /// Adaptive steps: at most `max_multiple` times dt, as long as bodies move past their neighbours by at most `travel` and into each other by at most `penetration`, in radii: (max_multiple: 16, travel: 0.1, penetration: 1e-3). Default: set by accuracy.

@@ -11,7 +11,7 @@
 //!
 //! Everything follows from the state of the run, so that a resumed run makes the same choices.
 
-use cd_formats::accuracy::{AccuracyControl, ChosenOptions, TargetErrors};
+use cd_formats::accuracy::{AccuracyControl, ChosenOptions, RunningMean, TargetErrors};
 use cd_formats::compute::{Adaptive, Compute, ContactSolver};
 use cd_formats::names::{count_text, short_number};
 
@@ -254,6 +254,15 @@ fn adapted_tol(targets: &TargetErrors, control: &AccuracyControl) -> f64 {
     (control.tol * factor).clamp(TOL_RANGE[0], TOL_RANGE[1])
 }
 
+/// Error by `tol` of the observable `k` of [`TargetErrors::NAMES`], as in comparisons; `None` if they do not measure it.
+fn compared_error(k: usize, control: &AccuracyControl) -> Option<&RunningMean> {
+    match k {
+        0 => Some(&control.contacts_excess),
+        2 => Some(&control.virial_error),
+        _ => None,
+    }
+}
+
 /// Error of the source of this name.
 fn error_of(sources: &[ErrorSource], name: &str) -> f64 {
     sources.iter().find(|source| source.name == name).map_or(0.0, |source| source.error)
@@ -267,11 +276,7 @@ struct EstimatedParts {
 impl EstimatedParts {
     /// Estimates for the observable `k` of [`TargetErrors::NAMES`].
     fn new(k: usize, scene: &Scene, control: &AccuracyControl, sources: &[ErrorSource]) -> Self {
-        let contacts = match k {
-            0 => control.contacts_excess.significant_size(),
-            2 => control.virial_error.significant_size(),
-            _ => 0.0,
-        };
+        let contacts = compared_error(k, control).map_or(0.0, RunningMean::significant_size);
         let has_long_steps = control.longest_multiple > 1;
         let overlaps = error_of(sources, "step");
         Self::with_contacts(k, scene, contacts, overlaps, has_long_steps, sources)
@@ -289,11 +294,13 @@ impl EstimatedParts {
         let steps = if has_long_steps { STEP_ERRORS[k].error_at(scene.options.adaptive().penetration) } else { 0.0 };
         let balance = if k == 4 { error_of(sources, "energy") } else { 0.0 };
         let gravity = if k == 2 || k == 4 { error_of(sources, "gravity") } else { 0.0 };
+        let is_by_adaptive = scene.options.adaptive.is_some() && steps > balance;
+        let step_option = if is_by_adaptive { "travel and penetration of adaptive" } else { "dt" };
         EstimatedParts {
             parts: [
                 ("contacts", "tol", contacts),
                 ("overlaps", "dt or tol", OVERLAP_FACTORS[k] * overlaps),
-                ("length of steps", "dt", steps + balance),
+                ("length of steps", step_option, steps + balance),
                 ("gravity", "gravity_error", gravity),
             ],
         }
@@ -308,6 +315,19 @@ impl EstimatedParts {
         let parts = self.parts.iter().filter(|(_, _, error)| *error > 0.0);
         let parts: Vec<String> = parts.map(|(name, _, error)| format!("{name} {}", percent(*error))).collect();
         if parts.is_empty() { "0".into() } else { format!("{} ({})", percent(self.total()), parts.join(", ")) }
+    }
+
+    /// Reason for which a total below the target does not show that the observable `k` has reached it: errors by `tol` that
+    /// the comparisons cannot distinguish from chance.
+    fn doubt_about_comparisons(&self, k: usize, tol: f64, control: &AccuracyControl, target: f64) -> Option<String> {
+        if self.total() > target || tol <= COMPARISON_TOL {
+            return None;
+        }
+        let Some(uncertainty) = compared_error(k, control)?.uncertainty() else {
+            return Some("fewer than three steps were compared; lower tol, or make a longer run".into());
+        };
+        let is_beyond = self.total() + uncertainty > target;
+        is_beyond.then(|| format!("comparisons do not resolve errors by tol below {}; lower tol", percent(uncertainty)))
     }
 
     /// Total, its parts, and whether the target is reached, or the `doubt` about it.
@@ -402,8 +422,12 @@ pub fn target_lines(
     let mut lines = Vec::new();
     for (k, target) in targets.values().into_iter().enumerate() {
         let Some(target) = target else { continue };
-        let text = EstimatedParts::new(k, scene, control, sources).verdict_text(target, doubt.as_deref());
-        lines.push(("target error", format!("{} {}: estimated {text}", TargetErrors::NAMES[k], percent(target))));
+        let estimate = EstimatedParts::new(k, scene, control, sources);
+        let doubt = doubt.clone().or_else(|| estimate.doubt_about_comparisons(k, scene.options.tol(), control, target));
+        let text = estimate.verdict_text(target, doubt.as_deref());
+        // Means over intervals depend on the length of steps least.
+        let column = if k == 0 { " of Z_interval" } else { "" };
+        lines.push(("target error", format!("{} {}{column}: estimated {text}", TargetErrors::NAMES[k], percent(target))));
         if k == 2 && chance > target {
             let runs = (chance / target).powi(2).ceil();
             let text = format!(
@@ -417,6 +441,7 @@ pub fn target_lines(
     lines.push(("options at the end", chosen_text(&scene.options)));
     let share = control.comparison_sweeps as f64 / (control.comparison_sweeps + control.step_sweeps).max(1) as f64;
     let comparisons = match control.comparisons {
+        0 if scene.options.tol() <= COMPARISON_TOL => "none: tol is not larger than theirs".into(),
         0 => "none: the run has too few sweeps for one; the error by tol is in no estimate".into(),
         count => format!("{}, {:.0} % of all sweeps", count_text(count as usize, "step"), 100.0 * share),
     };
@@ -462,6 +487,23 @@ mod tests {
         let mut control = control_with_error(0.008);
         (0..10).for_each(|_| control.contacts_excess.add(0.5));
         assert_eq!(adapted_tol(&targets, &control), 0.01);
+    }
+
+    /// An estimate counts if it is below its target with twice the standard error of the comparisons as well, of which there are
+    /// three at least, unless `tol` is that of comparisons. Here one of ten values differs by 10 % from the others.
+    #[test]
+    fn no_target_is_reached_by_an_estimate_that_comparisons_do_not_resolve() {
+        let estimate = EstimatedParts { parts: [("contacts", "tol", 0.01); 4] };
+        let mut control = control_with_error(0.0);
+        control.virial_error.add(0.1);
+        let uncertainty = control.virial_error.uncertainty().unwrap();
+        let doubt = |k, tol, target| estimate.doubt_about_comparisons(k, tol, &control, target);
+        let (below, above) = (0.04 + 0.99 * uncertainty, 0.04 + 1.01 * uncertainty);
+        let text = format!("comparisons do not resolve errors by tol below {}; lower tol", percent(uncertainty));
+        assert_eq!((doubt(2, 0.1, below), doubt(2, 0.1, above)), (Some(text), None));
+        // A target that is not reached, a `tol` that needs no comparison, and ν, which they do not measure.
+        assert_eq!((doubt(2, 0.1, 0.03), doubt(2, COMPARISON_TOL, below), doubt(1, 0.1, below)), (None, None, None));
+        assert!(doubt(0, 0.1, 0.3).unwrap().starts_with("fewer than three steps were compared"));
     }
 
     #[test]

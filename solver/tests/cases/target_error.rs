@@ -1,6 +1,6 @@
 //! Runs that choose their options for a target error.
 
-use cd_formats::accuracy::{Accuracy, AccuracyControl};
+use cd_formats::accuracy::{Accuracy, AccuracyControl, Adaptive};
 use cd_formats::compute::TargetErrors;
 
 use crate::case::Case;
@@ -58,31 +58,41 @@ fn a_smaller_target_takes_more_sweeps() {
     }
 }
 
-/// An option that is set keeps its value, and is in force in all snapshots.
-/// End of the line about a target of ν of 30 % in the summary of a changed run: the last words first.
-fn verdict(change: impl FnOnce(&mut Case)) -> String {
-    let mut case = targeted(false, TargetErrors { nu: Some(0.3), ..TargetErrors::default() });
+/// End of the line about a target of ν in the summary of a changed run: the last words first.
+fn verdict(nu: f64, change: impl FnOnce(&mut Case)) -> String {
+    let mut case = targeted(false, TargetErrors { nu: Some(nu), ..TargetErrors::default() });
     change(&mut case);
     case.write();
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
-    let line = text.lines().find(|line| line.contains(" nu 30 %: ")).unwrap_or_else(|| panic!("{text}"));
+    let line = text.lines().find(|line| line.contains("  target error  ")).unwrap_or_else(|| panic!("{text}"));
     line.rsplit("; ").take(2).collect::<Vec<_>>().join("; ")
 }
 
 /// Estimates do not count where they were never measured.
 #[test]
 fn no_target_is_called_reached_without_a_measured_error() {
-    assert!(verdict(|_| ()).starts_with("reached; "), "{}", verdict(|_| ()));
-    let doubt = verdict(|case| case.options.steps = Some(0));
+    assert!(verdict(0.3, |_| ()).starts_with("reached; "), "{}", verdict(0.3, |_| ()));
+    let doubt = verdict(0.3, |case| case.options.steps = Some(0));
     assert!(doubt.contains("not known: no contact has carried force"), "{doubt}");
-    let doubt = verdict(|case| case.options.max_sweeps = Some(1));
+    let doubt = verdict(0.3, |case| case.options.max_sweeps = Some(1));
     assert!(doubt.contains("did not converge") && doubt.starts_with("raise max_sweeps; "), "{doubt}");
-    let doubt = verdict(|case| case.options.dt *= 8.0);
+    let doubt = verdict(0.3, |case| case.options.dt *= 8.0);
     assert!(doubt.contains("not known: errors by dt are known up to a dt of "), "{doubt}");
     assert!(doubt.starts_with("lower dt; "), "{doubt}");
 }
 
+/// An `adaptive` that is set is what to change where its steps are too long.
+#[test]
+fn the_option_to_lower_is_the_one_that_is_in_force() {
+    let verdict = verdict(0.01, |case| {
+        case.options.adaptive = Some(Adaptive { max_multiple: 4, travel: 1.0, penetration: 0.1 });
+    });
+    let expected = "not reached, mainly length of steps: lower travel and penetration of adaptive; ";
+    assert!(verdict.starts_with(expected), "{verdict}");
+}
+
+/// An option that is set keeps its value, and is in force in all snapshots.
 #[test]
 fn options_that_are_set_are_not_chosen() {
     let mut case = targeted(false, both(0.02));
