@@ -64,6 +64,10 @@ fn what_is_no_case_says_what_to_do() {
     let absent = "folder: there is no such folder; expected the folder of a case";
     assert_eq!(messages("absent"), format!("cd-post: absent: {absent}, with OUTBOX in it\n"));
     assert_eq!(messages("compare absent other"), format!("cd-post: absent: {absent}\ncd-post: other: {absent}\n"));
+    for command in ["study", "accuracy-study"] {
+        let expected = "cd-post: absent.csv: file: cannot be read: there is no such file\n";
+        assert_eq!(messages(&format!("{command} absent.csv")), expected);
+    }
     assert_eq!(messages(". state"), "cd-post: state: a command comes first; did you mean cd-post state .?\n");
     assert_eq!(messages(". no-vtk"), "cd-post: no-vtk: is not expected here; did you mean --no-vtk?\n");
 }
