@@ -221,7 +221,7 @@ mod tests {
     #[test]
     fn the_uncertainty_is_twice_the_standard_error() {
         let mut mean = RunningMean::default();
-        [0.0, 0.0].map(|value| mean.add(value));
+        [0.0, 0.0].into_iter().for_each(|value| mean.add(value));
         assert_eq!(mean.uncertainty(), None);
         mean.add(1.0);
         assert!((mean.uncertainty().unwrap() - 2.0 / 3.0).abs() < 1e-12);

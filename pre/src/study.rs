@@ -300,7 +300,7 @@ fn check_parameter_names(group: &Group, group_path: &str, axes: &[Vec<StudyColum
         for unknown in placeholders(pattern).filter(|name| !names.contains(name)) {
             let path = format!("{group_path}.{field}");
             if unknown == "seed" {
-                report.add_fault(&path, "{seed}, in a group without seeds", "seeds of the group, such as seeds: [1, 2]");
+                report.add_fault(&path, "{seed}, in a group without seeds", "seeds in it, such as seeds: [1, 2]");
                 continue;
             }
             let found = format!("{{{unknown}}} is not a parameter of the group");

@@ -251,7 +251,7 @@ fn faults_of_the_form_have_their_line_and_column() {
         "study.ron:1:66: group 1, seed 3: 1 occurs twice; expected different values",
     ]);
     study("(groups: [(name: \"a{seed}\", base: \"scene.ron\", seeds: [])])").is_refused(&[
-        "study.ron:1:18: group 1, name: {seed}, in a group without seeds; expected seeds of the group, such as seeds: [1, 2]",
+        "study.ron:1:18: group 1, name: {seed}, in a group without seeds; expected seeds in it, such as seeds: [1, 2]",
     ]);
     study("(groups: [(name: \"first\", base: \"scene.ron\"), (name: \"b\", from: \"frist\")])")
         .is_refused(&["study.ron:1:65: group 2, from: frist is not a case; did you mean first?"]);

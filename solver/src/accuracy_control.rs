@@ -427,7 +427,10 @@ pub fn target_lines(
         let text = estimate.verdict_text(target, doubt.as_deref());
         // Means over intervals depend on the length of steps least.
         let column = if k == 0 { " of Z_interval" } else { "" };
-        lines.push(("target error", format!("{} {}{column}: estimated {text}", TargetErrors::NAMES[k], percent(target))));
+        lines.push((
+            "target error",
+            format!("{} {}{column}: estimated {text}", TargetErrors::NAMES[k], percent(target)),
+        ));
         if k == 2 && chance > target {
             let runs = (chance / target).powi(2).ceil();
             let text = format!(
